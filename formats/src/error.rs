@@ -1,0 +1,176 @@
+//! What can be wrong with a file, for the four people who can fix it, and where.
+
+use std::fmt;
+
+/// A place in a file, in the format's own words.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Line in the file, from 1 on; 0 where lines have no meaning.
+    pub line: usize,
+    /// What stands there, such as `surface D57 (type 128)`; may be empty.
+    pub what: String,
+}
+
+impl Place {
+    /// A line of the file.
+    pub fn line(line: usize) -> Self {
+        Self {
+            line,
+            what: String::new(),
+        }
+    }
+
+    /// Something at a line of the file.
+    pub fn item(line: usize, what: impl Into<String>) -> Self {
+        Self {
+            line,
+            what: what.into(),
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.line, self.what.as_str()) {
+            (0, "") => write!(f, "the file"),
+            (0, what) => write!(f, "{what}"),
+            (line, "") => write!(f, "line {line}"),
+            (line, what) => write!(f, "line {line}, {what}"),
+        }
+    }
+}
+
+/// What is wrong, by who can fix it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Problem {
+    /// The file breaks its own rules: its author.
+    Invalid(String),
+    /// The file is right, we are not done: us.
+    Unsupported(String),
+    /// Well formed, but no such geometry exists: the modeller.
+    Geometry(kernel::Error),
+    /// Beyond [`crate::Limits`]: the user may raise them.
+    TooLarge(String),
+}
+
+impl Problem {
+    /// One word for the kind, as `info` shows it.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Invalid(_) => "invalid",
+            Self::Unsupported(_) => "unsupported",
+            Self::Geometry(_) => "geometry",
+            Self::TooLarge(_) => "too large",
+        }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Invalid(text) | Self::Unsupported(text) | Self::TooLarge(text) => {
+                write!(f, "{text}")
+            }
+            Self::Geometry(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+impl From<kernel::Error> for Problem {
+    fn from(error: kernel::Error) -> Self {
+        Self::Geometry(error)
+    }
+}
+
+/// Why nothing useful could be read from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Error {
+    /// Name of the format, as in [`crate::FORMATS`]; empty before it is known.
+    pub format: &'static str,
+    /// Where.
+    pub place: Place,
+    /// What.
+    pub problem: Problem,
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let space = if self.format.is_empty() { "" } else { " " };
+        write!(f, "{}{space}{}: {}", self.format, self.place, self.problem)
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// How many places a warning remembers; all of them are counted.
+const PLACES_KEPT: usize = 8;
+
+/// Something a reader could not use or had to repair, with all the places where it did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Warning {
+    /// What.
+    pub problem: Problem,
+    /// How often.
+    pub count: usize,
+    /// Where: the first few places.
+    pub places: Vec<Place>,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let first = self.places.first().cloned().unwrap_or_default();
+        write!(f, "{first}: {}", self.problem)?;
+        match self.count {
+            0 | 1 => Ok(()),
+            count => write!(f, " (and {} more)", count - 1),
+        }
+    }
+}
+
+/// The warnings of one file; equal problems are one warning with a count.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Warnings {
+    list: Vec<Warning>,
+}
+
+/// How many different warnings are kept apart; further ones are summed up in the last.
+const WARNINGS_KEPT: usize = 1000;
+
+impl Warnings {
+    /// Notes a problem at a place.
+    pub fn add(&mut self, place: Place, problem: impl Into<Problem>) {
+        let mut problem = problem.into();
+        if self.list.len() >= WARNINGS_KEPT && !self.list.iter().any(|w| w.problem == problem) {
+            problem = Problem::Invalid("further problems of other kinds".to_owned());
+        }
+        let known = self.list.iter_mut().find(|w| w.problem == problem);
+        match known {
+            Some(warning) => {
+                warning.count += 1;
+                if warning.places.len() < PLACES_KEPT {
+                    warning.places.push(place);
+                }
+            }
+            None => self.list.push(Warning {
+                problem,
+                count: 1,
+                places: vec![place],
+            }),
+        }
+    }
+
+    /// Notes what the file breaks.
+    pub fn invalid(&mut self, place: Place, text: impl Into<String>) {
+        self.add(place, Problem::Invalid(text.into()));
+    }
+
+    /// Notes what we cannot read yet.
+    pub fn unsupported(&mut self, place: Place, text: impl Into<String>) {
+        self.add(place, Problem::Unsupported(text.into()));
+    }
+
+    /// The warnings in the order of their first places.
+    pub fn as_slice(&self) -> &[Warning] {
+        &self.list
+    }
+}

@@ -1,0 +1,231 @@
+//! How scenes are *stored*: one folder and one row of [`FORMATS`] per file format.
+//!
+//! A reader turns bytes into a [`Scene`] and a list of [`Warning`]s. It opens no file,
+//! prints nothing and does not panic; it fails only when nothing useful is left.
+//!
+//! ```
+//! let obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\ncstype bezier\ndeg 1 1\n\
+//!     surf 0 1 0 1 1 2 3 4\nparm u 0 1\nparm v 0 1\nend\n";
+//! let options = nurbray_formats::ReadOptions {
+//!     limits: &Default::default(),
+//!     resolver: &nurbray_formats::NoFiles,
+//! };
+//! let import = nurbray_formats::read(obj, Some("obj"), &options)?;
+//! assert_eq!(import.scene.patches().len(), 1);
+//! # Ok::<(), nurbray_formats::Error>(())
+//! ```
+#![forbid(unsafe_code)]
+
+use std::io::{self, Read as _};
+use std::path::{Component, Path, PathBuf};
+use std::{fmt, fs};
+
+use kernel::Scene;
+
+mod error;
+mod iges;
+mod limits;
+mod obj;
+mod x3d;
+
+pub use error::{Error, Place, Problem, Warning, Warnings};
+pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
+
+/// A file format: one row per folder of this crate.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// Name in messages and on the command line.
+    pub name: &'static str,
+    /// File name endings, lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// Whether these first bytes look like the format.
+    pub sniff: fn(&[u8]) -> bool,
+    /// Bytes to scene.
+    pub read: Reader,
+}
+
+/// Bytes to scene, within the limits; the resolver fetches files named inside.
+pub type Reader = fn(&[u8], &ReadOptions<'_>) -> Result<Import, Error>;
+
+/// What a reader gives: a scene, and everything it could not use or had to repair.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Import {
+    /// The scene.
+    pub scene: Scene,
+    /// What was not used or was repaired.
+    pub warnings: Warnings,
+}
+
+/// All formats, those with the surest signs first.
+pub const FORMATS: &[Format] = &[x3d::FORMAT, iges::FORMAT, obj::FORMAT];
+
+/// Why a file could not be opened.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// The file system says no.
+    Io(io::Error),
+    /// The content is not usable.
+    Format(Error),
+}
+
+impl fmt::Display for OpenError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io(error) => write!(f, "{error}"),
+            Self::Format(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+impl std::error::Error for OpenError {}
+
+impl From<io::Error> for OpenError {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<Error> for OpenError {
+    fn from(error: Error) -> Self {
+        Self::Format(error)
+    }
+}
+
+/// Reads the file at `path`. Files that it names are looked for in its folder only.
+///
+/// # Errors
+/// If the file cannot be read, is larger than the limit, or holds nothing usable.
+pub fn open(path: impl AsRef<Path>, limits: &Limits) -> Result<Import, OpenError> {
+    let path = path.as_ref();
+    let bytes = read_within(fs::File::open(path)?, limits.bytes)?;
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let resolver = Folder {
+        root: path.parent().unwrap_or(Path::new("")),
+        limits,
+    };
+    let options = ReadOptions {
+        limits,
+        resolver: &resolver,
+    };
+    Ok(read(&bytes, extension.as_deref(), &options)?)
+}
+
+/// Reads a file's content; `extension` helps where the content does not tell the format.
+/// Gzip compression is undone.
+///
+/// # Errors
+/// If no format fits, a limit is passed, or the content holds nothing usable.
+pub fn read(
+    bytes: &[u8],
+    extension: Option<&str>,
+    options: &ReadOptions<'_>,
+) -> Result<Import, Error> {
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        let plain = read_within(
+            flate2::read::MultiGzDecoder::new(bytes),
+            options.limits.bytes,
+        )
+        .map_err(|error| unknown(Problem::Invalid(format!("damaged gzip data: {error}"))))?;
+        return read_plain(&plain, extension, options);
+    }
+    read_plain(bytes, extension, options)
+}
+
+fn read_plain(
+    bytes: &[u8],
+    extension: Option<&str>,
+    options: &ReadOptions<'_>,
+) -> Result<Import, Error> {
+    let by_content = FORMATS.iter().find(|format| (format.sniff)(bytes));
+    let by_name = || {
+        FORMATS
+            .iter()
+            .find(|f| extension.is_some_and(|e| f.extensions.contains(&e)))
+    };
+    let Some(format) = by_content.or_else(by_name) else {
+        return Err(unknown(Problem::Unsupported(format!(
+            "{}; nurbray reads {}",
+            describe(bytes),
+            FORMATS
+                .iter()
+                .map(|f| f.name)
+                .collect::<Vec<_>>()
+                .join(", ")
+        ))));
+    };
+    let import = (format.read)(bytes, options)?;
+    let (placed, limit) = (import.scene.placement_count(), options.limits.placements);
+    if placed > limit {
+        let text = format!("{placed} shapes after instancing; the limit is {limit}");
+        return Err(Error {
+            format: format.name,
+            ..unknown(Problem::TooLarge(text))
+        });
+    }
+    Ok(import)
+}
+
+/// An error about a file of which the format is not known.
+fn unknown(problem: Problem) -> Error {
+    Error {
+        format: "",
+        place: Place::default(),
+        problem,
+    }
+}
+
+/// What the first bytes show, for people.
+fn describe(bytes: &[u8]) -> String {
+    let head = bytes
+        .iter()
+        .take(40)
+        .take_while(|b| !matches!(b, b'\n' | b'\r'));
+    let head: String = head
+        .map(|&b| if b.is_ascii_graphic() { b as char } else { ' ' })
+        .collect();
+    match head.trim() {
+        "" if bytes.is_empty() => "the file is empty".to_owned(),
+        "" => "the format is not known".to_owned(),
+        head => format!("the format is not known: it begins with \"{head}\""),
+    }
+}
+
+/// All bytes of `source`, or an error if there are more than `limit`.
+fn read_within(source: impl io::Read, limit: usize) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    source.take(limit as u64 + 1).read_to_end(&mut bytes)?;
+    if bytes.len() > limit {
+        let text = format!("larger than the limit of {limit} bytes");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
+    }
+    Ok(bytes)
+}
+
+/// Resolves names to files in one folder and below.
+struct Folder<'a> {
+    root: &'a Path,
+    limits: &'a Limits,
+}
+
+impl Resolver for Folder<'_> {
+    fn resolve(&self, name: &str) -> io::Result<Vec<u8>> {
+        let denied = |why| io::Error::new(io::ErrorKind::PermissionDenied, why);
+        let name = PathBuf::from(name.replace('\\', "/"));
+        let inside = |c| matches!(c, Component::Normal(_) | Component::CurDir);
+        if !name.components().all(inside) {
+            return Err(denied("the name leads out of the folder"));
+        }
+        // A link inside the folder may still lead out of it.
+        let root = if self.root.as_os_str().is_empty() {
+            Path::new(".")
+        } else {
+            self.root
+        };
+        let path = root.join(name).canonicalize()?;
+        if !path.starts_with(root.canonicalize()?) {
+            return Err(denied("the name leads out of the folder"));
+        }
+        read_within(fs::File::open(path)?, self.limits.bytes)
+    }
+}

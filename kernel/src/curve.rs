@@ -1,0 +1,350 @@
+//! Rational B-spline curves of the plane and of space.
+
+use std::ops::Range;
+
+use glam::{DAffine2, DAffine3, DVec2, DVec3, DVec4};
+
+use crate::spline::{self, Linear as _, Point};
+use crate::{Aabb, Error, KnotVector};
+
+/// A NURBS curve: knots and control points with positive weights.
+///
+/// `P` is `DVec2` for curves in a parameter domain and `DVec3` for curves in space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve<P: Point> {
+    knots: KnotVector,
+    points: Vec<P::Homogeneous>,
+}
+
+/// Point and derivatives of a curve at one parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurveDerivatives<P> {
+    /// The point.
+    pub point: P,
+    /// First derivative.
+    pub first: P,
+    /// Second derivative.
+    pub second: P,
+}
+
+impl<P: Point> Curve<P> {
+    /// Makes a curve from Cartesian control points; no weights means all are one.
+    ///
+    /// # Errors
+    /// If the counts do not fit, a coordinate is not finite or a weight not positive.
+    pub fn new(knots: KnotVector, points: &[P], weights: Option<&[f64]>) -> Result<Self, Error> {
+        let points = lift_all(points, weights, knots.count())?;
+        Ok(Self { knots, points })
+    }
+
+    /// The straight segment from `start` to `end` over `domain`.
+    ///
+    /// # Errors
+    /// If a coordinate is not finite or the domain is empty.
+    pub fn line(start: P, end: P, domain: Range<f64>) -> Result<Self, Error> {
+        Self::new(KnotVector::bezier(1, domain)?, &[start, end], None)
+    }
+
+    /// The polyline through `points`, with knots 0, 1, 2, ...
+    ///
+    /// # Errors
+    /// If there are fewer than two points or one is not finite.
+    pub fn polyline(points: &[P]) -> Result<Self, Error> {
+        let spans = points.len().saturating_sub(1) as f64;
+        Self::new(
+            KnotVector::clamped_uniform(1, points.len(), 0.0..spans)?,
+            points,
+            None,
+        )
+    }
+
+    /// The knots.
+    pub fn knots(&self) -> &KnotVector {
+        &self.knots
+    }
+
+    /// Polynomial degree.
+    pub fn degree(&self) -> usize {
+        self.knots.degree()
+    }
+
+    /// The parameters for which the curve is defined.
+    pub fn domain(&self) -> Range<f64> {
+        self.knots.domain()
+    }
+
+    /// The control points `(w P, w)`.
+    pub fn homogeneous(&self) -> &[P::Homogeneous] {
+        &self.points
+    }
+
+    /// The Cartesian control points.
+    pub fn points(&self) -> impl Iterator<Item = P> + '_ {
+        self.points.iter().map(|&h| P::project(h))
+    }
+
+    /// The weights of the control points.
+    pub fn weights(&self) -> impl Iterator<Item = f64> + '_ {
+        self.points.iter().map(|h| h.weight())
+    }
+
+    /// Whether the weights differ.
+    pub fn is_rational(&self) -> bool {
+        are_rational(&self.points)
+    }
+
+    /// The first point of the domain.
+    pub fn start(&self) -> P {
+        self.evaluate(self.domain().start)
+    }
+
+    /// The last point of the domain.
+    pub fn end(&self) -> P {
+        self.evaluate(self.domain().end)
+    }
+
+    /// The point at `t`. Outside the domain the end pieces are prolonged.
+    pub fn evaluate(&self, t: f64) -> P {
+        self.derivatives(t).point
+    }
+
+    /// Point, first and second derivative at `t` \[Piegl 97, eq. 4.8\].
+    ///
+    /// On an inner knot the derivatives are those of the span to the right.
+    pub fn derivatives(&self, t: f64) -> CurveDerivatives<P> {
+        let [a, a1, a2] = spline::derivatives(&self.knots, &self.points, t);
+        let scale = 1.0 / a.weight();
+        let point = P::numerator(a) * scale;
+        let first = (P::numerator(a1) - point * a1.weight()) * scale;
+        let second = (P::numerator(a2) - first * (2.0 * a1.weight()) - point * a2.weight()) * scale;
+        CurveDerivatives {
+            point,
+            first,
+            second,
+        }
+    }
+
+    /// The same curve with `knot` standing `multiplicity` times (at most `degree`).
+    ///
+    /// # Errors
+    /// If the knot lies outside the open domain.
+    pub fn with_knot(&self, knot: f64, multiplicity: usize) -> Result<Self, Error> {
+        let Range { start, end } = self.domain();
+        if !(start < knot && knot < end) {
+            return Err(Error::Parameter {
+                found: knot,
+                start,
+                end,
+            });
+        }
+        Ok(Self::from(spline::insert(
+            &self.knots,
+            &self.points,
+            knot,
+            multiplicity,
+        )))
+    }
+
+    /// The two parts before and after `t`, each clamped.
+    ///
+    /// # Errors
+    /// If `t` is not inside the domain.
+    pub fn split(&self, t: f64) -> Result<[Self; 2], Error> {
+        let Range { start, end } = self.domain();
+        Ok([self.restricted(start..t)?, self.restricted(t..end)?])
+    }
+
+    /// The part over `range`, clamped.
+    ///
+    /// # Errors
+    /// If `range` is empty or leaves the domain.
+    pub fn restricted(&self, range: Range<f64>) -> Result<Self, Error> {
+        check_range(&range, &self.domain())?;
+        Ok(Self::from(spline::restrict(
+            &self.knots,
+            &self.points,
+            &range,
+        )))
+    }
+
+    /// The same curve with its degree raised to `degree`, clamped.
+    ///
+    /// # Errors
+    /// If `degree` is below the present degree or above [`crate::MAX_DEGREE`].
+    pub fn elevated(&self, degree: usize) -> Result<Self, Error> {
+        if degree < self.degree() || degree > crate::MAX_DEGREE {
+            return Err(Error::Degree { found: degree });
+        }
+        let mut curve = self.clone();
+        for _ in self.degree()..degree {
+            curve = Self::from(spline::elevate_once(&curve.knots, &curve.points));
+        }
+        Ok(curve)
+    }
+
+    /// The same curve run through from its end, over the same domain.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        let points = self.points.iter().rev().copied().collect();
+        Self {
+            knots: self.knots.reversed(),
+            points,
+        }
+    }
+
+    /// The same curve over the affinely moved domain.
+    ///
+    /// # Errors
+    /// If `domain` is empty or not finite.
+    pub fn remapped(&self, domain: Range<f64>) -> Result<Self, Error> {
+        Ok(Self {
+            knots: self.knots.remapped(domain)?,
+            points: self.points.clone(),
+        })
+    }
+
+    /// The Bézier pieces in order, each a curve over its part of the domain.
+    pub fn bezier_pieces(&self) -> Vec<Self> {
+        let p = self.degree();
+        let piece = |(range, points): (Range<f64>, _)| {
+            let knots = [vec![range.start; p + 1], vec![range.end; p + 1]].concat();
+            Self {
+                knots: KnotVector::trusted(p, knots),
+                points,
+            }
+        };
+        spline::bezier_pieces(&self.knots, &self.points)
+            .into_iter()
+            .map(piece)
+            .collect()
+    }
+}
+
+impl<P: Point> From<spline::Spline<P::Homogeneous>> for Curve<P> {
+    fn from((knots, points): spline::Spline<P::Homogeneous>) -> Self {
+        Self { knots, points }
+    }
+}
+
+impl Curve<DVec2> {
+    /// The image of the curve under an affine map.
+    #[must_use]
+    pub fn transformed(&self, target_from_source: &DAffine2) -> Self {
+        let image = |h: &DVec3| {
+            let moved = target_from_source.transform_vector2(h.truncate());
+            (moved + target_from_source.translation * h.z).extend(h.z)
+        };
+        Self {
+            knots: self.knots.clone(),
+            points: self.points.iter().map(image).collect(),
+        }
+    }
+}
+
+impl Curve<DVec3> {
+    /// The image of the curve under an affine map.
+    #[must_use]
+    pub fn transformed(&self, target_from_source: &DAffine3) -> Self {
+        let points = transform_all(&self.points, target_from_source);
+        Self {
+            knots: self.knots.clone(),
+            points,
+        }
+    }
+
+    /// A box around the control points, and so around the curve.
+    pub fn hull_bounds(&self) -> Aabb {
+        Aabb::around(self.points())
+    }
+
+    /// The curve's shadow in the plane of its first two coordinates.
+    pub fn flattened(&self) -> Curve<DVec2> {
+        let points = self
+            .points
+            .iter()
+            .map(|h| DVec3::new(h.x, h.y, h.w))
+            .collect();
+        Curve {
+            knots: self.knots.clone(),
+            points,
+        }
+    }
+}
+
+/// Homogeneous control points from Cartesian ones, checked.
+pub(crate) fn lift_all<P: Point>(
+    points: &[P],
+    weights: Option<&[f64]>,
+    expected: usize,
+) -> Result<Vec<P::Homogeneous>, Error> {
+    if points.len() != expected {
+        return Err(Error::PointCount {
+            found: points.len(),
+            expected,
+        });
+    }
+    if let Some(index) = points.iter().position(|p| !p.is_finite()) {
+        return Err(Error::NotFinite { index });
+    }
+    let ones = vec![1.0; if weights.is_none() { expected } else { 0 }];
+    let weights = weights.unwrap_or(&ones);
+    if weights.len() != expected {
+        return Err(Error::WeightCount {
+            found: weights.len(),
+            expected,
+        });
+    }
+    if let Some(index) = weights.iter().position(|w| !(*w > 0.0 && w.is_finite())) {
+        return Err(Error::Weight {
+            index,
+            found: weights[index],
+        });
+    }
+    let lifted: Vec<_> = points
+        .iter()
+        .zip(weights)
+        .map(|(p, &w)| p.lift(w))
+        .collect();
+    match lifted.iter().position(|&h| !P::numerator(h).is_finite()) {
+        Some(index) => Err(Error::NotFinite { index }),
+        None => Ok(lifted),
+    }
+}
+
+/// The images of homogeneous points under an affine map; weights stay as they are.
+pub(crate) fn transform_all(points: &[DVec4], target_from_source: &DAffine3) -> Vec<DVec4> {
+    let image = |h: &DVec4| {
+        let moved = target_from_source.transform_vector3(h.truncate());
+        (moved + target_from_source.translation * h.w).extend(h.w)
+    };
+    points.iter().map(image).collect()
+}
+
+/// Whether homogeneous points have different weights.
+#[expect(
+    clippy::float_cmp,
+    reason = "equal weights cancel exactly, nearly equal ones do not"
+)]
+pub(crate) fn are_rational<H: spline::Linear>(points: &[H]) -> bool {
+    points
+        .windows(2)
+        .any(|pair| pair[0].weight() != pair[1].weight())
+}
+
+/// Refuses a range that is empty or leaves the domain.
+pub(crate) fn check_range(range: &Range<f64>, domain: &Range<f64>) -> Result<(), Error> {
+    let Range { start, end } = *domain;
+    for found in [range.start, range.end] {
+        if !(start <= found && found <= end) {
+            return Err(Error::Parameter { found, start, end });
+        }
+    }
+    if range.start < range.end {
+        Ok(())
+    } else {
+        Err(Error::EmptyDomain {
+            start: range.start,
+            end: range.end,
+        })
+    }
+}

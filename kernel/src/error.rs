@@ -1,0 +1,190 @@
+//! Why a knot vector, curve, surface, loop or scene part cannot exist.
+
+use std::fmt;
+
+/// A geometric object that cannot be constructed, with the offending numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// The degree is zero or above [`crate::MAX_DEGREE`].
+    Degree {
+        /// The degree asked for.
+        found: usize,
+    },
+    /// The knot vector has the wrong number of knots for its points.
+    KnotCount {
+        /// Knots given.
+        found: usize,
+        /// Knots needed: points + degree + 1.
+        expected: usize,
+    },
+    /// A knot is infinite or not a number.
+    KnotNotFinite {
+        /// Position in the knot vector.
+        index: usize,
+    },
+    /// A knot is smaller than the one before it.
+    KnotsDecrease {
+        /// Position of the smaller knot.
+        index: usize,
+        /// The knot before it.
+        before: f64,
+        /// The knot found.
+        found: f64,
+    },
+    /// A knot is repeated so often that the curve falls apart.
+    KnotMultiplicity {
+        /// The repeated knot.
+        knot: f64,
+        /// How often it stands there.
+        found: usize,
+        /// How often it may stand there.
+        allowed: usize,
+    },
+    /// The first and the last knot of the domain are equal.
+    EmptyDomain {
+        /// Start of the domain.
+        start: f64,
+        /// End of the domain.
+        end: f64,
+    },
+    /// The number of control points is wrong.
+    PointCount {
+        /// Points given.
+        found: usize,
+        /// Points needed.
+        expected: usize,
+    },
+    /// The number of weights differs from the number of control points.
+    WeightCount {
+        /// Weights given.
+        found: usize,
+        /// Weights needed.
+        expected: usize,
+    },
+    /// A coordinate is infinite or not a number.
+    NotFinite {
+        /// Position in the list of points.
+        index: usize,
+    },
+    /// A weight is zero, negative or not finite.
+    Weight {
+        /// Position in the list of weights.
+        index: usize,
+        /// The weight found.
+        found: f64,
+    },
+    /// A parameter lies outside the domain.
+    Parameter {
+        /// The parameter asked for.
+        found: f64,
+        /// Start of the domain.
+        start: f64,
+        /// End of the domain.
+        end: f64,
+    },
+    /// A length, radius or angle that must be positive and finite is not.
+    NotPositive {
+        /// The number found.
+        found: f64,
+    },
+    /// A direction has no length.
+    NoDirection,
+    /// A loop has no curves.
+    EmptyLoop,
+    /// Two neighbouring curves of a loop do not meet.
+    LoopGap {
+        /// Position of the curve before the gap.
+        index: usize,
+        /// Distance between the two ends, in parameter units.
+        gap: f64,
+        /// Largest gap that would have been bridged.
+        allowed: f64,
+    },
+    /// A list refers to an entry that does not exist.
+    Reference {
+        /// The index used.
+        index: usize,
+        /// How many entries there are.
+        count: usize,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Degree { found } => {
+                write!(
+                    f,
+                    "degree {found}; degrees go from 1 to {}",
+                    crate::MAX_DEGREE
+                )
+            }
+            Self::KnotCount { found, expected } => {
+                write!(
+                    f,
+                    "{found} knots; points + degree + 1 = {expected} are needed"
+                )
+            }
+            Self::KnotNotFinite { index } => write!(f, "knot {index} is not a finite number"),
+            Self::KnotsDecrease {
+                index,
+                before,
+                found,
+            } => {
+                write!(
+                    f,
+                    "knot {index} is {found} after {before}; knots must not decrease"
+                )
+            }
+            Self::KnotMultiplicity {
+                knot,
+                found,
+                allowed,
+            } => {
+                write!(
+                    f,
+                    "knot {knot} stands {found} times; at most {allowed} are possible"
+                )
+            }
+            Self::EmptyDomain { start, end } => {
+                write!(
+                    f,
+                    "the domain from {start} to {end} is empty; it must have a length"
+                )
+            }
+            Self::PointCount { found, expected } => {
+                write!(f, "{found} control points; {expected} are needed")
+            }
+            Self::WeightCount { found, expected } => {
+                write!(f, "{found} weights for {expected} control points")
+            }
+            Self::NotFinite { index } => write!(f, "point {index} is not finite"),
+            Self::Weight { index, found } => {
+                write!(f, "weight {index} is {found}; weights must be positive")
+            }
+            Self::Parameter { found, start, end } => {
+                write!(
+                    f,
+                    "parameter {found} lies outside the domain from {start} to {end}"
+                )
+            }
+            Self::NotPositive { found } => write!(f, "{found} must be positive and finite"),
+            Self::NoDirection => write!(f, "a direction has no length"),
+            Self::EmptyLoop => write!(f, "a trim loop without curves"),
+            Self::LoopGap {
+                index,
+                gap,
+                allowed,
+            } => write!(
+                f,
+                "trim curve {index} ends {gap:e} away from the next; at most {allowed:e} is bridged"
+            ),
+            Self::Reference { index, count } => {
+                write!(f, "index {index} of a list with {count} entries")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Error {}

@@ -1,0 +1,313 @@
+//! Knot vectors: validity, spans and basis functions.
+
+use std::ops::Range;
+
+use crate::Error;
+
+/// Largest polynomial degree of a curve or surface direction.
+pub const MAX_DEGREE: usize = 30;
+
+/// Basis values of one span, the first `degree + 1` of them in use.
+pub(crate) type BasisRow = [f64; MAX_DEGREE + 1];
+
+/// A degree and a non-decreasing list of knots that together carry a spline.
+///
+/// The domain runs from `knots[degree]` to `knots[count]`, where `count` is the
+/// number of control points; it has a positive length. Knots inside the domain
+/// repeat at most `degree` times, knots at its ends at most `degree + 1` times, so
+/// that every curve over it is continuous.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnotVector {
+    degree: usize,
+    knots: Vec<f64>,
+}
+
+impl KnotVector {
+    /// Checks `knots` and takes them over.
+    ///
+    /// # Errors
+    /// Says which rule above is broken, and where.
+    pub fn new(degree: usize, knots: Vec<f64>) -> Result<Self, Error> {
+        if degree == 0 || degree > MAX_DEGREE {
+            return Err(Error::Degree { found: degree });
+        }
+        if knots.len() < 2 * (degree + 1) {
+            return Err(Error::KnotCount {
+                found: knots.len(),
+                expected: 2 * (degree + 1),
+            });
+        }
+        if let Some(index) = knots.iter().position(|k| !k.is_finite()) {
+            return Err(Error::KnotNotFinite { index });
+        }
+        if let Some(i) = knots.windows(2).position(|w| w[1] < w[0]) {
+            let (before, found) = (knots[i], knots[i + 1]);
+            return Err(Error::KnotsDecrease {
+                index: i + 1,
+                before,
+                found,
+            });
+        }
+        let vector = Self { degree, knots };
+        let Range { start, end } = vector.domain();
+        if !(end > start && (end - start).is_finite()) {
+            return Err(Error::EmptyDomain { start, end });
+        }
+        for run in vector.knots.chunk_by(|a, b| a == b) {
+            let inside = start < run[0] && run[0] < end;
+            let allowed = if inside { degree } else { degree + 1 };
+            if run.len() > allowed {
+                return Err(Error::KnotMultiplicity {
+                    knot: run[0],
+                    found: run.len(),
+                    allowed,
+                });
+            }
+        }
+        Ok(vector)
+    }
+
+    /// The knots of one Bézier piece over `start..end`.
+    ///
+    /// # Errors
+    /// If the degree is out of range or the domain is empty.
+    pub fn bezier(degree: usize, domain: Range<f64>) -> Result<Self, Error> {
+        let ends = [domain.start, domain.end];
+        Self::new(
+            degree,
+            ends.iter().flat_map(|&k| vec![k; degree + 1]).collect(),
+        )
+    }
+
+    /// Clamped knots with equal steps over `domain` for `count` control points.
+    ///
+    /// # Errors
+    /// If there are fewer than `degree + 1` points, or as for [`KnotVector::new`].
+    pub fn clamped_uniform(degree: usize, count: usize, domain: Range<f64>) -> Result<Self, Error> {
+        if degree == 0 || degree > MAX_DEGREE {
+            return Err(Error::Degree { found: degree });
+        }
+        if count <= degree {
+            return Err(Error::PointCount {
+                found: count,
+                expected: degree + 1,
+            });
+        }
+        let spans = count - degree;
+        let mut knots = vec![domain.start; degree + 1];
+        let step = (domain.end - domain.start) / spans as f64;
+        knots.extend((1..spans).map(|i| domain.start + step * i as f64));
+        knots.extend(vec![domain.end; degree + 1]);
+        Self::new(degree, knots)
+    }
+
+    /// Polynomial degree.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// The knots, in order.
+    pub fn as_slice(&self) -> &[f64] {
+        &self.knots
+    }
+
+    /// Number of control points that belong to these knots.
+    pub fn count(&self) -> usize {
+        self.knots.len() - self.degree - 1
+    }
+
+    /// The parameters for which a curve is defined; both ends belong to it.
+    pub fn domain(&self) -> Range<f64> {
+        self.knots[self.degree]..self.knots[self.count()]
+    }
+
+    /// The different knots of the domain, both ends among them.
+    pub fn breaks(&self) -> Vec<f64> {
+        let mut breaks = self.knots[self.degree..=self.count()].to_vec();
+        breaks.dedup();
+        breaks
+    }
+
+    /// Index `k` of the span with `knots[k] <= t < knots[k + 1]`.
+    ///
+    /// The end of the domain belongs to the last span that has a length, and
+    /// parameters outside the domain to the first or last span.
+    pub fn span(&self, t: f64) -> usize {
+        let count = self.count();
+        let end = self.knots[count];
+        if t >= end {
+            return self.knots[..count].partition_point(|&k| k < end) - 1;
+        }
+        let above = self.knots[self.degree + 1..count].partition_point(|&k| k <= t);
+        let mut span = self.degree + above;
+        while self.knots[span + 1] <= self.knots[span] {
+            span += 1;
+        }
+        span
+    }
+
+    /// How often `t` stands among the knots.
+    pub fn multiplicity(&self, t: f64) -> usize {
+        self.knots.partition_point(|&k| k <= t) - self.knots.partition_point(|&k| k < t)
+    }
+
+    /// The same knots moved affinely to `domain`.
+    ///
+    /// # Errors
+    /// If `domain` is empty or not finite.
+    pub fn remapped(&self, domain: Range<f64>) -> Result<Self, Error> {
+        let old = self.domain();
+        let scale = (domain.end - domain.start) / (old.end - old.start);
+        let knots = self.knots.iter().map(|&k| {
+            if k >= old.end {
+                domain.end + (k - old.end) * scale
+            } else {
+                domain.start + (k - old.start) * scale
+            }
+        });
+        Self::new(self.degree, knots.collect())
+    }
+
+    /// The knots seen from the other end, over the same domain.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        let Range { start, end } = self.domain();
+        let mirror = |k: f64| {
+            if k <= start {
+                end + (start - k)
+            } else {
+                start + (end - k)
+            }
+        };
+        Self {
+            degree: self.degree,
+            knots: self.knots.iter().rev().map(|&k| mirror(k)).collect(),
+        }
+    }
+
+    /// Knots that are known to be valid because they come from valid ones.
+    pub(crate) fn trusted(degree: usize, knots: Vec<f64>) -> Self {
+        Self { degree, knots }
+    }
+
+    /// The `degree + 1` basis functions that are not zero on `span`, and their
+    /// first and second derivatives, at `t`.
+    ///
+    /// Cox-de Boor recurrence; derivatives as differences of the functions one degree
+    /// lower \[Piegl 97, eq. 2.5 and 2.7\].
+    pub(crate) fn basis(&self, span: usize, t: f64) -> [BasisRow; 3] {
+        let p = self.degree;
+        let mut rows = [[0.0; MAX_DEGREE + 1]; 3];
+        let [value, first, second] = &mut rows;
+        value[0] = 1.0;
+        for d in 1..=p {
+            if d == p {
+                self.difference(span, d, value, first);
+            }
+            if d + 1 == p {
+                self.difference(span, d, value, second);
+            }
+            self.raise(span, d, t, value);
+        }
+        if p > 1 {
+            let lower = *second;
+            self.difference(span, p, &lower, second);
+        }
+        rows
+    }
+
+    /// Basis values of degree `d - 1` in `row` become those of degree `d`.
+    fn raise(&self, span: usize, d: usize, t: f64, row: &mut BasisRow) {
+        let mut saved = 0.0;
+        for r in 0..d {
+            let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
+            let part = row[r] / (right - left);
+            row[r] = saved + (right - t) * part;
+            saved = (t - left) * part;
+        }
+        row[d] = saved;
+    }
+
+    /// Derivatives of the basis of degree `d` from `lower`, which holds values or
+    /// derivatives of the basis of degree `d - 1`.
+    fn difference(&self, span: usize, d: usize, lower: &BasisRow, out: &mut BasisRow) {
+        let mut saved = 0.0;
+        for r in 0..d {
+            let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
+            let part = d as f64 * lower[r] / (right - left);
+            out[r] = saved - part;
+            saved = part;
+        }
+        out[d] = saved;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_are_half_open_and_skip_repeated_knots() {
+        let knots = KnotVector::new(2, vec![0., 0., 0., 1., 1., 2., 2., 2.]).unwrap();
+        assert_eq!(knots.span(0.0), 2);
+        assert_eq!(knots.span(0.5), 2);
+        assert_eq!(knots.span(1.0), 4);
+        assert_eq!(knots.span(2.0), 4);
+        assert_eq!(knots.breaks(), [0.0, 1.0, 2.0]);
+    }
+
+    #[test]
+    fn unclamped_domain_lies_inside_the_knots() {
+        let knots = KnotVector::new(3, (0..8).map(f64::from).collect()).unwrap();
+        assert_eq!(knots.domain(), 3.0..4.0);
+        assert_eq!(knots.span(4.0), 3);
+        assert_eq!(knots.reversed().as_slice(), knots.as_slice());
+    }
+
+    #[test]
+    fn broken_vectors_are_named() {
+        let err = |degree, knots: &[f64]| KnotVector::new(degree, knots.to_vec()).unwrap_err();
+        assert_eq!(err(31, &[]), Error::Degree { found: 31 });
+        assert_eq!(
+            err(1, &[0., 1.]),
+            Error::KnotCount {
+                found: 2,
+                expected: 4
+            }
+        );
+        assert_eq!(
+            err(1, &[0., 0., f64::NAN, 1.]),
+            Error::KnotNotFinite { index: 2 }
+        );
+        let decrease = Error::KnotsDecrease {
+            index: 3,
+            before: 1.0,
+            found: 0.5,
+        };
+        assert_eq!(err(1, &[0., 0., 1., 0.5]), decrease);
+        assert_eq!(
+            err(1, &[0., 0., 0., 0.]),
+            Error::EmptyDomain {
+                start: 0.0,
+                end: 0.0
+            }
+        );
+        let torn = Error::KnotMultiplicity {
+            knot: 1.0,
+            found: 2,
+            allowed: 1,
+        };
+        assert_eq!(err(1, &[0., 0., 1., 1., 2., 2.]), torn);
+    }
+
+    #[test]
+    fn derivative_rows_sum_to_zero() {
+        let knots = KnotVector::new(3, vec![0., 0., 0., 0., 1., 3., 4., 4., 4., 4.]).unwrap();
+        for t in [0.0, 0.25, 1.0, 2.9, 4.0] {
+            let [value, first, second] = knots.basis(knots.span(t), t);
+            assert!((value.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+            assert!(first.iter().sum::<f64>().abs() < 1e-14);
+            assert!(second.iter().sum::<f64>().abs() < 1e-13);
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! What a scene *is*: NURBS curves and surfaces, their Bézier pieces, trim loops, and the
+//! tree of nodes, materials, lights and cameras around them.
+//!
+//! No input or output, no threads, no logging. Whatever exists is valid: constructors check,
+//! and fields that could break an invariant are private.
+//!
+//! ```
+//! use glam::{DVec2, DVec3};
+//! use nurbray_kernel::{KnotVector, Surface};
+//!
+//! let knots = KnotVector::bezier(1, 0.0..1.0)?;
+//! let corners = [DVec3::ZERO, DVec3::Y, DVec3::X, DVec3::new(1.0, 1.0, 1.0)];
+//! let saddle = Surface::new(knots.clone(), knots, &corners, None)?;
+//! assert_eq!(saddle.evaluate(DVec2::splat(0.5)), DVec3::new(0.5, 0.5, 0.25));
+//! # Ok::<(), nurbray_kernel::Error>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod bezier;
+mod bounds;
+mod camera;
+mod curve;
+mod error;
+mod knots;
+mod material;
+mod mesh;
+mod normal;
+mod patch;
+mod ray;
+mod scene;
+mod spline;
+mod surface;
+
+pub use bezier::BezierSurface;
+pub use bounds::Aabb;
+pub use camera::{Camera, Projection};
+pub use curve::{Curve, CurveDerivatives};
+pub use error::Error;
+pub use knots::{KnotVector, MAX_DEGREE};
+pub use material::{Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb};
+pub use mesh::Mesh;
+pub use patch::{Patch, TrimLoop};
+pub use ray::Ray;
+pub use scene::{
+    Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Shape, Unit, UpAxis,
+};
+pub use spline::{Linear, Point};
+pub use surface::{Surface, SurfaceDerivatives};

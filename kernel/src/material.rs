@@ -1,0 +1,131 @@
+//! Materials and lights. Colours are linear light with the primaries of sRGB.
+
+use glam::DVec3;
+
+/// A linear colour from the sRGB values that files and people write, 0 to 1 each.
+pub fn linear_from_srgb(color: DVec3) -> DVec3 {
+    let decode = |c: f64| {
+        if c <= 0.04045 {
+            c / 12.92
+        } else {
+            ((c + 0.055) / 1.055).powf(2.4)
+        }
+    };
+    DVec3::new(decode(color.x), decode(color.y), decode(color.z))
+}
+
+/// How a surface reflects light: the Phong model, and the metallic-roughness model of glTF
+/// where the file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// The name in the file, or empty.
+    pub name: String,
+    /// Share of the ambient light that is reflected.
+    pub ambient: DVec3,
+    /// Diffuse reflection.
+    pub diffuse: DVec3,
+    /// Specular reflection.
+    pub specular: DVec3,
+    /// Exponent of the specular lobe of the Phong model.
+    pub shininess: f64,
+    /// Light sent out by the surface itself.
+    pub emissive: DVec3,
+    /// 1 is opaque, 0 is invisible.
+    pub opacity: f64,
+    /// The physically based reading, if the file gives one.
+    pub metallic_roughness: Option<MetallicRoughness>,
+}
+
+/// The metallic-roughness model of glTF 2.0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MetallicRoughness {
+    /// Base colour.
+    pub base_color: DVec3,
+    /// 0 for dielectrics, 1 for metals.
+    pub metallic: f64,
+    /// Perceptual roughness, 0 to 1.
+    pub roughness: f64,
+}
+
+impl Default for Material {
+    /// A light, slightly warm grey with a soft highlight.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            ambient: DVec3::new(0.60, 0.59, 0.56),
+            diffuse: DVec3::new(0.60, 0.59, 0.56),
+            specular: DVec3::splat(0.2),
+            shininess: 32.0,
+            emissive: DVec3::ZERO,
+            opacity: 1.0,
+            metallic_roughness: None,
+        }
+    }
+}
+
+/// A source of light in world coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Kind and place.
+    pub kind: LightKind,
+    /// Colour times intensity.
+    pub color: DVec3,
+    /// What the light adds to the ambient light, as a colour.
+    pub ambient: DVec3,
+}
+
+/// Kind and place of a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// Parallel light.
+    Directional {
+        /// The way the light goes.
+        direction: DVec3,
+    },
+    /// Light from a point in all directions.
+    Point {
+        /// Where it stands.
+        position: DVec3,
+        /// How it weakens.
+        falloff: Falloff,
+    },
+    /// Light from a point within a cone.
+    Spot {
+        /// Where it stands.
+        position: DVec3,
+        /// The axis of the cone, away from the light.
+        direction: DVec3,
+        /// Half angle of full light, in radians.
+        inner: f64,
+        /// Half angle beyond which there is no light, in radians.
+        outer: f64,
+        /// How it weakens.
+        falloff: Falloff,
+    },
+}
+
+/// How the light of a point weakens with the distance `r`:
+/// `1 / max(c0 + c1 r + c2 r^2, 1)` up to `radius`, nothing beyond.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Falloff {
+    /// The coefficients `c0`, `c1`, `c2`.
+    pub attenuation: DVec3,
+    /// Reach of the light.
+    pub radius: f64,
+}
+
+impl Falloff {
+    /// The same light at every distance.
+    pub const NONE: Self = Self {
+        attenuation: DVec3::new(1.0, 0.0, 0.0),
+        radius: f64::INFINITY,
+    };
+
+    /// The share of the light that arrives at distance `r`.
+    pub fn at(&self, r: f64) -> f64 {
+        if r > self.radius {
+            return 0.0;
+        }
+        1.0 / self.attenuation.dot(DVec3::new(1.0, r, r * r)).max(1.0)
+    }
+}

@@ -1,0 +1,87 @@
+//! Triangle meshes: the polygonal part of a file.
+
+use glam::{DVec2, DVec3};
+
+use crate::{Aabb, Error, MaterialId};
+
+/// Triangles over shared vertices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    /// The name in the file, or empty.
+    pub name: String,
+    /// Where it stands in the file, in the format's own words.
+    pub source: String,
+    /// The material, unless the scene node that shows the mesh names another.
+    pub material: Option<MaterialId>,
+    positions: Vec<DVec3>,
+    normals: Vec<DVec3>,
+    uvs: Vec<DVec2>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// Makes a mesh; `normals` and `uvs` are empty or have one entry per position.
+    ///
+    /// # Errors
+    /// If a list has the wrong length, a number is not finite or an index too large.
+    pub fn new(
+        positions: Vec<DVec3>,
+        normals: Vec<DVec3>,
+        uvs: Vec<DVec2>,
+        triangles: Vec<[u32; 3]>,
+    ) -> Result<Self, Error> {
+        let count = positions.len();
+        for found in [normals.len(), uvs.len()] {
+            if found != 0 && found != count {
+                return Err(Error::PointCount {
+                    found,
+                    expected: count,
+                });
+            }
+        }
+        if let Some(index) = positions.iter().position(|p| !p.is_finite()) {
+            return Err(Error::NotFinite { index });
+        }
+        if let Some(&index) = triangles.iter().flatten().find(|&&i| i as usize >= count) {
+            return Err(Error::Reference {
+                index: index as usize,
+                count,
+            });
+        }
+        let (name, source) = (String::new(), String::new());
+        Ok(Self {
+            name,
+            source,
+            material: None,
+            positions,
+            normals,
+            uvs,
+            triangles,
+        })
+    }
+
+    /// Vertex positions.
+    pub fn positions(&self) -> &[DVec3] {
+        &self.positions
+    }
+
+    /// Vertex normals, or nothing.
+    pub fn normals(&self) -> &[DVec3] {
+        &self.normals
+    }
+
+    /// Vertex texture coordinates, or nothing.
+    pub fn uvs(&self) -> &[DVec2] {
+        &self.uvs
+    }
+
+    /// Vertex indices of the triangles, counter-clockwise seen from the front.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The least box around the vertices.
+    pub fn bounds(&self) -> Aabb {
+        Aabb::around(self.positions.iter().copied())
+    }
+}

@@ -1,0 +1,370 @@
+//! A scene: what a file holds, whatever its format.
+
+use glam::{DAffine3, DVec3};
+
+use crate::{Aabb, Camera, Error, Light, Material, Mesh, Patch};
+
+/// Index of a patch in its scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PatchId(usize);
+
+/// Index of a mesh in its scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct MeshId(usize);
+
+/// Index of a material in its scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct MaterialId(usize);
+
+/// Index of a node in its scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct NodeId(usize);
+
+/// Geometry by reference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shape {
+    /// An exact surface.
+    Patch(PatchId),
+    /// Triangles.
+    Mesh(MeshId),
+}
+
+/// A shape shown by a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Item {
+    /// What is shown.
+    pub shape: Shape,
+    /// The material here; `None` means the shape's own.
+    pub material: Option<MaterialId>,
+}
+
+/// A child of a node: something shown, or another node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Child {
+    /// Something shown.
+    Item(Item),
+    /// Another node; the same one may be the child of many.
+    Node(NodeId),
+}
+
+/// A named group with its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// The name in the file, or empty.
+    pub name: String,
+    /// Maps the node's coordinates to those of its parent; any invertible affine map.
+    pub parent_from_node: DAffine3,
+    /// What is inside, in the order of the file.
+    pub children: Vec<Child>,
+}
+
+impl Default for Node {
+    fn default() -> Self {
+        let children = Vec::new();
+        Self {
+            name: String::new(),
+            parent_from_node: DAffine3::IDENTITY,
+            children,
+        }
+    }
+}
+
+/// The upward axis of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum UpAxis {
+    /// Y points upwards.
+    #[default]
+    Y,
+    /// Z points upwards.
+    Z,
+}
+
+impl UpAxis {
+    /// The unit vector upwards.
+    pub fn direction(self) -> DVec3 {
+        match self {
+            Self::Y => DVec3::Y,
+            Self::Z => DVec3::Z,
+        }
+    }
+}
+
+/// The unit of length of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// The name, such as `mm`.
+    pub name: String,
+    /// Length of one unit in metres.
+    pub metres: f64,
+}
+
+/// Patches and meshes, stored once and placed by a tree of nodes, with all that is needed
+/// to look at them.
+///
+/// Nodes are added children first, so that no node can contain itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    patches: Vec<Patch>,
+    meshes: Vec<Mesh>,
+    materials: Vec<Material>,
+    nodes: Vec<Node>,
+    root: Option<NodeId>,
+    /// Cameras in world coordinates, the first one being the preferred one.
+    pub cameras: Vec<Camera>,
+    /// Lights in world coordinates.
+    pub lights: Vec<Light>,
+    /// Whether a light goes with the camera.
+    pub headlight: bool,
+    /// Linear colour behind everything, if the file names one.
+    pub background: Option<DVec3>,
+    /// The unit of length, if the file names one.
+    pub unit: Option<Unit>,
+    /// The upward axis.
+    pub up: UpAxis,
+}
+
+impl Default for Scene {
+    fn default() -> Self {
+        Self {
+            patches: Vec::new(),
+            meshes: Vec::new(),
+            materials: Vec::new(),
+            nodes: Vec::new(),
+            root: None,
+            cameras: Vec::new(),
+            lights: Vec::new(),
+            headlight: true,
+            background: None,
+            unit: None,
+            up: UpAxis::default(),
+        }
+    }
+}
+
+/// One shape at one place of the flattened tree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placement {
+    /// What stands there.
+    pub shape: Shape,
+    /// Its material, if any.
+    pub material: Option<MaterialId>,
+    /// Where it stands.
+    pub world_from_object: DAffine3,
+    /// The nodes from the root down to it.
+    pub path: Vec<NodeId>,
+}
+
+impl Scene {
+    /// Adds a material.
+    pub fn add_material(&mut self, material: Material) -> MaterialId {
+        self.materials.push(material);
+        MaterialId(self.materials.len() - 1)
+    }
+
+    /// Adds a patch.
+    ///
+    /// # Errors
+    /// If its material is not one of this scene.
+    pub fn add_patch(&mut self, patch: Patch) -> Result<PatchId, Error> {
+        self.check_material(patch.material)?;
+        self.patches.push(patch);
+        Ok(PatchId(self.patches.len() - 1))
+    }
+
+    /// Adds a mesh.
+    ///
+    /// # Errors
+    /// If its material is not one of this scene.
+    pub fn add_mesh(&mut self, mesh: Mesh) -> Result<MeshId, Error> {
+        self.check_material(mesh.material)?;
+        self.meshes.push(mesh);
+        Ok(MeshId(self.meshes.len() - 1))
+    }
+
+    /// Adds a node whose children have been added before.
+    ///
+    /// # Errors
+    /// If a child or material is not one of this scene, or the map is not finite and
+    /// invertible.
+    pub fn add_node(&mut self, node: Node) -> Result<NodeId, Error> {
+        let determinant = node.parent_from_node.matrix3.determinant();
+        if !node.parent_from_node.is_finite() || !determinant.is_normal() {
+            return Err(Error::NotPositive {
+                found: determinant.abs(),
+            });
+        }
+        for child in &node.children {
+            let (index, count) = match child {
+                Child::Node(id) => (id.0, self.nodes.len()),
+                Child::Item(Item {
+                    shape: Shape::Patch(id),
+                    ..
+                }) => (id.0, self.patches.len()),
+                Child::Item(Item {
+                    shape: Shape::Mesh(id),
+                    ..
+                }) => (id.0, self.meshes.len()),
+            };
+            if index >= count {
+                return Err(Error::Reference { index, count });
+            }
+            if let Child::Item(item) = child {
+                self.check_material(item.material)?;
+            }
+        }
+        self.nodes.push(node);
+        Ok(NodeId(self.nodes.len() - 1))
+    }
+
+    /// Makes `node` the one node that contains all that is shown.
+    ///
+    /// # Errors
+    /// If it is not a node of this scene.
+    pub fn set_root(&mut self, node: NodeId) -> Result<(), Error> {
+        if node.0 >= self.nodes.len() {
+            return Err(Error::Reference {
+                index: node.0,
+                count: self.nodes.len(),
+            });
+        }
+        self.root = Some(node);
+        Ok(())
+    }
+
+    fn check_material(&self, material: Option<MaterialId>) -> Result<(), Error> {
+        let count = self.materials.len();
+        match material {
+            Some(MaterialId(index)) if index >= count => Err(Error::Reference { index, count }),
+            _ => Ok(()),
+        }
+    }
+
+    /// All patches, each once.
+    pub fn patches(&self) -> &[Patch] {
+        &self.patches
+    }
+
+    /// All meshes, each once.
+    pub fn meshes(&self) -> &[Mesh] {
+        &self.meshes
+    }
+
+    /// All materials.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// All nodes, children before parents.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// The node that contains all that is shown; `None` for an empty scene.
+    pub fn root(&self) -> Option<NodeId> {
+        self.root
+    }
+
+    /// The patch with this index.
+    pub fn patch(&self, id: PatchId) -> &Patch {
+        &self.patches[id.0]
+    }
+
+    /// The mesh with this index.
+    pub fn mesh(&self, id: MeshId) -> &Mesh {
+        &self.meshes[id.0]
+    }
+
+    /// The material with this index.
+    pub fn material(&self, id: MaterialId) -> &Material {
+        &self.materials[id.0]
+    }
+
+    /// The node with this index.
+    pub fn node(&self, id: NodeId) -> &Node {
+        &self.nodes[id.0]
+    }
+
+    /// The material an item is shown with.
+    pub fn item_material(&self, item: &Item) -> Option<MaterialId> {
+        item.material.or(match item.shape {
+            Shape::Patch(id) => self.patch(id).material,
+            Shape::Mesh(id) => self.mesh(id).material,
+        })
+    }
+
+    /// How many shapes the flattened tree shows, without flattening it.
+    pub fn placement_count(&self) -> u64 {
+        let mut counts: Vec<u64> = Vec::new();
+        for node in &self.nodes {
+            let count = node.children.iter().fold(0_u64, |sum, child| match child {
+                Child::Item(_) => sum.saturating_add(1),
+                Child::Node(id) => sum.saturating_add(counts[id.0]),
+            });
+            counts.push(count);
+        }
+        self.root.map_or(0, |root| counts[root.0])
+    }
+
+    /// Everything shown, in the order of the file; a shape stands there once for each place.
+    ///
+    /// Patches are numbered in this order from 0 on, meshes after them.
+    pub fn placements(&self) -> Vec<Placement> {
+        let mut placements = Vec::new();
+        // An explicit stack: files may nest deeper than ours reaches.
+        let mut stack: Vec<(Child, DAffine3, Vec<NodeId>)> = Vec::new();
+        stack.extend(
+            self.root
+                .map(|root| (Child::Node(root), DAffine3::IDENTITY, Vec::new())),
+        );
+        while let Some((child, world_from_object, mut path)) = stack.pop() {
+            match child {
+                Child::Item(item) => {
+                    let (shape, material) = (item.shape, self.item_material(&item));
+                    placements.push(Placement {
+                        shape,
+                        material,
+                        world_from_object,
+                        path,
+                    });
+                }
+                Child::Node(id) => {
+                    let node = self.node(id);
+                    let world_from_node = world_from_object * node.parent_from_node;
+                    path.push(id);
+                    let children = node.children.iter().rev();
+                    stack.extend(children.map(|&child| (child, world_from_node, path.clone())));
+                }
+            }
+        }
+        placements
+    }
+
+    /// A box around everything shown: the control points of patches, the vertices of meshes.
+    pub fn hull_bounds(&self) -> Aabb {
+        let patches: Vec<_> = self
+            .patches
+            .iter()
+            .map(|p| p.surface.hull_bounds())
+            .collect();
+        let meshes: Vec<_> = self.meshes.iter().map(Mesh::bounds).collect();
+        // Boxes of whole nodes, children first: each node is visited once, however often used.
+        let mut nodes: Vec<Aabb> = Vec::new();
+        for node in &self.nodes {
+            let bounds = node.children.iter().fold(Aabb::EMPTY, |bounds, child| {
+                bounds.union(match child {
+                    Child::Node(id) => nodes[id.0],
+                    Child::Item(Item {
+                        shape: Shape::Patch(id),
+                        ..
+                    }) => patches[id.0],
+                    Child::Item(Item {
+                        shape: Shape::Mesh(id),
+                        ..
+                    }) => meshes[id.0],
+                })
+            });
+            nodes.push(bounds.transformed(&node.parent_from_node));
+        }
+        self.root.map_or(Aabb::EMPTY, |root| nodes[root.0])
+    }
+}
