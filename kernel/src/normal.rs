@@ -14,7 +14,7 @@ const COLLAPSED: f64 = 1e-12;
 
 /// The unit normal of a regular point, `None` where the first derivatives are parallel or
 /// one of them vanishes.
-pub(crate) fn regular(du: DVec3, dv: DVec3) -> Option<DVec3> {
+pub fn regular(du: DVec3, dv: DVec3) -> Option<DVec3> {
     let (length_u, length_v) = (du.length(), dv.length());
     if length_u.min(length_v) <= COLLAPSED * length_u.max(length_v) {
         return None;

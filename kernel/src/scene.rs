@@ -284,6 +284,11 @@ impl Scene {
         &self.nodes[id.0]
     }
 
+    /// The nodes' indices, children before parents.
+    pub fn node_ids(&self) -> impl Iterator<Item = NodeId> + use<> {
+        (0..self.nodes.len()).map(NodeId)
+    }
+
     /// The material an item is shown with.
     pub fn item_material(&self, item: &Item) -> Option<MaterialId> {
         item.material.or(match item.shape {
@@ -366,5 +371,12 @@ impl Scene {
             nodes.push(bounds.transformed(&node.parent_from_node));
         }
         self.root.map_or(Aabb::EMPTY, |root| nodes[root.0])
+    }
+}
+
+impl NodeId {
+    /// Position of the node in [`Scene::nodes`].
+    pub fn index(self) -> usize {
+        self.0
     }
 }

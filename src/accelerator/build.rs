@@ -1,0 +1,197 @@
+//! From a scene to clusters and instances.
+
+use glam::DAffine3;
+use kernel::{Aabb, Child, NodeId, Scene};
+
+use super::cells::Pieces;
+use super::tree::Tree;
+use super::{
+    Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Primitive, Triangle,
+};
+use crate::intersect::Method;
+
+impl<'a> Accelerator<'a> {
+    /// Prepares `scene` for rays that are to be intersected with `method`.
+    pub fn build(scene: &'a Scene, method: &'static Method) -> Self {
+        let plan = Plan::of(scene);
+        let clusters: Vec<_> = plan.roots.iter().map(|&root| plan.cluster(scene, root)).collect();
+        let mut instances = Vec::new();
+        let mut counts = Counts::default();
+        if let Some(root) = scene.root() {
+            let start = (root, DAffine3::IDENTITY);
+            counts = plan.place(scene, start, &clusters, &mut instances);
+        }
+        let boxes: Vec<_> = instances
+            .iter()
+            .map(|i| clusters[i.cluster as usize].tree.bounds().transformed(&i.world_from_cluster))
+            .collect();
+        let (top, order) = Tree::build(&boxes);
+        let instances = order.iter().map(|&k| instances[k as usize]).collect();
+        Self { scene, clusters, instances, top, counts, method }
+    }
+}
+
+/// Which nodes begin a cluster.
+struct Plan {
+    /// First nodes of the clusters.
+    roots: Vec<NodeId>,
+    /// For every node the cluster that it begins, if any.
+    cluster_of: Vec<Option<u32>>,
+    /// For every node how many shapes it shows with all below.
+    counts: Vec<Counts>,
+}
+
+impl Plan {
+    fn of(scene: &Scene) -> Self {
+        let nodes = scene.nodes();
+        let mut counts: Vec<Counts> = Vec::new();
+        let mut uses = vec![0_u32; nodes.len()];
+        for node in nodes {
+            let mut sum = Counts::default();
+            for child in &node.children {
+                sum = sum.plus(match child {
+                    Child::Item(item) => Counts::one(ItemShape::of(scene, item.shape)),
+                    Child::Node(id) => {
+                        uses[id.index()] = uses[id.index()].saturating_add(1);
+                        counts[id.index()]
+                    }
+                });
+            }
+            counts.push(sum);
+        }
+        // A node used by several, or below one, begins a cluster; so does the root.
+        let mut plan = Self { roots: Vec::new(), cluster_of: vec![None; nodes.len()], counts };
+        for id in scene.node_ids() {
+            let shared = uses[id.index()] > 1 && plan.counts[id.index()] != Counts::default();
+            if shared || scene.root() == Some(id) {
+                let number = u32::try_from(plan.roots.len()).expect("fewer nodes than fit");
+                plan.cluster_of[id.index()] = Some(number);
+                plan.roots.push(id);
+            }
+        }
+        plan
+    }
+
+    /// Visits what hangs below `start` in the order of the file: items, and the nodes that
+    /// begin other clusters, each with its place and with what was shown before it.
+    fn walk(
+        &self,
+        scene: &Scene,
+        start: NodeId,
+        mut visit: impl FnMut(Child, DAffine3, Counts),
+    ) {
+        let mut before = Counts::default();
+        let mut stack = vec![(Child::Node(start), DAffine3::IDENTITY)];
+        let mut first = true;
+        while let Some((child, place)) = stack.pop() {
+            match child {
+                Child::Item(item) => {
+                    visit(child, place, before);
+                    before = before.plus(Counts::one(ItemShape::of(scene, item.shape)));
+                }
+                Child::Node(id) if !first && self.cluster_of[id.index()].is_some() => {
+                    visit(child, place, before);
+                    before = before.plus(self.counts[id.index()]);
+                }
+                Child::Node(id) => {
+                    let node = scene.node(id);
+                    // The first node's own map belongs to the place of the cluster.
+                    let place = if first { place } else { place * node.parent_from_node };
+                    first = false;
+                    stack.extend(node.children.iter().rev().map(|&child| (child, place)));
+                }
+            }
+        }
+    }
+
+    /// Gathers and divides the shapes of the cluster that begins at `root`.
+    fn cluster<'a>(&self, scene: &'a Scene, root: NodeId) -> Cluster<'a> {
+        let mut pieces = Pieces::default();
+        let mut triangles: Vec<Triangle> = Vec::new();
+        let mut items: Vec<ClusterItem<'a>> = Vec::new();
+        let mut cell_boxes = Vec::new();
+        self.walk(scene, root, |child, cluster_from_object, before| {
+            let Child::Item(item) = child else { return };
+            let number = u32::try_from(items.len()).expect("fewer items than fit");
+            let shape = ItemShape::of(scene, item.shape);
+            let offset = match shape {
+                ItemShape::Patch(surface) => {
+                    let surface = surface.transformed(&cluster_from_object);
+                    for piece in surface.bezier_pieces() {
+                        pieces.add(&piece, number, &mut cell_boxes);
+                    }
+                    before.patches
+                }
+                ItemShape::Mesh(mesh) => {
+                    let at = |k: u32| {
+                        cluster_from_object.transform_point3(mesh.positions()[k as usize])
+                    };
+                    let place = |(index, corners): (usize, &[u32; 3])| Triangle {
+                        item: number,
+                        index: u32::try_from(index).expect("fewer triangles than fit"),
+                        corners: corners.map(at),
+                    };
+                    triangles.extend(mesh.triangles().iter().enumerate().map(place));
+                    before.meshes
+                }
+            };
+            let material = scene.item_material(&item);
+            items.push(ClusterItem { shape, offset, material, cluster_from_object });
+        });
+        let boxes: Vec<_> =
+            cell_boxes.into_iter().chain(triangles.iter().map(|t| Aabb::around(t.corners))).collect();
+        let (tree, order) = Tree::build(&boxes);
+        let cells = u32::try_from(pieces.cells.len()).expect("fewer cells than fit");
+        let primitive = |&k: &u32| match k.checked_sub(cells) {
+            Some(triangle) => Primitive::Triangle(triangle),
+            None => Primitive::Cell(k),
+        };
+        let primitives = order.iter().map(primitive).collect();
+        Cluster { pieces, triangles, primitives, tree, items }
+    }
+
+    /// Appends every place of every cluster, and counts what they show.
+    fn place(
+        &self,
+        scene: &Scene,
+        start: (NodeId, DAffine3),
+        clusters: &[Cluster<'_>],
+        instances: &mut Vec<Instance>,
+    ) -> Counts {
+        let mut stack = vec![(start, Counts::default())];
+        while let Some(((node, world_from_parent), base)) = stack.pop() {
+            let Some(cluster) = self.cluster_of[node.index()] else { continue };
+            let world_from_cluster = world_from_parent * scene.node(node).parent_from_node;
+            if !clusters[cluster as usize].primitives.is_empty() {
+                instances.push(Instance {
+                    cluster,
+                    before: base,
+                    world_from_cluster,
+                    cluster_from_world: world_from_cluster.inverse(),
+                });
+            }
+            self.walk(scene, node, |child, place, before| {
+                if let Child::Node(id) = child {
+                    stack.push(((id, world_from_cluster * place), base.plus(before)));
+                }
+            });
+        }
+        self.counts[start.0.index()]
+    }
+}
+
+impl Counts {
+    fn one(shape: ItemShape<'_>) -> Self {
+        match shape {
+            ItemShape::Patch(_) => Self { patches: 1, meshes: 0 },
+            ItemShape::Mesh(_) => Self { patches: 0, meshes: 1 },
+        }
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            patches: self.patches.saturating_add(other.patches),
+            meshes: self.meshes.saturating_add(other.meshes),
+        }
+    }
+}

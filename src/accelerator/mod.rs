@@ -1,0 +1,162 @@
+//! The search structure between a scene and its rays.
+//!
+//! Two levels. A cluster holds what hangs below one node without passing a node that is
+//! shown more than once; its pieces are divided into nearly flat cells, over which stands a
+//! hierarchy of boxes. Instances place clusters in the world; over them stands another
+//! hierarchy. Shapes shown many times are so stored once.
+
+mod build;
+mod cells;
+mod trace;
+mod tree;
+
+use glam::{DAffine3, DVec2, DVec3};
+use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface};
+
+use crate::intersect::{Method, Scratch};
+use cells::Pieces;
+use tree::Tree;
+
+/// Everything that rays can meet, prepared for the search.
+#[derive(Debug)]
+pub struct Accelerator<'a> {
+    scene: &'a Scene,
+    clusters: Vec<Cluster<'a>>,
+    instances: Vec<Instance>,
+    top: Tree,
+    counts: Counts,
+    method: &'static Method,
+}
+
+/// How many shapes of both kinds there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Counts {
+    patches: u32,
+    meshes: u32,
+}
+
+/// Shapes in common coordinates, with one hierarchy over all their cells and triangles.
+#[derive(Debug)]
+struct Cluster<'a> {
+    pieces: Pieces,
+    triangles: Vec<Triangle>,
+    /// What the hierarchy holds, in its order.
+    primitives: Vec<Primitive>,
+    tree: Tree,
+    items: Vec<ClusterItem<'a>>,
+}
+
+/// Number of a cell or of a triangle.
+#[derive(Clone, Copy, Debug)]
+enum Primitive {
+    Cell(u32),
+    Triangle(u32),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Triangle {
+    item: u32,
+    index: u32,
+    corners: [DVec3; 3],
+}
+
+/// A shape of a cluster.
+#[derive(Clone, Copy, Debug)]
+struct ClusterItem<'a> {
+    shape: ItemShape<'a>,
+    /// Position among the shapes of its kind within one instance.
+    offset: u32,
+    material: Option<MaterialId>,
+    cluster_from_object: DAffine3,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum ItemShape<'a> {
+    Patch(&'a Surface),
+    Mesh(&'a Mesh),
+}
+
+/// A cluster at its place.
+#[derive(Clone, Copy, Debug)]
+struct Instance {
+    cluster: u32,
+    /// How many shapes of both kinds come before it.
+    before: Counts,
+    world_from_cluster: DAffine3,
+    cluster_from_world: DAffine3,
+}
+
+/// Memory that one thread reuses from ray to ray.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    top_stack: Vec<(u32, f64)>,
+    stack: Vec<(u32, f64)>,
+    scratch: Scratch,
+}
+
+impl Workspace {
+    /// How many cells were examined with this workspace so far.
+    pub fn cells_examined(&self) -> u64 {
+        self.scratch.cells
+    }
+}
+
+impl<'a> Accelerator<'a> {
+    /// The box around everything.
+    pub fn bounds(&self) -> Aabb {
+        self.top.bounds()
+    }
+
+    /// Number of patches after instancing; the numbers of meshes follow those of patches.
+    pub fn patch_count(&self) -> u32 {
+        self.counts.patches
+    }
+
+    /// Number of patches and meshes after instancing.
+    pub fn shape_count(&self) -> u32 {
+        self.counts.patches + self.counts.meshes
+    }
+
+    /// Number of stored cells, each once however often it is shown.
+    pub fn cell_count(&self) -> usize {
+        self.clusters.iter().map(|c| c.pieces.cells.len()).sum()
+    }
+
+    /// Memory of all nets, cells and hierarchies.
+    pub fn bytes(&self) -> usize {
+        let clusters = self.clusters.iter().map(|c| {
+            c.pieces.bytes()
+                + size_of_val(&c.triangles[..])
+                + size_of_val(&c.primitives[..])
+                + size_of_val(&c.items[..])
+                + c.tree.bytes()
+        });
+        clusters.sum::<usize>() + size_of_val(&self.instances[..]) + self.top.bytes()
+    }
+
+    /// The scene it was built for.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+}
+
+impl ItemShape<'_> {
+    fn of(scene: &Scene, shape: Shape) -> ItemShape<'_> {
+        match shape {
+            Shape::Patch(id) => ItemShape::Patch(&scene.patch(id).surface),
+            Shape::Mesh(id) => ItemShape::Mesh(scene.mesh(id)),
+        }
+    }
+}
+
+/// Parameters of a point in a triangle from those of its corners; barycentric without.
+fn triangle_uv(mesh: &Mesh, index: u32, barycentric: DVec2) -> DVec2 {
+    let corners = mesh.triangles()[index as usize];
+    match mesh.uvs() {
+        [] => barycentric,
+        uvs => {
+            let [a, b, c] = corners.map(|k| uvs[k as usize]);
+            a + (b - a) * barycentric.x + (c - a) * barycentric.y
+        }
+    }
+}

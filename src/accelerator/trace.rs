@@ -1,0 +1,393 @@
+//! One ray through both levels.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::{Material, Ray};
+
+use super::cells::{Cell, Piece};
+use super::{
+    Accelerator, Cluster, Instance, ItemShape, Primitive, Triangle, Workspace, triangle_uv,
+};
+use crate::intersect::net::{bernstein, evaluate};
+use crate::intersect::{Hit, Intersector, Line, Scratch, triangle};
+
+/// Rounding error of a distance in a piece of size one, a few operations wide.
+const SLACK: f64 = 4e-15;
+
+/// Error of a point per size of its piece and of its coordinates: the roundings of one
+/// evaluation.
+const POINT_ERROR: f64 = 1e-14;
+
+/// Parameters of one root found twice differ by less than this part of the piece.
+const SAME_PARAMETER: f64 = 1e-9;
+
+/// Points of one tangential root found twice differ by less than this part of the piece.
+const SAME_POINT: f64 = 1e-7;
+
+/// What a ray met, before it is worked out.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    t: f64,
+    instance: u32,
+    kind: CandidateKind,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum CandidateKind {
+    Surface { piece: u32, u: f64, v: f64, tangential: bool },
+    Triangle { index: u32, barycentric: DVec2 },
+}
+
+impl Accelerator<'_> {
+    /// The first hit with `t` in `range`, or nothing.
+    pub fn nearest(&self, ray: &Ray, range: Range<f64>, workspace: &mut Workspace) -> Option<Hit> {
+        (self.method.nearest)(self, ray, range, workspace)
+    }
+
+    /// Whether there is a hit with `t` in `range`.
+    pub fn any(&self, ray: &Ray, range: Range<f64>, workspace: &mut Workspace) -> bool {
+        (self.method.any)(self, ray, range, workspace)
+    }
+
+    /// Replaces `hits` by all hits with `t` in `range`, from near to far.
+    pub fn all(
+        &self,
+        ray: &Ray,
+        range: Range<f64>,
+        workspace: &mut Workspace,
+        hits: &mut Vec<Hit>,
+    ) {
+        (self.method.all)(self, ray, range, workspace, hits);
+    }
+
+    pub(crate) fn nearest_with<I: Intersector>(
+        &self,
+        ray: &Ray,
+        range: Range<f64>,
+        workspace: &mut Workspace,
+    ) -> Option<Hit> {
+        let mut best = None;
+        self.search::<I>(ray, range, workspace, |candidate, range| {
+            range.end = candidate.t;
+            best = Some(candidate);
+            true
+        });
+        best.map(|candidate| self.work_out(ray, &candidate))
+    }
+
+    pub(crate) fn any_with<I: Intersector>(
+        &self,
+        ray: &Ray,
+        range: Range<f64>,
+        workspace: &mut Workspace,
+    ) -> bool {
+        let mut found = false;
+        self.search::<I>(ray, range, workspace, |_, _| {
+            found = true;
+            false
+        });
+        found
+    }
+
+    pub(crate) fn all_with<I: Intersector>(
+        &self,
+        ray: &Ray,
+        range: Range<f64>,
+        workspace: &mut Workspace,
+        hits: &mut Vec<Hit>,
+    ) {
+        hits.clear();
+        self.search::<I>(ray, range, workspace, |candidate, _| {
+            hits.push(self.work_out(ray, &candidate));
+            true
+        });
+        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.shape.cmp(&b.shape)));
+        self.merge(hits);
+    }
+
+    /// Offers every candidate in `range` to `take`, which may shorten the range and says
+    /// whether to go on.
+    fn search<I: Intersector>(
+        &self,
+        ray: &Ray,
+        mut range: Range<f64>,
+        workspace: &mut Workspace,
+        mut take: impl FnMut(Candidate, &mut Range<f64>) -> bool,
+    ) {
+        if !(ray.direction.length_squared() > 0.0 && ray.origin.is_finite()) {
+            return;
+        }
+        let Workspace { top_stack, stack, scratch } = workspace;
+        self.top.traverse(ray, &mut range, top_stack, |run, range| {
+            for number in run {
+                let instance = &self.instances[number];
+                let cluster = &self.clusters[instance.cluster as usize];
+                let local = ray.transformed(&instance.cluster_from_world);
+                let seen = ClusterRay::new(local, cluster);
+                let number = u32::try_from(number).expect("fewer instances than fit");
+                let mut go_on = true;
+                cluster.tree.traverse(&local, range, stack, |run, range| {
+                    for &primitive in &cluster.primitives[run] {
+                        go_on = match primitive {
+                            Primitive::Cell(k) => {
+                                let cell = &cluster.pieces.cells[k as usize];
+                                let mut offer = |t, kind, range: &mut Range<f64>| {
+                                    take(Candidate { t, instance: number, kind }, range)
+                                };
+                                seen.meet_cell::<I>(cluster, cell, scratch, range, &mut offer)
+                            }
+                            Primitive::Triangle(k) => {
+                                let hit = triangle::intersect(
+                                    &local,
+                                    &cluster.triangles[k as usize].corners,
+                                );
+                                match hit {
+                                    Some((t, barycentric)) if range.contains(&t) => {
+                                        let kind =
+                                            CandidateKind::Triangle { index: k, barycentric };
+                                        take(Candidate { t, instance: number, kind }, range)
+                                    }
+                                    _ => true,
+                                }
+                            }
+                        };
+                        if !go_on {
+                            return false;
+                        }
+                    }
+                    true
+                });
+                if !go_on {
+                    return false;
+                }
+            }
+            true
+        });
+    }
+
+    /// Merges what was found twice on common borders of cells and pieces; `hits` are sorted.
+    fn merge(&self, hits: &mut Vec<Hit>) {
+        let mut kept = 0;
+        for k in 0..hits.len() {
+            let hit = hits[k];
+            let known = hits[..kept].iter().rev().take(64).position(|other| {
+                other.shape == hit.shape && self.coincide(other, &hit)
+            });
+            match known {
+                Some(back) => {
+                    let other = &mut hits[kept - 1 - back];
+                    // The proven root stands for both.
+                    if other.tangential && !hit.tangential {
+                        *other = hit;
+                    }
+                }
+                None => {
+                    hits[kept] = hit;
+                    kept += 1;
+                }
+            }
+        }
+        hits.truncate(kept);
+    }
+
+    fn coincide(&self, a: &Hit, b: &Hit) -> bool {
+        let apart = a.point.distance(b.point);
+        let size = a.error.max(b.error) / POINT_ERROR;
+        if a.tangential || b.tangential {
+            return apart <= SAME_POINT * size;
+        }
+        let uv = (a.uv - b.uv).abs() / self.domain_size(a);
+        uv.max_element() <= SAME_PARAMETER && apart <= SAME_POINT * size
+    }
+
+    /// Extent of the parameters of the shape that was hit.
+    fn domain_size(&self, hit: &Hit) -> DVec2 {
+        let cluster = &self.clusters[self.instances[hit.place.0 as usize].cluster as usize];
+        match cluster.items[hit.place.1 as usize].shape {
+            ItemShape::Patch(surface) => {
+                let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+                DVec2::new(u.end - u.start, v.end - v.start)
+            }
+            ItemShape::Mesh(_) => DVec2::ONE,
+        }
+    }
+
+    /// The material of what was hit, if it has one.
+    pub(crate) fn material(&self, hit: &Hit) -> Option<&Material> {
+        let cluster = &self.clusters[self.instances[hit.place.0 as usize].cluster as usize];
+        cluster.items[hit.place.1 as usize].material.map(|id| self.scene.material(id))
+    }
+
+    /// Completes a candidate: point, normal, parameters and number in the world.
+    fn work_out(&self, ray: &Ray, candidate: &Candidate) -> Hit {
+        let instance = &self.instances[candidate.instance as usize];
+        let cluster = &self.clusters[instance.cluster as usize];
+        match candidate.kind {
+            CandidateKind::Surface { piece, u, v, tangential } => {
+                let piece = &cluster.pieces.pieces[piece as usize];
+                let hit = self.surface_hit(instance, cluster, piece, DVec2::new(u, v));
+                Hit { t: candidate.t, tangential, place: (candidate.instance, piece.item), ..hit }
+            }
+            CandidateKind::Triangle { index, barycentric } => {
+                let triangle = &cluster.triangles[index as usize];
+                let hit = self.triangle_hit(instance, cluster, triangle, barycentric);
+                let place = (candidate.instance, triangle.item);
+                Hit { t: candidate.t, point: ray.at(candidate.t), place, ..hit }
+            }
+        }
+    }
+
+    fn surface_hit(
+        &self,
+        instance: &Instance,
+        cluster: &Cluster<'_>,
+        piece: &Piece,
+        local: DVec2,
+    ) -> Hit {
+        let [point, du, dv] = evaluate_piece(cluster, piece, local);
+        let world = &instance.world_from_cluster;
+        let (du, dv) = (world.transform_vector3(du), world.transform_vector3(dv));
+        let item = &cluster.items[piece.item as usize];
+        let uv = DVec2::new(piece.u.0 + piece.u.1 * local.x, piece.v.0 + piece.v.1 * local.y);
+        let normal = kernel::regular_normal(du, dv).or_else(|| {
+            let ItemShape::Patch(surface) = item.shape else { return None };
+            let placed = surface.transformed(&(*world * item.cluster_from_object));
+            placed.normal(uv)
+        });
+        let point = world.transform_point3(point);
+        let size = du.length().max(dv.length()).max(piece.radius) + point.abs().max_element();
+        Hit {
+            t: 0.0,
+            uv,
+            point,
+            normal: normal.unwrap_or(DVec3::ZERO),
+            shape: instance.before.patches + item.offset,
+            tangential: false,
+            error: POINT_ERROR * size,
+            place: (0, 0),
+        }
+    }
+
+    fn triangle_hit(
+        &self,
+        instance: &Instance,
+        cluster: &Cluster<'_>,
+        triangle: &Triangle,
+        barycentric: DVec2,
+    ) -> Hit {
+        let item = &cluster.items[triangle.item as usize];
+        let world = &instance.world_from_cluster;
+        let corners = triangle.corners.map(|c| world.transform_point3(c));
+        let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let mut normal = flat;
+        let mut uv = barycentric;
+        if let ItemShape::Mesh(mesh) = item.shape {
+            uv = triangle_uv(mesh, triangle.index, barycentric);
+            if let normals @ [_, ..] = mesh.normals() {
+                let [a, b, c] =
+                    mesh.triangles()[triangle.index as usize].map(|k| normals[k as usize]);
+                let smooth = a * (1.0 - barycentric.x - barycentric.y)
+                    + b * barycentric.x
+                    + c * barycentric.y;
+                let object = *world * item.cluster_from_object;
+                let turned = object.matrix3.inverse().transpose() * smooth;
+                normal = if turned.dot(flat) < 0.0 { -turned } else { turned };
+            }
+        }
+        let size = corners.iter().fold(0.0, |max: f64, c| max.max(c.abs().max_element()));
+        Hit {
+            t: 0.0,
+            uv,
+            point: DVec3::ZERO,
+            normal: normal.normalize_or_zero(),
+            shape: self.counts.patches + instance.before.meshes + item.offset,
+            tangential: false,
+            error: POINT_ERROR * size,
+            place: (0, 0),
+        }
+    }
+}
+
+/// Point and first derivatives by the patch's parameters, in the cluster.
+fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3; 3] {
+    let net = cluster.pieces.net(piece);
+    let u = bernstein(piece.degrees.p, local.x);
+    let v = bernstein(piece.degrees.q, local.y);
+    let [x, y, z, w] = [net.x, net.y, net.z, net.w].map(|c| evaluate(c, piece.degrees, &u, &v));
+    let own = DVec3::new(x[0], y[0], z[0]) / w[0];
+    let along = |k: usize| (DVec3::new(x[k], y[k], z[k]) - own * w[k]) / w[0] * piece.radius;
+    [piece.center + own * piece.radius, along(1) / piece.u.1, along(2) / piece.v.1]
+}
+
+/// A ray in the coordinates of a cluster, with its origin next to the cluster so that far
+/// cameras lose no digits, and two planes through it.
+struct ClusterRay {
+    origin: DVec3,
+    direction: DVec3,
+    /// The ray parameter of the origin.
+    shift: f64,
+    e1: DVec3,
+    e2: DVec3,
+    inverse_square: f64,
+    /// How far the cluster reaches, which bounds the rounding errors of positions.
+    reach: f64,
+}
+
+impl ClusterRay {
+    fn new(ray: Ray, cluster: &Cluster<'_>) -> Self {
+        let bounds = cluster.tree.bounds();
+        let unit = ray.direction.normalize();
+        let inverse_square = 1.0 / ray.direction.length_squared();
+        let shift = (bounds.center() - ray.origin).dot(ray.direction) * inverse_square;
+        let (e1, e2) = unit.any_orthonormal_pair();
+        Self {
+            origin: ray.at(shift),
+            direction: ray.direction,
+            shift,
+            e1,
+            e2,
+            inverse_square,
+            reach: bounds.diagonal(),
+        }
+    }
+
+    /// Offers the roots in a cell; the result says whether to go on.
+    fn meet_cell<I: Intersector>(
+        &self,
+        cluster: &Cluster<'_>,
+        cell: &Cell,
+        scratch: &mut Scratch,
+        range: &mut Range<f64>,
+        offer: &mut impl FnMut(f64, CandidateKind, &mut Range<f64>) -> bool,
+    ) -> bool {
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let net = cluster.pieces.net(piece);
+        let origin = (self.origin - piece.center) / piece.radius;
+        let line = Line {
+            e1: self.e1,
+            e2: self.e2,
+            c1: self.e1.dot(origin),
+            c2: self.e2.dot(origin),
+            slack: SLACK * (1.0 + 0.1 * self.reach / piece.radius),
+        };
+        I::roots(scratch, &net, &line, &cell.rect());
+        for k in 0..scratch.roots.len() {
+            let root = scratch.roots[k];
+            let [point, ..] = evaluate_piece(cluster, piece, DVec2::new(root.u, root.v));
+            let t = self.shift + (point - self.origin).dot(self.direction) * self.inverse_square;
+            if range.contains(&t) {
+                let kind = CandidateKind::Surface {
+                    piece: cell.piece,
+                    u: root.u,
+                    v: root.v,
+                    tangential: root.tangential,
+                };
+                if !offer(t, kind, range) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}

@@ -1,0 +1,136 @@
+//! Where a ray meets a shape: the methods, and what they answer.
+
+mod edge;
+pub(crate) mod net;
+mod newton;
+pub(crate) mod triangle;
+
+use std::fmt;
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::Ray;
+
+use crate::accelerator::{Accelerator, Workspace};
+use net::Degrees;
+
+/// A point where a ray meets a shape, in world coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The ray parameter, in lengths of the ray's direction.
+    pub t: f64,
+    /// Parameters of the point: the patch's own, or barycentric for a triangle.
+    pub uv: DVec2,
+    /// The point on the shape.
+    pub point: DVec3,
+    /// Unit normal along `du x dv`, not turned towards the ray; zero where there is none.
+    pub normal: DVec3,
+    /// Number of the shape: patches from 0 on in file order after instancing, then meshes.
+    pub shape: u32,
+    /// Whether the ray only touches, runs along the surface, or meets a singular point, so
+    /// that the root could not be proven to be a simple crossing.
+    pub tangential: bool,
+    /// Bound on the error of `point`, in scene units.
+    pub error: f64,
+    /// Instance and item of the accelerator that were hit.
+    pub(crate) place: (u32, u32),
+}
+
+/// A way to find where rays meet patches: one row per file of this folder.
+///
+/// Each row holds whole-ray functions, compiled for the method; nothing is looked up
+/// within the loop over cells.
+#[derive(Clone, Copy)]
+pub struct Method {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// One sentence for `--help`.
+    pub summary: &'static str,
+    pub(crate) nearest: fn(&Accelerator, &Ray, Range<f64>, &mut Workspace) -> Option<Hit>,
+    pub(crate) any: fn(&Accelerator, &Ray, Range<f64>, &mut Workspace) -> bool,
+    pub(crate) all: fn(&Accelerator, &Ray, Range<f64>, &mut Workspace, &mut Vec<Hit>),
+}
+
+impl fmt::Debug for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Method({})", self.name)
+    }
+}
+
+/// All methods; the first is the default.
+pub const METHODS: &[Method] = &[method::<newton::Newton>()];
+
+const fn method<I: Intersector>() -> Method {
+    Method {
+        name: I::NAME,
+        summary: I::SUMMARY,
+        nearest: |a, ray, range, w| a.nearest_with::<I>(ray, range, w),
+        any: |a, ray, range, w| a.any_with::<I>(ray, range, w),
+        all: |a, ray, range, w, hits| a.all_with::<I>(ray, range, w, hits),
+    }
+}
+
+/// Finds all the roots of one ray in one cell.
+pub(crate) trait Intersector: Default + 'static {
+    /// Name on the command line.
+    const NAME: &'static str;
+    /// One sentence for `--help`.
+    const SUMMARY: &'static str;
+
+    /// Appends every point of the cell that the ray's line meets to `roots`.
+    fn roots(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect);
+}
+
+/// One Bézier piece in its own units: centred and scaled so that it fits the unit ball,
+/// with weights of at most one. Four nets, one per homogeneous coordinate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PieceNet<'a> {
+    pub(crate) degrees: Degrees,
+    pub(crate) x: &'a [f64],
+    pub(crate) y: &'a [f64],
+    pub(crate) z: &'a [f64],
+    pub(crate) w: &'a [f64],
+}
+
+/// A ray's line as two planes through it, in the units of a piece: the line is where
+/// `e1 . x = c1` and `e2 . x = c2`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    pub(crate) e1: DVec3,
+    pub(crate) e2: DVec3,
+    pub(crate) c1: f64,
+    pub(crate) c2: f64,
+    /// Bound on the rounding errors of the distances from both planes.
+    pub(crate) slack: f64,
+}
+
+/// Part of a piece in its local parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rect {
+    pub(crate) u: (f64, f64),
+    pub(crate) v: (f64, f64),
+}
+
+/// A root in the local parameters of a piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Root {
+    pub(crate) u: f64,
+    pub(crate) v: f64,
+    /// Whether it could not be proven to be a simple crossing.
+    pub(crate) tangential: bool,
+}
+
+/// Memory that the solvers reuse from cell to cell.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    /// What the last call found.
+    pub(crate) roots: Vec<Root>,
+    /// Cells that wait, each a header and two nets.
+    pub(crate) stack: Vec<f64>,
+    /// The nets of the cell at hand.
+    pub(crate) net: Vec<f64>,
+    /// The preconditioned nets, and room for splitting.
+    pub(crate) spare: Vec<f64>,
+    /// How many cells were looked at since the start.
+    pub(crate) cells: u64,
+}

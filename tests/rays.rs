@@ -1,0 +1,100 @@
+//! Every hit of the high-precision ray references is found, and no other.
+//!
+//! The references lie beside the project; without them the test is skipped.
+
+use glam::DVec3;
+use kernel::{Child, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface};
+use nurbray::{Accelerator, Hit, METHODS, Workspace};
+use serde_json::Value;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
+}
+
+fn vector(value: &Value) -> DVec3 {
+    DVec3::from_slice(&numbers(value))
+}
+
+fn scene(value: &Value) -> Scene {
+    let knots = |degree: &str, knots: &str| {
+        let degree = usize::try_from(value[degree].as_u64().unwrap()).unwrap();
+        KnotVector::new(degree, numbers(&value[knots])).unwrap()
+    };
+    let points: Vec<_> = value["points"].as_array().unwrap().iter().map(vector).collect();
+    let weights = numbers(&value["weights"]);
+    let surface = Surface::new(
+        knots("degree_u", "knots_u"),
+        knots("degree_v", "knots_v"),
+        &points,
+        Some(&weights),
+    )
+    .unwrap();
+    let mut scene = Scene::default();
+    let patch = scene.add_patch(Patch::from(surface)).unwrap();
+    let child = Child::Item(Item { shape: Shape::Patch(patch), material: None });
+    let root = scene.add_node(Node { children: vec![child], ..Node::default() }).unwrap();
+    scene.set_root(root).unwrap();
+    scene
+}
+
+#[test]
+fn no_hit_is_lost_and_none_invented() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/reference/rays.json");
+    let Ok(text) = std::fs::read_to_string(path) else {
+        println!("skipped: {path} is not there");
+        return;
+    };
+    let reference: Value = serde_json::from_str(&text).unwrap();
+    let scenes: Vec<_> = reference["surfaces"].as_array().unwrap().iter().map(scene).collect();
+    let mut workspace = Workspace::default();
+    let (mut robust, mut failures, mut worst) = (0, Vec::new(), 0.0_f64);
+    for case in reference["cases"].as_array().unwrap() {
+        let scene = &scenes[usize::try_from(case["surface"].as_u64().unwrap()).unwrap()];
+        let accelerator = Accelerator::build(scene, &METHODS[0]);
+        let size = accelerator.bounds().diagonal();
+        let ray = Ray { origin: vector(&case["origin"]), direction: vector(&case["dir"]) };
+        let length = ray.direction.length();
+        let mut hits = Vec::new();
+        let near = -1e-12 * size / length;
+        accelerator.all(&ray, near..f64::INFINITY, &mut workspace, &mut hits);
+        for hit in &hits {
+            let residual = hit.point.distance(ray.at(hit.t)) / size;
+            if residual > 1e-9 {
+                failures.push(format!("{}: residual {residual:e}", case["id"]));
+            }
+        }
+        let expected = case["hits"].as_array().unwrap();
+        if case["robust"] == Value::Bool(true) {
+            robust += 1;
+            if hits.len() == expected.len() {
+                for (hit, wanted) in hits.iter().zip(expected) {
+                    let error = (hit.t - wanted["t"].as_f64().unwrap()).abs() * length / size;
+                    worst = worst.max(error);
+                }
+            } else {
+                failures.push(describe(case, &hits));
+            }
+        } else if let Some(lost) = lost(expected, &hits, length, size) {
+            println!("not robust: {} of {}", lost, describe(case, &hits));
+        }
+    }
+    println!("{robust} robust rays, worst error of t {worst:e} of the scene size");
+    assert!(robust > 500);
+    assert!(worst <= 1e-9, "{worst:e}");
+    assert!(failures.is_empty(), "{}\n{} failures", failures.join("\n"), failures.len());
+}
+
+/// A hit of multiplicity one that is not near any of ours.
+fn lost(expected: &[Value], hits: &[Hit], length: f64, size: f64) -> Option<Value> {
+    let crossing = expected.iter().filter(|wanted| wanted["multiplicity"] == 1);
+    let near = |wanted: &Value, hit: &Hit| {
+        (hit.t - wanted["t"].as_f64().unwrap()).abs() * length <= 1e-6 * size
+    };
+    crossing.into_iter().find(|wanted| !hits.iter().any(|hit| near(wanted, hit))).cloned()
+}
+
+fn describe(case: &Value, hits: &[Hit]) -> String {
+    let expected: Vec<_> = case["hits"].as_array().unwrap().iter().map(|h| h["t"].clone()).collect();
+    let found: Vec<_> = hits.iter().map(|h| (h.t, h.uv.x, h.uv.y, h.tangential)).collect();
+    format!("{} {}: expected {expected:?}, found {found:?}", case["id"], case["category"])
+}
