@@ -60,7 +60,7 @@ fn no_hit_is_lost_and_none_invented() {
         for hit in &hits {
             let residual = hit.point.distance(ray.at(hit.t)) / size;
             if residual > 1e-9 {
-                failures.push(format!("{}: residual {residual:e}", case["id"]));
+                failures.push(format!("residual {residual:e} of {}", describe(case, &[*hit])));
             }
         }
         let expected = case["hits"].as_array().unwrap();

@@ -185,11 +185,15 @@ impl Node {
         let (mut near, mut far) = ([f32::NEG_INFINITY; WIDTH], [f32::INFINITY; WIDTH]);
         for axis in 0..3 {
             let (o, inverse) = (ray.origin[axis], ray.inverse[axis]);
+            // By the sign of the ray, so that the inverted box of no child is never entered.
+            let (entry, exit) = if inverse < 0.0 {
+                (&self.max[axis], &self.min[axis])
+            } else {
+                (&self.min[axis], &self.max[axis])
+            };
             for k in 0..WIDTH {
-                let a = (self.min[axis][k] - o) * inverse;
-                let b = (self.max[axis][k] - o) * inverse;
-                near[k] = near[k].max(a.min(b));
-                far[k] = far[k].min(a.max(b));
+                near[k] = near[k].max((entry[k] - o) * inverse);
+                far[k] = far[k].min((exit[k] - o) * inverse);
             }
         }
         for k in 0..WIDTH {

@@ -22,6 +22,9 @@ const UNIQUE: f64 = 0.5;
 /// A Jacobian with a relative determinant below this is not inverted.
 const SINGULAR: f64 = 1e-12;
 
+/// Nor is one whose inverse blows up the rounding errors to this part of a cell.
+const BLURRED: f64 = 1e-3;
+
 /// Cells are entered this much beyond their borders, in units of half the cell, so that
 /// roots on common borders are not lost; what is found twice is merged later.
 const WIDENED: f64 = 1.0 + 1e-9;
@@ -65,7 +68,7 @@ impl Intersector for Newton {
             let [_, d1u, d1v] = net::evaluate(d1, degrees, &half_u, &half_v);
             let [_, d2u, d2v] = net::evaluate(d2, degrees, &half_u, &half_v);
             let jacobian = [d1u * 0.5, d1v * 0.5, d2u * 0.5, d2v * 0.5];
-            let verdict = match Inverse::of(jacobian) {
+            let verdict = match Inverse::of(jacobian).filter(|i| slack * i.norm() < BLURRED) {
                 Some(inverse) => {
                     examine(&mut scratch.spare, &scratch.net, degrees, &inverse, slack)
                 }
@@ -108,6 +111,12 @@ impl Inverse {
         let size = a.abs() + b.abs() + c.abs() + d.abs();
         (determinant.abs() > SINGULAR * size * size)
             .then(|| Self([d, -b, -c, a].map(|x| x / determinant)))
+    }
+
+    /// The largest sum of a row.
+    fn norm(&self) -> f64 {
+        let [a, b, c, d] = self.0;
+        (a.abs() + b.abs()).max(c.abs() + d.abs())
     }
 }
 
@@ -184,17 +193,18 @@ fn examine(
     spare: &mut [f64],
     net: &[f64],
     degrees: Degrees,
-    Inverse([a, b, c, d]): &Inverse,
+    inverse: &Inverse,
     slack: f64,
 ) -> Verdict {
     let size = degrees.len();
+    let [a, b, c, d] = inverse.0;
     let (d1, d2) = net.split_at(size);
     let (g1, g2) = spare.split_at_mut(size);
     for (((g1, g2), d1), d2) in g1.iter_mut().zip(g2.iter_mut()).zip(d1).zip(d2) {
         (*g1, *g2) = (a * d1 + b * d2, c * d1 + d * d2);
     }
-    let (slack1, slack2) = (slack * (a.abs() + b.abs()), slack * (c.abs() + d.abs()));
-    if excludes(net::range(g1), slack1) || excludes(net::range(g2), slack2) {
+    let slack = slack * inverse.norm();
+    if excludes(net::range(g1), slack) || excludes(net::range(g2), slack) {
         return Verdict::Empty;
     }
     // The local parameter runs over a length of two: derivatives count half.
@@ -203,7 +213,7 @@ fn examine(
     if stray1.max(stray2) >= UNIQUE {
         return Verdict::Split;
     }
-    iterate(g1, g2, degrees, slack1.max(slack2))
+    iterate(g1, g2, degrees, slack)
 }
 
 /// Clamped iteration on a cell that holds at most one root.
@@ -328,15 +338,16 @@ fn polish(piece: &PieceNet<'_>, line: &Line, near: (f64, f64), room: (f64, f64))
         };
         let [f1, f1u, f1v] = distance(line.e1, line.c1);
         let [f2, f2u, f2v] = distance(line.e2, line.c2);
-        let Some(Inverse([a, b, c, d])) = Inverse::of([f1u, f1v, f2u, f2v]) else {
+        let Some(inverse) = Inverse::of([f1u, f1v, f2u, f2v]) else {
             break;
         };
+        let [a, b, c, d] = inverse.0;
         let (su, sv) = (a * f1 + b * f2, c * f1 + d * f2);
         if su.abs() > room.0 || sv.abs() > room.1 {
             break;
         }
         (u, v) = (u - su, v - sv);
-        uncertain = line.slack * (a.abs() + b.abs()).max(c.abs() + d.abs());
+        uncertain = line.slack * inverse.norm();
     }
     let margin = 1e-12 + 2.0 * uncertain;
     let inside = |x: f64| (-margin..=1.0 + margin).contains(&x);
