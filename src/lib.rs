@@ -1,10 +1,39 @@
-//! x
-#![allow(missing_docs)]
+//! Ray-traces NURBS exactly: from a file to a scene to a picture, never through triangles.
+//!
+//! The five stations, each one call:
+//!
+//! ```
+//! use nurbray::kernel::Camera;
+//! use nurbray::{Accelerator, METHODS, OutputOptions, RenderOptions, formats, output, render};
+//!
+//! # let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+//! # let target = std::env::temp_dir().join("nurbray-doc.png");
+//! let scene = formats::open(folder.join("samples/teapot.obj"), &formats::Limits::default())?.scene;
+//! let accelerator = Accelerator::build(&scene, &METHODS[0]);
+//! let camera = Camera::framing(&accelerator.bounds(), scene.up.direction());
+//! let options = RenderOptions { width: 64, height: 48, ..RenderOptions::default() };
+//! let (film, _) = render(&accelerator, &camera, &options, &|_| {});
+//! output::write(&film, &target, &OutputOptions::default())?;
+//! # std::fs::remove_file(&target)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! `kernel` says what a scene *is*, `formats` how it is *stored*, this crate what we *do*
+//! with it.
+
 pub use formats;
 pub use kernel;
 
 mod accelerator;
+mod film;
+mod integrator;
 mod intersect;
+pub mod output;
+mod render;
 
 pub use accelerator::{Accelerator, Workspace};
+pub use film::{Film, PixelData};
+pub use integrator::Shading;
 pub use intersect::{Hit, METHODS, Method};
+pub use output::OutputOptions;
+pub use render::{RenderOptions, RenderStats, render};

@@ -1,0 +1,92 @@
+//! The film: linear light and data channels, one entry per pixel, top row first.
+
+use glam::DVec3;
+
+/// What the ray through the middle of a pixel met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelData {
+    /// Distance along the camera's axis, in scene units; [`PixelData::FAR`] for a miss.
+    pub depth: f32,
+    /// Unit normal in the world, along `du x dv`.
+    pub normal: [f32; 3],
+    /// The point in the world.
+    pub position: [f32; 3],
+    /// Parameters of the point in the patch's own domain.
+    pub uv: [f32; 2],
+    /// Number of the patch or mesh; -1 for a miss.
+    pub shape: f32,
+}
+
+impl PixelData {
+    /// Depth of a pixel without a hit.
+    pub const FAR: f32 = 1e10;
+
+    /// A pixel without a hit.
+    pub const MISS: Self = Self {
+        depth: Self::FAR,
+        normal: [0.0; 3],
+        position: [0.0; 3],
+        uv: [0.0; 2],
+        shape: -1.0,
+    };
+}
+
+/// A rendered picture before it is encoded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    width: u32,
+    height: u32,
+    /// Linear colour times coverage, and coverage.
+    colors: Vec<[f32; 4]>,
+    data: Vec<PixelData>,
+}
+
+impl Film {
+    /// A film of transparent black pixels that meet nothing.
+    pub fn new(width: u32, height: u32) -> Self {
+        let count = width as usize * height as usize;
+        Self { width, height, colors: vec![[0.0; 4]; count], data: vec![PixelData::MISS; count] }
+    }
+
+    /// Pixels per row.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Number of rows.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Sets one pixel; `x` counts from the left, `y` from the top.
+    pub(crate) fn set(&mut self, x: u32, y: u32, color: [f32; 4], data: PixelData) {
+        let index = y as usize * self.width as usize + x as usize;
+        self.colors[index] = color;
+        self.data[index] = data;
+    }
+
+    /// Linear red, green and blue times coverage, and coverage.
+    pub fn colors(&self) -> &[[f32; 4]] {
+        &self.colors
+    }
+
+    /// The data channels.
+    pub fn data(&self) -> &[PixelData] {
+        &self.data
+    }
+
+    /// Puts an opaque linear colour behind everything.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "film is single precision")]
+    pub fn over(mut self, background: DVec3) -> Self {
+        let behind = background.to_array().map(|c| c as f32);
+        for color in &mut self.colors {
+            let through = 1.0 - color[3];
+            for (c, b) in color.iter_mut().zip(behind) {
+                *c += through * b;
+            }
+            color[3] = 1.0;
+        }
+        self
+    }
+}

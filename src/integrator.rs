@@ -1,0 +1,260 @@
+//! From a hit to a colour: classic local models, shadows and transparency.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use kernel::{Camera, Light, LightKind, Material, Ray, Scene};
+
+use crate::accelerator::{Accelerator, Workspace};
+use crate::intersect::Hit;
+
+/// How surfaces are shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shading {
+    /// Phong's mirror direction \[Phong 75\].
+    #[default]
+    Phong,
+    /// Blinn's half vector, with four times the exponent.
+    Blinn,
+    /// No colours: data channels only.
+    None,
+}
+
+/// Surfaces seen through one another, at most.
+const LAYERS: usize = 16;
+
+/// What remains visible below this share is not followed.
+const LEAST_SHARE: f64 = 1.0 / 512.0;
+
+/// Light that is everywhere, as a share of white.
+const AMBIENT: f64 = 0.12;
+
+/// Blinn's exponent for the same size of highlight.
+const BLINN_EXPONENT: f64 = 4.0;
+
+/// Everything that shading needs besides the hit.
+#[derive(Debug)]
+pub(crate) struct Integrator<'a> {
+    accelerator: &'a Accelerator<'a>,
+    lights: Vec<ActiveLight>,
+    ambient: DVec3,
+    shading: Shading,
+    /// Whether some material lets light through.
+    transparent: bool,
+    fallback: Material,
+    size: f64,
+}
+
+#[derive(Debug)]
+struct ActiveLight {
+    light: Light,
+    /// Light from the camera itself throws no shadow that it could see.
+    shadows: bool,
+}
+
+/// A colour with its coverage.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Radiance {
+    pub(crate) color: DVec3,
+    pub(crate) coverage: f64,
+}
+
+impl<'a> Integrator<'a> {
+    pub(crate) fn new(
+        accelerator: &'a Accelerator<'a>,
+        camera: &Camera,
+        shading: Shading,
+    ) -> Self {
+        let scene = accelerator.scene();
+        let lights = lights(scene, camera);
+        let ambient = lights.iter().map(|l| l.light.ambient).sum::<DVec3>() + AMBIENT;
+        Self {
+            accelerator,
+            lights,
+            ambient,
+            shading,
+            transparent: scene.materials().iter().any(|m| m.opacity < 1.0),
+            fallback: Material::default(),
+            size: accelerator.bounds().diagonal(),
+        }
+    }
+
+    /// The light that comes back along `ray` from its first hit and, where that is
+    /// transparent, from what lies behind. Counts the rays it sends in `rays`.
+    pub(crate) fn radiance(
+        &self,
+        ray: &Ray,
+        first: &Hit,
+        workspace: &mut Workspace,
+        rays: &mut u64,
+    ) -> Radiance {
+        let mut hit = *first;
+        let (mut sum, mut share) = (Radiance::default(), 1.0);
+        for _ in 0..LAYERS {
+            let material = self.accelerator.material(&hit).unwrap_or(&self.fallback);
+            let opacity = material.opacity.clamp(0.0, 1.0);
+            if opacity > 0.0 {
+                let local = self.local(ray, &hit, material, workspace, rays);
+                sum.color += local * (share * opacity);
+            }
+            share *= 1.0 - opacity;
+            if share < LEAST_SHARE {
+                break;
+            }
+            let (behind, range) = self.leave(ray, &hit, ray.direction);
+            *rays += 1;
+            match self.accelerator.nearest(&behind, range, workspace) {
+                Some(next) => hit = next,
+                None => break,
+            }
+        }
+        sum.coverage = 1.0 - share;
+        sum
+    }
+
+    /// The local model at one hit.
+    fn local(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        material: &Material,
+        workspace: &mut Workspace,
+        rays: &mut u64,
+    ) -> DVec3 {
+        let view = -ray.direction.normalize();
+        let mut color = material.emissive + material.ambient * self.ambient;
+        // Both sides of a surface are lit; without a normal it faces the viewer.
+        let normal = match hit.normal.dot(view) {
+            0.0 if hit.normal == DVec3::ZERO => view,
+            cosine if cosine < 0.0 => -hit.normal,
+            _ => hit.normal,
+        };
+        for ActiveLight { light, shadows } in &self.lights {
+            let Some((direction, reach, strength)) = arrival(light, hit.point) else { continue };
+            let cosine = normal.dot(direction);
+            if cosine <= 0.0 || strength <= 0.0 {
+                continue;
+            }
+            let visible = if *shadows {
+                self.visibility(ray, hit, direction, reach, workspace, rays)
+            } else {
+                1.0
+            };
+            if visible <= 0.0 {
+                continue;
+            }
+            let highlight = match self.shading {
+                Shading::Blinn => {
+                    let half = (direction + view).normalize_or_zero();
+                    half.dot(normal).max(0.0).powf(material.shininess * BLINN_EXPONENT)
+                }
+                _ => {
+                    let mirrored = normal * (2.0 * cosine) - direction;
+                    mirrored.dot(view).max(0.0).powf(material.shininess)
+                }
+            };
+            let reflected = material.diffuse * cosine + material.specular * highlight;
+            color += reflected * light.color * (strength * visible);
+        }
+        color
+    }
+
+    /// The share of light that arrives from `direction`, up to the distance `reach`.
+    fn visibility(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        direction: DVec3,
+        reach: f64,
+        workspace: &mut Workspace,
+        rays: &mut u64,
+    ) -> f64 {
+        let (mut shadow, mut range) = self.leave(ray, hit, direction);
+        range.end = reach - (shadow.origin - hit.point).dot(direction);
+        *rays += 1;
+        if !self.transparent {
+            let blocked = self.accelerator.any(&shadow, range, workspace);
+            return if blocked { 0.0 } else { 1.0 };
+        }
+        let mut share = 1.0;
+        for _ in 0..LAYERS {
+            let Some(blocker) = self.accelerator.nearest(&shadow, range.clone(), workspace) else {
+                return share;
+            };
+            let material = self.accelerator.material(&blocker).unwrap_or(&self.fallback);
+            share *= 1.0 - material.opacity.clamp(0.0, 1.0);
+            if share < LEAST_SHARE {
+                return 0.0;
+            }
+            let (next, _) = self.leave(&shadow, &blocker, direction);
+            range.end -= blocker.t;
+            shadow = next;
+            *rays += 1;
+        }
+        share
+    }
+
+    /// A ray that leaves the surface at `hit` along `direction`, without meeting that very
+    /// point again: it starts off the surface by the error of the point, on the side to
+    /// which it goes.
+    fn leave(&self, ray: &Ray, hit: &Hit, direction: DVec3) -> (Ray, Range<f64>) {
+        let normal = if hit.normal == DVec3::ZERO { -ray.direction.normalize() } else { hit.normal };
+        let side = if normal.dot(direction) < 0.0 { -normal } else { normal };
+        // Far above the error of the point, far below the accuracy that is promised.
+        let offset = side * (hit.error * 100.0).max(self.size * 1e-12);
+        (Ray { origin: hit.point + offset, direction }, 0.0..f64::INFINITY)
+    }
+}
+
+/// Direction to a light, distance, and the share of its colour that reaches `point`.
+fn arrival(light: &Light, point: DVec3) -> Option<(DVec3, f64, f64)> {
+    match light.kind {
+        LightKind::Directional { direction } => {
+            Some((-direction.try_normalize()?, f64::INFINITY, 1.0))
+        }
+        LightKind::Point { position, falloff } => {
+            let reach = position.distance(point);
+            Some(((position - point).try_normalize()?, reach, falloff.at(reach)))
+        }
+        LightKind::Spot { position, direction, inner, outer, falloff } => {
+            let reach = position.distance(point);
+            let towards = (position - point).try_normalize()?;
+            let angle = direction.try_normalize()?.dot(-towards).clamp(-1.0, 1.0).acos();
+            let cone = if angle <= inner {
+                1.0
+            } else if angle >= outer {
+                0.0
+            } else {
+                (outer - angle) / (outer - inner)
+            };
+            Some((towards, reach, cone * falloff.at(reach)))
+        }
+    }
+}
+
+/// The scene's lights, or three good ones placed relative to the camera; and the headlight.
+fn lights(scene: &Scene, camera: &Camera) -> Vec<ActiveLight> {
+    let (right, up, forward) = (camera.right(), camera.up(), camera.forward());
+    let parallel = |direction: DVec3, brightness: f64, shadows| ActiveLight {
+        light: Light {
+            kind: LightKind::Directional { direction },
+            color: DVec3::splat(brightness),
+            ambient: DVec3::ZERO,
+        },
+        shadows,
+    };
+    if scene.lights.is_empty() {
+        return vec![
+            parallel(right * 0.7 - up * 0.9 + forward * 0.8, 0.80, true),
+            parallel(-right * 0.9 - up * 0.3 + forward * 0.6, 0.22, true),
+            parallel(-right * 0.3 - up * 0.7 - forward * 0.8, 0.25, true),
+            parallel(forward, 0.18, false),
+        ];
+    }
+    let mut lights: Vec<_> =
+        scene.lights.iter().map(|&light| ActiveLight { light, shadows: true }).collect();
+    if scene.headlight {
+        lights.push(parallel(forward, 1.0, false));
+    }
+    lights
+}

@@ -1,0 +1,210 @@
+//! From film to file: encoding happens here only.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+use std::{fmt, fs};
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
+    LayerAttributes, LineOrder, SmallVec, WritableImage, f16,
+};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::film::{Film, PixelData};
+
+/// Bits per channel of a PNG file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PngDepth {
+    /// One byte per channel.
+    #[default]
+    Eight,
+    /// Two bytes per channel.
+    Sixteen,
+}
+
+/// A group of data channels of an EXR file.
+#[derive(Clone, Copy, Debug)]
+pub struct Aov {
+    /// Name on the command line.
+    pub name: &'static str,
+    channels: &'static [DataChannel],
+}
+
+/// Channel name, and how to take its value from the data.
+type DataChannel = (&'static str, fn(&PixelData) -> f32);
+
+/// Every group of data channels; all are single precision.
+pub const AOVS: &[Aov] = &[
+    Aov { name: "depth", channels: &[("Z", |d| d.depth), ("ViewLayer.Depth.Z", |d| d.depth)] },
+    Aov {
+        name: "normal",
+        channels: &[
+            ("ViewLayer.Normal.X", |d| d.normal[0]),
+            ("ViewLayer.Normal.Y", |d| d.normal[1]),
+            ("ViewLayer.Normal.Z", |d| d.normal[2]),
+        ],
+    },
+    Aov {
+        name: "position",
+        channels: &[
+            ("ViewLayer.Position.X", |d| d.position[0]),
+            ("ViewLayer.Position.Y", |d| d.position[1]),
+            ("ViewLayer.Position.Z", |d| d.position[2]),
+        ],
+    },
+    Aov {
+        name: "uv",
+        channels: &[
+            ("ViewLayer.UV.U", |d| d.uv[0]),
+            ("ViewLayer.UV.V", |d| d.uv[1]),
+            ("ViewLayer.UV.A", |d| if d.shape < 0.0 { 0.0 } else { 1.0 }),
+            ("exact.u", |d| d.uv[0]),
+            ("exact.v", |d| d.uv[1]),
+        ],
+    },
+    Aov { name: "patch", channels: &[("exact.patch", |d| d.shape)] },
+];
+
+/// What goes into a file.
+#[derive(Clone, Debug)]
+pub struct OutputOptions {
+    /// Bits per channel of a PNG file.
+    pub png_depth: PngDepth,
+    /// Whether an EXR file gets the colours.
+    pub beauty: bool,
+    /// The data channels of an EXR file.
+    pub aovs: Vec<Aov>,
+}
+
+impl Default for OutputOptions {
+    fn default() -> Self {
+        Self { png_depth: PngDepth::Eight, beauty: true, aovs: AOVS.to_vec() }
+    }
+}
+
+/// A kind of picture file: one row each.
+#[derive(Clone, Copy)]
+pub struct PictureFormat {
+    /// File name ending.
+    pub extension: &'static str,
+    /// Whether data channels can be stored.
+    pub holds_data: bool,
+    write: fn(&Film, &OutputOptions, &mut BufWriter<File>) -> io::Result<()>,
+}
+
+impl fmt::Debug for PictureFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "PictureFormat({})", self.extension)
+    }
+}
+
+/// All kinds of picture files.
+pub const PICTURE_FORMATS: &[PictureFormat] = &[
+    PictureFormat { extension: "png", holds_data: false, write: write_png },
+    PictureFormat { extension: "exr", holds_data: true, write: write_exr },
+];
+
+/// The kind of picture that a file name asks for.
+pub fn picture_format(path: &Path) -> Option<&'static PictureFormat> {
+    let extension = path.extension()?.to_str()?.to_lowercase();
+    PICTURE_FORMATS.iter().find(|format| format.extension == extension)
+}
+
+/// Writes a picture; the file appears under its name only when it is complete.
+///
+/// # Errors
+/// If the ending of the name is not known or the file cannot be written; nothing is left
+/// behind then.
+pub fn write(film: &Film, path: &Path, options: &OutputOptions) -> io::Result<()> {
+    let format = picture_format(path).ok_or_else(|| {
+        let known: Vec<_> = PICTURE_FORMATS.iter().map(|f| f.extension).collect();
+        let text = format!("pictures end in .{}", known.join(" or ."));
+        io::Error::new(io::ErrorKind::InvalidInput, text)
+    })?;
+    replace_file(path, |file| (format.write)(film, options, file))
+}
+
+/// Writes a file under a temporary name beside its place and renames it when it is complete.
+pub(crate) fn replace_file(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    let temporary = path.with_file_name(name);
+    let written = File::create(&temporary).and_then(|file| {
+        let mut file = BufWriter::new(file);
+        fill(&mut file)?;
+        file.flush()?;
+        fs::rename(&temporary, path)
+    });
+    if written.is_err() {
+        // The error that stopped the writing is the one to tell.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}
+
+/// The sRGB value of linear light, both from 0 to 1.
+fn srgb(linear: f32) -> f32 {
+    let x = linear.clamp(0.0, 1.0);
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -> io::Result<()> {
+    let opaque = film.colors().iter().all(|c| c[3] >= 1.0);
+    let channels = if opaque { 3 } else { 4 };
+    // PNG wants colours that are not multiplied by the coverage.
+    let values = film.colors().iter().flat_map(|&[r, g, b, a]| {
+        let scale = if a > 0.0 { a.recip() } else { 0.0 };
+        [srgb(r * scale), srgb(g * scale), srgb(b * scale), a.clamp(0.0, 1.0)]
+            .into_iter()
+            .take(channels)
+    });
+    let (bytes, color): (Vec<u8>, _) = match options.png_depth {
+        PngDepth::Eight => (
+            values.map(|v| quantize(v, 255.0).to_be_bytes()[1]).collect(),
+            if opaque { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 },
+        ),
+        PngDepth::Sixteen => (
+            values.flat_map(|v| quantize(v, 65535.0).to_ne_bytes()).collect(),
+            if opaque { ExtendedColorType::Rgb16 } else { ExtendedColorType::Rgba16 },
+        ),
+    };
+    PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::Adaptive)
+        .write_image(&bytes, film.width(), film.height(), color)
+        .map_err(io::Error::other)
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the value is 0 to 1")]
+fn quantize(value: f32, most: f32) -> u16 {
+    (value * most).round() as u16
+}
+
+fn write_exr(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -> io::Result<()> {
+    let mut channels = SmallVec::new();
+    if options.beauty {
+        for (k, name) in ["R", "G", "B", "A"].into_iter().enumerate() {
+            let samples: Vec<f16> = film.colors().iter().map(|c| f16::from_f32(c[k])).collect();
+            let layered = format!("ViewLayer.Combined.{name}");
+            for name in [name, layered.as_str()] {
+                channels.push(AnyChannel::new(name, FlatSamples::F16(samples.clone())));
+            }
+        }
+    }
+    for (name, value) in options.aovs.iter().flat_map(|aov| aov.channels) {
+        let samples = film.data().iter().map(value).collect();
+        channels.push(AnyChannel::new(*name, FlatSamples::F32(samples)));
+    }
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let size = (film.width() as usize, film.height() as usize);
+    let layer =
+        Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+    Image::from_layer(layer).write().to_buffered(file).map_err(io::Error::other)
+}

@@ -1,0 +1,239 @@
+//! The loop over tiles, pixels and samples.
+
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use glam::{DVec2, DVec3};
+use kernel::{Camera, Ray};
+use rayon::prelude::*;
+
+use crate::accelerator::{Accelerator, Workspace};
+use crate::film::{Film, PixelData};
+use crate::integrator::{Integrator, Radiance, Shading};
+use crate::intersect::Hit;
+
+/// Side of a tile in pixels.
+const TILE: u32 = 32;
+
+/// How to render.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderOptions {
+    /// Pixels per row.
+    pub width: u32,
+    /// Number of rows.
+    pub height: u32,
+    /// `samples x samples` rays per pixel.
+    pub samples: u32,
+    /// How surfaces are shaded.
+    pub shading: Shading,
+    /// Whether the data channels are filled.
+    pub data: bool,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { width: 960, height: 720, samples: 2, shading: Shading::Phong, data: true }
+    }
+}
+
+/// What rendering took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RenderStats {
+    /// Rays from the camera.
+    pub primary_rays: u64,
+    /// Rays towards lights and through transparent surfaces.
+    pub secondary_rays: u64,
+    /// Rays from the camera that met something.
+    pub hits: u64,
+    /// Cells that the leaf solver examined.
+    pub cells_examined: u64,
+    /// Time for rays from the camera, summed over threads.
+    pub trace: Duration,
+    /// Time for shading, the secondary rays among it, summed over threads.
+    pub shade: Duration,
+}
+
+/// Renders what `camera` sees, in tiles and on all threads of the current pool.
+///
+/// Every pixel depends on its place alone, so that the film does not depend on the number
+/// of threads. `progress` is told each time another number of pixels is done.
+pub fn render(
+    accelerator: &Accelerator<'_>,
+    camera: &Camera,
+    options: &RenderOptions,
+    progress: &(dyn Fn(u64) + Sync),
+) -> (Film, RenderStats) {
+    let integrator = Integrator::new(accelerator, camera, options.shading);
+    let painter = Painter { accelerator, integrator, camera, options };
+    let tiles: Vec<_> = tiles(options).collect();
+    let done: Vec<_> = tiles
+        .par_iter()
+        .map_init(Workspace::default, |workspace, tile| {
+            let painted = painter.paint(tile, workspace);
+            progress(painted.0.len() as u64);
+            painted
+        })
+        .collect();
+    let mut film = Film::new(options.width, options.height);
+    let mut stats = RenderStats::default();
+    for (tile, (pixels, part)) in tiles.iter().zip(done) {
+        for ((x, y), (color, data)) in tile.pixels().zip(pixels) {
+            film.set(x, y, color, data);
+        }
+        stats.add(&part);
+    }
+    (film, stats)
+}
+
+impl RenderStats {
+    fn add(&mut self, other: &Self) {
+        self.primary_rays += other.primary_rays;
+        self.secondary_rays += other.secondary_rays;
+        self.hits += other.hits;
+        self.cells_examined += other.cells_examined;
+        self.trace += other.trace;
+        self.shade += other.shade;
+    }
+}
+
+/// A rectangle of pixels.
+struct Tile {
+    x: Range<u32>,
+    y: Range<u32>,
+}
+
+impl Tile {
+    fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        self.y.clone().flat_map(|y| self.x.clone().map(move |x| (x, y)))
+    }
+}
+
+fn tiles(options: &RenderOptions) -> impl Iterator<Item = Tile> + '_ {
+    let steps = |size: u32| (0..size).step_by(TILE as usize).map(move |a| a..size.min(a + TILE));
+    steps(options.height).flat_map(move |y| {
+        steps(options.width).map(move |x| Tile { x, y: y.clone() })
+    })
+}
+
+type Pixel = ([f32; 4], PixelData);
+
+struct Painter<'a> {
+    accelerator: &'a Accelerator<'a>,
+    integrator: Integrator<'a>,
+    camera: &'a Camera,
+    options: &'a RenderOptions,
+}
+
+impl Painter<'_> {
+    /// Traces, then shades, all samples of a tile.
+    fn paint(&self, tile: &Tile, workspace: &mut Workspace) -> (Vec<Pixel>, RenderStats) {
+        let mut stats = RenderStats::default();
+        let cells_before = workspace.cells_examined();
+        let started = Instant::now();
+        let shots: Vec<_> = tile
+            .pixels()
+            .flat_map(|(x, y)| self.places(x, y))
+            .map(|place| {
+                let ray = self.ray(place);
+                (ray, self.accelerator.nearest(&ray, 0.0..f64::INFINITY, workspace))
+            })
+            .collect();
+        stats.trace = started.elapsed();
+        stats.primary_rays = shots.len() as u64;
+        stats.hits = shots.iter().filter(|(_, hit)| hit.is_some()).count() as u64;
+        let started = Instant::now();
+        let per_pixel = self.rays_per_pixel();
+        let pixels = shots
+            .chunks_exact(per_pixel)
+            .map(|shots| self.develop(shots, workspace, &mut stats.secondary_rays))
+            .collect();
+        stats.shade = started.elapsed();
+        stats.cells_examined = workspace.cells_examined() - cells_before;
+        (pixels, stats)
+    }
+
+    /// Whether data channels need a ray of their own through the middle of the pixel.
+    fn central_ray(&self) -> bool {
+        self.options.data && self.options.samples > 1 && self.options.shading != Shading::None
+    }
+
+    /// Colour samples along one side of a pixel.
+    fn side(&self) -> u32 {
+        if self.options.shading == Shading::None { 1 } else { self.options.samples.max(1) }
+    }
+
+    fn rays_per_pixel(&self) -> usize {
+        (self.side() * self.side()) as usize + usize::from(self.central_ray())
+    }
+
+    /// Where the rays of a pixel pass, in pixels from the upper left corner of the film.
+    fn places(&self, x: u32, y: u32) -> impl Iterator<Item = DVec2> + use<> {
+        let n = self.side();
+        let corner = DVec2::new(f64::from(x), f64::from(y));
+        let samples = (0..n * n).map(move |k| {
+            let cell = DVec2::new(f64::from(k % n), f64::from(k / n));
+            let within = if n == 1 { DVec2::splat(0.5) } else { jitter(x, y, k) };
+            corner + (cell + within) / f64::from(n)
+        });
+        samples.chain(self.central_ray().then_some(corner + 0.5))
+    }
+
+    fn ray(&self, place: DVec2) -> Ray {
+        let size = DVec2::new(f64::from(self.options.width), f64::from(self.options.height));
+        let film = place / size * 2.0 - 1.0;
+        self.camera.ray(DVec2::new(film.x, -film.y), size.x / size.y)
+    }
+
+    /// Colour and data of a pixel from its rays and hits.
+    fn develop(
+        &self,
+        shots: &[(Ray, Option<Hit>)],
+        workspace: &mut Workspace,
+        rays: &mut u64,
+    ) -> Pixel {
+        let mut sum = Radiance::default();
+        let samples = (self.side() * self.side()) as usize;
+        if self.options.shading != Shading::None {
+            for (ray, hit) in &shots[..samples] {
+                let Some(hit) = hit else { continue };
+                let radiance = self.integrator.radiance(ray, hit, workspace, rays);
+                sum.color += radiance.color;
+                sum.coverage += radiance.coverage;
+            }
+        }
+        let mean = 1.0 / samples as f64;
+        let color = (sum.color * mean).extend(sum.coverage * mean).as_vec4().to_array();
+        let data = match shots.last() {
+            Some((_, Some(hit))) if self.options.data => pixel_data(self.camera, hit),
+            _ => PixelData::MISS,
+        };
+        (color, data)
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "film is single precision")]
+#[expect(clippy::cast_precision_loss, reason = "ids above 2^24 are beyond a film's channel")]
+fn pixel_data(camera: &Camera, hit: &Hit) -> PixelData {
+    let single = |v: DVec3| v.as_vec3().to_array();
+    PixelData {
+        depth: (hit.point - camera.eye()).dot(camera.forward()) as f32,
+        normal: single(hit.normal),
+        position: single(hit.point),
+        uv: hit.uv.as_vec2().to_array(),
+        shape: hit.shape as f32,
+    }
+}
+
+/// A place in the unit square that depends on the pixel and sample alone
+/// (an integer hash with full avalanche).
+fn jitter(x: u32, y: u32, sample: u32) -> DVec2 {
+    let mut state = u64::from(x) | u64::from(y) << 21 | u64::from(sample) << 42;
+    let mut next = || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    DVec2::new(next(), next())
+}
