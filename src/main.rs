@@ -1,1 +1,9 @@
-fn main() {}
+//! The program `nurbray`.
+
+use std::process::ExitCode;
+
+mod cli;
+
+fn main() -> ExitCode {
+    cli::run()
+}

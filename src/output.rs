@@ -127,7 +127,10 @@ pub fn write(film: &Film, path: &Path, options: &OutputOptions) -> io::Result<()
 }
 
 /// Writes a file under a temporary name beside its place and renames it when it is complete.
-pub(crate) fn replace_file(
+///
+/// # Errors
+/// If the file cannot be written; nothing is left behind then.
+pub fn replace_file(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> io::Result<()> {

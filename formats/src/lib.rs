@@ -50,6 +50,8 @@ pub type Reader = fn(&[u8], &ReadOptions<'_>) -> Result<Import, Error>;
 /// What a reader gives: a scene, and everything it could not use or had to repair.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Import {
+    /// Name of the format, as in [`FORMATS`].
+    pub format: &'static str,
     /// The scene.
     pub scene: Scene,
     /// What was not used or was repaired.
@@ -154,7 +156,7 @@ fn read_plain(
                 .join(", ")
         ))));
     };
-    let import = (format.read)(bytes, options)?;
+    let import = Import { format: format.name, ..(format.read)(bytes, options)? };
     let (placed, limit) = (import.scene.placement_count(), options.limits.placements);
     if placed > limit {
         let text = format!("{placed} shapes after instancing; the limit is {limit}");

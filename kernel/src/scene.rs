@@ -374,9 +374,16 @@ impl Scene {
     }
 }
 
-impl NodeId {
-    /// Position of the node in [`Scene::nodes`].
-    pub fn index(self) -> usize {
-        self.0
-    }
+/// Gives an index type the position that it stands for.
+macro_rules! positions {
+    ($($id:ident in $list:ident),*) => {$(
+        impl $id {
+            #[doc = concat!("Position in [`Scene::", stringify!($list), "`].")]
+            pub fn index(self) -> usize {
+                self.0
+            }
+        }
+    )*};
 }
+
+positions!(PatchId in patches, MeshId in meshes, MaterialId in materials, NodeId in nodes);

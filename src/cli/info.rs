@@ -1,0 +1,253 @@
+//! `nurbray info`.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use nurbray::formats::Import;
+use nurbray::kernel::{Child, Item, NodeId, Patch, Scene, Shape};
+use serde_json::{Value, json};
+
+use super::input::{self, ReadArgs};
+
+/// Lines of the tree that are printed; `--json` has all.
+const TREE_LINES: usize = 60;
+
+/// Shows what is in files, and what could not be used
+///
+/// The tree of names, patches by degree, size and kind, materials, box, unit, cameras,
+/// and every warning with its places.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Files to look at; - reads standard input
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// One line of JSON per file
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    read: ReadArgs,
+}
+
+/// Describes every file; the result is how many failed.
+pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    let mut failed = 0;
+    let mut out = std::io::stdout().lock();
+    for file in &args.files {
+        match args.read.load(file) {
+            Ok(loaded) if args.json => writeln!(out, "{}", to_json(file, &loaded.import))?,
+            Ok(loaded) => write!(out, "{}", to_text(file, &loaded.import))?,
+            Err(error) => {
+                failed += 1;
+                eprintln!("nurbray: {error:#}");
+                if args.json {
+                    let name = input::display(file);
+                    writeln!(out, "{}", json!({ "file": name, "error": format!("{error:#}") }))?;
+                }
+            }
+        }
+    }
+    Ok(failed)
+}
+
+/// What patches have in common when they are counted together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Kind {
+    degree_u: usize,
+    degree_v: usize,
+    rational: bool,
+    trimmed: bool,
+}
+
+impl Kind {
+    fn of(patch: &Patch) -> Self {
+        Self {
+            degree_u: patch.surface.knots_u().degree(),
+            degree_v: patch.surface.knots_v().degree(),
+            rational: patch.surface.is_rational(),
+            trimmed: !patch.loops.is_empty(),
+        }
+    }
+}
+
+/// Number of patches, and least and greatest number of control points, of each kind.
+fn kinds(scene: &Scene) -> BTreeMap<Kind, (usize, usize, usize)> {
+    let mut kinds = BTreeMap::new();
+    for patch in scene.patches() {
+        let size = patch.surface.homogeneous().len();
+        let entry = kinds.entry(Kind::of(patch)).or_insert((0, size, size));
+        *entry = (entry.0 + 1, entry.1.min(size), entry.2.max(size));
+    }
+    kinds
+}
+
+/// Shapes shown, after instancing: patches and meshes.
+fn shown(scene: &Scene) -> (u64, u64) {
+    let mut counts: Vec<(u64, u64)> = Vec::new();
+    for node in scene.nodes() {
+        let sum = node.children.iter().fold((0, 0), |(p, m): (u64, u64), child| match child {
+            Child::Item(Item { shape: Shape::Patch(_), .. }) => (p + 1, m),
+            Child::Item(Item { shape: Shape::Mesh(_), .. }) => (p, m + 1),
+            Child::Node(id) => {
+                let (a, b) = counts[id.index()];
+                (p.saturating_add(a), m.saturating_add(b))
+            }
+        });
+        counts.push(sum);
+    }
+    scene.root().map_or((0, 0), |root| counts[root.index()])
+}
+
+fn to_text(file: &Path, import: &Import) -> String {
+    let mut text = format!("{}: {}\n", input::display(file), import.format);
+    // Writing into a string cannot fail.
+    let _ = describe(&mut text, import);
+    text
+}
+
+fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
+    let scene = &import.scene;
+    let (patches, meshes) = shown(scene);
+    writeln!(text, "  patches    {} stored, {patches} shown", scene.patches().len())?;
+    for (kind, (count, least, most)) in kinds(scene) {
+        let rational = if kind.rational { "rational" } else { "polynomial" };
+        let trimmed = if kind.trimmed { ", trimmed" } else { "" };
+        let points = if least == most { format!("{least}") } else { format!("{least} to {most}") };
+        let Kind { degree_u, degree_v, .. } = kind;
+        writeln!(
+            text,
+            "    {count} of degree {degree_u} x {degree_v}, {rational}{trimmed}, {points} points"
+        )?;
+    }
+    if !scene.meshes().is_empty() {
+        let triangles: usize = scene.meshes().iter().map(|m| m.triangles().len()).sum();
+        let stored = scene.meshes().len();
+        writeln!(text, "  meshes     {stored} stored, {meshes} shown, {triangles} triangles")?;
+    }
+    let bounds = scene.hull_bounds();
+    if !bounds.is_empty() {
+        writeln!(text, "  box        {} to {} (control points)", bounds.min, bounds.max)?;
+    }
+    match &scene.unit {
+        Some(unit) => writeln!(text, "  unit       {} = {} m", unit.name, unit.metres)?,
+        None => writeln!(text, "  unit       not stated")?,
+    }
+    writeln!(text, "  up         {:?}", scene.up)?;
+    for material in scene.materials() {
+        writeln!(text, "  material   {}", named(&material.name))?;
+    }
+    for camera in &scene.cameras {
+        writeln!(text, "  camera     {}", named(&camera.name))?;
+    }
+    if !scene.lights.is_empty() {
+        writeln!(text, "  lights     {}", scene.lights.len())?;
+    }
+    if let Some(root) = scene.root() {
+        writeln!(text, "  tree")?;
+        tree(text, scene, root)?;
+    }
+    let warnings = import.warnings.as_slice();
+    if !warnings.is_empty() {
+        writeln!(text, "  warnings   {}", warnings.iter().map(|w| w.count).sum::<usize>())?;
+    }
+    for warning in warnings {
+        writeln!(text, "    {} x {}: {}", warning.count, warning.problem.kind(), warning.problem)?;
+        let places: Vec<_> = warning.places.iter().map(ToString::to_string).collect();
+        let more = if warning.count > places.len() { "; ..." } else { "" };
+        writeln!(text, "      at {}{more}", places.join("; "))?;
+    }
+    Ok(())
+}
+
+/// The nodes below `root`, a line each, with the number of shapes directly in them.
+fn tree(text: &mut String, scene: &Scene, root: NodeId) -> std::fmt::Result {
+    let mut stack = vec![(root, 0)];
+    let mut lines = 0;
+    while let Some((id, depth)) = stack.pop() {
+        let node = scene.node(id);
+        lines += 1;
+        if lines > TREE_LINES {
+            return writeln!(text, "    ... more nodes; --json lists all");
+        }
+        let items = node.children.iter().filter(|c| matches!(c, Child::Item(_))).count();
+        let count = if items > 0 { format!(" ({items} shapes)") } else { String::new() };
+        let indent = "  ".repeat(depth.min(20));
+        writeln!(text, "    {indent}{}{count}", named(&node.name))?;
+        stack.extend(node.children.iter().rev().filter_map(|child| match child {
+            Child::Node(id) => Some((*id, depth + 1)),
+            Child::Item(_) => None,
+        }));
+    }
+    Ok(())
+}
+
+fn named(name: &str) -> &str {
+    if name.is_empty() { "(no name)" } else { name }
+}
+
+fn to_json(file: &Path, import: &Import) -> Value {
+    let scene = &import.scene;
+    let (patches, meshes) = shown(scene);
+    let by_kind: Vec<_> = kinds(scene)
+        .into_iter()
+        .map(|(kind, (count, least, most))| {
+            json!({
+                "degree_u": kind.degree_u, "degree_v": kind.degree_v,
+                "rational": kind.rational, "trimmed": kind.trimmed,
+                "count": count, "points_min": least, "points_max": most,
+            })
+        })
+        .collect();
+    let bounds = scene.hull_bounds();
+    let bounds = (!bounds.is_empty())
+        .then(|| json!({ "min": bounds.min.to_array(), "max": bounds.max.to_array() }));
+    let unit = scene.unit.as_ref().map(|u| json!({ "name": u.name, "metres": u.metres }));
+    json!({
+        "file": input::display(file),
+        "format": import.format,
+        "patches": {
+            "stored": scene.patches().len(), "shown": patches, "kinds": by_kind,
+            "list": scene.patches().iter().map(patch_json).collect::<Vec<_>>(),
+        },
+        "meshes": {
+            "stored": scene.meshes().len(), "shown": meshes,
+            "triangles": scene.meshes().iter().map(|m| m.triangles().len()).sum::<usize>(),
+        },
+        "materials": scene.materials().iter().map(|m| &m.name).collect::<Vec<_>>(),
+        "cameras": scene.cameras.iter().map(|c| &c.name).collect::<Vec<_>>(),
+        "lights": scene.lights.len(),
+        "box": bounds,
+        "unit": unit,
+        "up": format!("{:?}", scene.up),
+        "root": scene.root().map(NodeId::index),
+        "nodes": scene.node_ids().map(|id| node_json(scene, id)).collect::<Vec<_>>(),
+        "warnings": input::warnings_json(import),
+    })
+}
+
+fn patch_json(patch: &Patch) -> Value {
+    let (u, v) = (patch.surface.knots_u(), patch.surface.knots_v());
+    json!({
+        "name": patch.name, "source": patch.source,
+        "degree_u": u.degree(), "degree_v": v.degree(),
+        "count_u": u.count(), "count_v": v.count(),
+        "domain_u": [u.domain().start, u.domain().end],
+        "domain_v": [v.domain().start, v.domain().end],
+        "rational": patch.surface.is_rational(), "loops": patch.loops.len(),
+    })
+}
+
+fn node_json(scene: &Scene, id: NodeId) -> Value {
+    let node = scene.node(id);
+    let child = |child: &Child| match child {
+        Child::Node(id) => json!({ "node": id.index() }),
+        Child::Item(Item { shape: Shape::Patch(id), .. }) => json!({ "patch": id.index() }),
+        Child::Item(Item { shape: Shape::Mesh(id), .. }) => json!({ "mesh": id.index() }),
+    };
+    json!({
+        "name": node.name,
+        "parent_from_node": node.parent_from_node.to_cols_array(),
+        "children": node.children.iter().map(child).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,73 @@
+//! Values on the command line.
+
+use glam::DVec3;
+use nurbray::kernel::linear_from_srgb;
+
+/// The largest picture, in pixels: the film then takes about eight gigabytes.
+const MOST_PIXELS: u64 = 1 << 27;
+
+/// `WxH`.
+pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
+    let wrong = || format!("'{text}' is not a size such as 1920x1080");
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse::<u32>().ok().filter(|&n| n > 0);
+    let (width, height) = number(width).zip(number(height)).ok_or_else(wrong)?;
+    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+        return Err(format!("{width}x{height} is more than {MOST_PIXELS} pixels"));
+    }
+    Ok((width, height))
+}
+
+/// `x,y,z`.
+pub(super) fn vector(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite()))
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err(format!("'{text}' is not three numbers such as 1,-2.5,3")),
+    }
+}
+
+/// What stands behind everything.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Background {
+    /// Nothing: the picture is transparent there.
+    None,
+    /// A linear colour.
+    Color(DVec3),
+}
+
+/// `none`, `#rrggbb` or `r,g,b` from 0 to 1, as sRGB.
+pub(super) fn background(text: &str) -> Result<Background, String> {
+    if text == "none" {
+        return Ok(Background::None);
+    }
+    let hex = text.strip_prefix('#').filter(|digits| digits.len() == 6);
+    let srgb = match hex.and_then(|digits| u32::from_str_radix(digits, 16).ok()) {
+        Some(rgb) => {
+            let part = |shift: u32| f64::from(rgb >> shift & 0xff) / 255.0;
+            DVec3::new(part(16), part(8), part(0))
+        }
+        None => vector(text)
+            .ok()
+            .filter(|c| c.min_element() >= 0.0 && c.max_element() <= 1.0)
+            .ok_or_else(|| format!("'{text}' is not none, #rrggbb or r,g,b from 0 to 1"))?,
+    };
+    Ok(Background::Color(linear_from_srgb(srgb)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_colours() {
+        assert_eq!(size("640x480"), Ok((640, 480)));
+        assert!(size("640").is_err() && size("0x5").is_err() && size("99999x99999").is_err());
+        assert_eq!(background("#ffffff"), Ok(Background::Color(DVec3::ONE)));
+        assert_eq!(background("0,0,0"), Ok(Background::Color(DVec3::ZERO)));
+        assert!(background("2,0,0").is_err() && background("#fff").is_err());
+    }
+}

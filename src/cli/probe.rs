@@ -1,0 +1,290 @@
+//! `nurbray probe`.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use glam::{DAffine3, DVec2, DVec3};
+use nurbray::kernel::{Patch, Placement, Ray, Scene, Shape};
+use nurbray::{Accelerator, Hit, METHODS, Workspace};
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::input::{self, ReadArgs};
+
+/// Rows that are read, answered in parallel and written before the next are read.
+const CHUNK: usize = 1 << 14;
+
+/// Hits this little behind the origin count as starting on the surface, relative to the
+/// scene's size.
+const ON_SURFACE: f64 = 1e-12;
+
+/// Shoots rays at a file, or evaluates its surfaces, and prints numbers
+///
+/// Rays are rows ox,oy,oz,dx,dy,dz; the direction is not normalised and t counts in its
+/// lengths. Hits are rows ray,t,x,y,z,u,v,patch,name,nx,ny,nz, nearest first, with 17
+/// significant digits; a ray without a hit has no row. Patches are numbered from 0 in the
+/// order of the file after instancing, meshes after them; u and v are the file's own.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+#[group(required = true, multiple = false, id = "question", args = ["rays", "uv"])]
+pub(super) struct Args {
+    /// File to probe
+    file: PathBuf,
+    /// Rays to shoot, CSV; - reads standard input
+    #[arg(long, value_name = "CSV")]
+    rays: Option<PathBuf>,
+    /// Parameters to evaluate, CSV rows patch,u,v; - reads standard input
+    #[arg(long, value_name = "CSV")]
+    uv: Option<PathBuf>,
+    /// Every hit of a ray, not just the nearest
+    #[arg(long, conflicts_with = "uv")]
+    all: bool,
+    /// One line of JSON per row instead of CSV
+    #[arg(long)]
+    json: bool,
+    /// Threads; 0 uses every core
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    #[command(flatten)]
+    read: ReadArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  echo 0,5,0,0,-1,0 | nurbray probe samples/teapot.obj --rays - --all
+  echo 0,0.5,0.5 | nurbray probe samples/teapot.obj --uv - --json";
+
+/// Answers every row.
+pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    let loaded = args.read.load(&args.file)?;
+    input::report_warnings(&args.file, &loaded.import);
+    let scene = &loaded.import.scene;
+    let names = Names::of(scene);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let mut out = BufWriter::new(std::io::stdout());
+    pool.install(|| match (&args.rays, &args.uv) {
+        (Some(rays), _) => {
+            let accelerator = Accelerator::build(scene, &METHODS[0]);
+            let prober = Prober { accelerator: &accelerator, names: &names, args };
+            if !args.json {
+                writeln!(out, "{}", Prober::HEADER)?;
+            }
+            stream(rays, &mut out, |workspace: &mut Workspace, row, fields: [f64; 6]| {
+                let [ox, oy, oz, dx, dy, dz] = fields;
+                let (origin, direction) = (DVec3::new(ox, oy, oz), DVec3::new(dx, dy, dz));
+                if direction == DVec3::ZERO {
+                    bail!("the direction 0,0,0 has no length");
+                }
+                Ok(prober.shoot(&Ray { origin, direction }, row, workspace))
+            })
+        }
+        (None, Some(uv)) => {
+            let evaluator = Evaluator { scene, names: &names, json: args.json };
+            if !args.json {
+                writeln!(out, "{}", Evaluator::HEADER)?;
+            }
+            stream(uv, &mut out, |(): &mut (), _, fields| evaluator.evaluate(fields))
+        }
+        (None, None) => bail!("give --rays or --uv"),
+    })?;
+    out.flush()?;
+    Ok(0)
+}
+
+/// Reads rows of `N` numbers, answers them in parallel, and writes the answers in order.
+///
+/// Empty lines, lines that begin with `#` and a heading on the first line are passed over.
+fn stream<const N: usize, S: Default + Send>(
+    path: &Path,
+    out: &mut impl Write,
+    answer: impl Fn(&mut S, u64, [f64; N]) -> anyhow::Result<String> + Sync,
+) -> anyhow::Result<()> {
+    let name = input::display(path);
+    let source: Box<dyn BufRead> = if path == Path::new("-") {
+        Box::new(std::io::stdin().lock())
+    } else {
+        Box::new(BufReader::new(File::open(path).with_context(|| name.clone())?))
+    };
+    let mut lines = source.lines().enumerate();
+    let mut row = 0;
+    loop {
+        let mut chunk: Vec<(u64, usize, String)> = Vec::new();
+        for (number, line) in lines.by_ref() {
+            let line = line.with_context(|| format!("{name}: line {}", number + 1))?;
+            let text = line.trim();
+            let heading = number == 0 && text.starts_with(|c: char| c.is_ascii_alphabetic());
+            if text.is_empty() || text.starts_with('#') || heading {
+                continue;
+            }
+            chunk.push((row, number + 1, line));
+            row += 1;
+            if chunk.len() == CHUNK {
+                break;
+            }
+        }
+        if chunk.is_empty() {
+            return Ok(());
+        }
+        let answers: Vec<_> = chunk
+            .par_iter()
+            .map_init(S::default, |state, (row, number, line)| {
+                fields(line)
+                    .and_then(|fields| answer(state, *row, fields))
+                    .with_context(|| format!("{name}: line {number}"))
+            })
+            .collect();
+        for answer in answers {
+            out.write_all(answer?.as_bytes())?;
+        }
+    }
+}
+
+fn fields<const N: usize>(line: &str) -> anyhow::Result<[f64; N]> {
+    let mut fields = [0.0; N];
+    let mut parts = line.split(',');
+    for (k, field) in fields.iter_mut().enumerate() {
+        let part = parts.next().with_context(|| format!("{k} numbers; {N} are needed"))?.trim();
+        let number = part.parse().ok().filter(|x: &f64| x.is_finite());
+        *field = number.with_context(|| format!("'{part}' is not a finite number"))?;
+    }
+    if parts.next().is_some() {
+        bail!("more than {N} numbers");
+    }
+    Ok(fields)
+}
+
+/// Names and places of the shapes, by number.
+struct Names {
+    patches: Vec<Placement>,
+    meshes: Vec<Placement>,
+}
+
+impl Names {
+    fn of(scene: &Scene) -> Self {
+        let is_patch = |p: &Placement| matches!(p.shape, Shape::Patch(_));
+        let (patches, meshes) = scene.placements().into_iter().partition(is_patch);
+        Self { patches, meshes }
+    }
+
+    /// The name of a shape, or of the nearest node above it that has one.
+    fn name<'a>(&self, scene: &'a Scene, number: usize) -> &'a str {
+        let placement = match number.checked_sub(self.patches.len()) {
+            Some(mesh) => self.meshes.get(mesh),
+            None => self.patches.get(number),
+        };
+        let Some(placement) = placement else { return "" };
+        let own = match placement.shape {
+            Shape::Patch(id) => &scene.patch(id).name,
+            Shape::Mesh(id) => &scene.mesh(id).name,
+        };
+        let above = placement.path.iter().rev().map(|&id| &scene.node(id).name);
+        std::iter::once(own).chain(above).find(|name| !name.is_empty()).map_or("", |name| name)
+    }
+
+    fn patch<'a>(&self, scene: &'a Scene, number: usize) -> Option<(&'a Patch, DAffine3)> {
+        let placement = self.patches.get(number)?;
+        match placement.shape {
+            Shape::Patch(id) => Some((scene.patch(id), placement.world_from_object)),
+            Shape::Mesh(_) => None,
+        }
+    }
+}
+
+struct Prober<'a> {
+    accelerator: &'a Accelerator<'a>,
+    names: &'a Names,
+    args: &'a Args,
+}
+
+impl Prober<'_> {
+    const HEADER: &'static str = "ray,t,x,y,z,u,v,patch,name,nx,ny,nz";
+
+    fn shoot(&self, ray: &Ray, row: u64, workspace: &mut Workspace) -> String {
+        let size = self.accelerator.bounds().diagonal();
+        let range = -ON_SURFACE * size / ray.direction.length()..f64::INFINITY;
+        let mut hits = Vec::new();
+        if self.args.all {
+            self.accelerator.all(ray, range, workspace, &mut hits);
+        } else {
+            hits.extend(self.accelerator.nearest(ray, range, workspace));
+        }
+        hits.iter().map(|hit| self.format(row, hit)).collect()
+    }
+
+    fn format(&self, row: u64, hit: &Hit) -> String {
+        let name = self.names.name(self.accelerator.scene(), hit.shape as usize);
+        let (t, p, n, uv) = (hit.t.max(0.0), hit.point, hit.normal, hit.uv);
+        if self.args.json {
+            let hit = json!({
+                "ray": row, "t": t, "x": p.x, "y": p.y, "z": p.z, "u": uv.x, "v": uv.y,
+                "patch": hit.shape, "name": name, "nx": n.x, "ny": n.y, "nz": n.z,
+                "tangential": hit.tangential,
+            });
+            return format!("{hit}\n");
+        }
+        let before = csv(&[t, p.x, p.y, p.z, uv.x, uv.y]);
+        let normal = csv(&[n.x, n.y, n.z]);
+        format!("{row},{before},{},{},{normal}\n", hit.shape, quoted(name))
+    }
+}
+
+struct Evaluator<'a> {
+    scene: &'a Scene,
+    names: &'a Names,
+    json: bool,
+}
+
+impl Evaluator<'_> {
+    const HEADER: &'static str = "patch,u,v,x,y,z,dux,duy,duz,dvx,dvy,dvz,\
+        duux,duuy,duuz,duvx,duvy,duvz,dvvx,dvvy,dvvz,nx,ny,nz";
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+    fn evaluate(&self, [number, u, v]: [f64; 3]) -> anyhow::Result<String> {
+        let count = self.names.patches.len();
+        let number = if number >= 0.0 && number.fract() == 0.0 { number as usize } else { count };
+        let Some((patch, world)) = self.names.patch(self.scene, number) else {
+            bail!("no such patch; they are numbered from 0 to {}", count.saturating_sub(1));
+        };
+        let surface = &patch.surface;
+        for (name, x, domain) in
+            [("u", u, surface.knots_u().domain()), ("v", v, surface.knots_v().domain())]
+        {
+            if !(domain.start <= x && x <= domain.end) {
+                bail!("{name} = {x} lies outside {} to {}", domain.start, domain.end);
+            }
+        }
+        let uv = DVec2::new(u, v);
+        let d = surface.derivatives(uv);
+        let point = world.transform_point3(d.point);
+        let [du, dv, duu, duv, dvv] =
+            [d.du, d.dv, d.duu, d.duv, d.dvv].map(|x| world.transform_vector3(x));
+        let normal = surface.transformed(&world).normal(uv).unwrap_or(DVec3::ZERO);
+        if self.json {
+            let row = json!({
+                "patch": number, "u": u, "v": v, "name": self.names.name(self.scene, number),
+                "point": point.to_array(), "du": du.to_array(), "dv": dv.to_array(),
+                "duu": duu.to_array(), "duv": duv.to_array(), "dvv": dvv.to_array(),
+                "normal": normal.to_array(),
+            });
+            return Ok(format!("{row}\n"));
+        }
+        let vectors = [point, du, dv, duu, duv, dvv, normal].map(|x| x.to_array());
+        Ok(format!("{number},{},{}\n", csv(&[u, v]), csv(vectors.as_flattened())))
+    }
+}
+
+/// Numbers with 17 significant digits.
+fn csv(numbers: &[f64]) -> String {
+    numbers.iter().map(|x| format!("{x:.16e}")).collect::<Vec<_>>().join(",")
+}
+
+/// A name as a CSV field.
+fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}
