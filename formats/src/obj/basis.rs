@@ -126,7 +126,8 @@ impl Direction<'_> {
                 if self.step == 0 {
                     return Err(invalid(format!("no step along {name}; bmatrix needs one")));
                 }
-                (segments - 1).checked_mul(self.step).map(|m| m + n + 1)
+                let steps = (segments - 1).checked_mul(self.step);
+                steps.and_then(|m| m.checked_add(n + 1))
             }
             Basis::Taylor => segments.checked_mul(n + 1),
             Basis::Cardinal => Some(segments + 3),
@@ -268,7 +269,7 @@ mod tests {
     }
 
     fn points(xs: &[f64]) -> Vec<DVec4> {
-        xs.iter().map(|&x| DVec4::new(x, 0.0, 0.0, 1.0)).collect()
+        xs.iter().map(|&x| DVec4::new(x, 0.0, 0.0, 0.0)).collect()
     }
 
     fn xs(run: &Run) -> Vec<f64> {

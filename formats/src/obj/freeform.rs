@@ -309,11 +309,11 @@ fn check_size(count: usize, limit: usize) -> Result<(), Problem> {
 }
 
 /// Points as the basis wants them: weights dropped unless rational, homogeneous where
-/// segments are converted.
+/// segments are converted. Dropped weights are zero, which every conversion keeps.
 fn prepared(points: &[DVec4], attributes: &Attributes) -> Vec<DVec4> {
     let keeps = attributes.basis.is_some_and(Basis::keeps_points);
     let prepare = |p: &DVec4| match (attributes.rational, keeps) {
-        (false, _) => p.truncate().extend(1.0),
+        (false, _) => p.truncate().extend(0.0),
         (true, true) => *p,
         (true, false) => (p.truncate() * p.w).extend(p.w),
     };
