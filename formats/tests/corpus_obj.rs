@@ -9,7 +9,51 @@ use nurbray_formats::{Limits, NoFiles, OpenError, ReadOptions, open, read};
 /// `None` where nothing useful is left.
 type Expected = Option<[usize; 3]>;
 
-const EXPECTED: &[(&str, Expected)] = &[];
+#[rustfmt::skip]
+const EXPECTED: &[(&str, Expected)] = &[
+    ("iga_pipe_section.obj", Some([216, 0, 3])),
+    ("iga_surface.obj", Some([1, 0, 0])),
+    ("iga_temp.obj", Some([2, 0, 4])),
+    ("iga_temp2.obj", Some([1, 0, 7])),
+    ("k3d_nurbs.obj", Some([1, 0, 0])),
+    ("made_gzipped_pipe_section.obj", Some([216, 0, 3])),
+    ("made_trim_index_out_of_range.obj", Some([1, 0, 2])),
+    ("made_truncated_no_end.obj", Some([1, 0, 3])),
+    ("malformed_assimp_empty.obj", None),
+    ("malformed_assimp_malformed.obj", Some([0, 8, 3])),
+    ("malformed_oxideav_bmatrix_huge_deg.obj", None),
+    ("malformed_oxideav_wrong_control_count.obj", None),
+    ("oxideav_bmatrix_bump.obj", Some([1, 0, 1])),
+    ("oxideav_bmatrix_two_patches.obj", Some([1, 0, 1])),
+    ("oxideav_rat_bezier_two_patches.obj", Some([1, 0, 0])),
+    ("poly_assimp_box_UTF16BE.obj", Some([0, 12, 1])),
+    ("poly_assimp_concave_polygon.obj", Some([0, 64, 2])),
+    ("poly_assimp_point_cloud.obj", Some([0, 0, 1])),
+    ("poly_assimp_regr_3429812.obj", Some([0, 4, 2])),
+    ("poly_assimp_testmixed.obj", Some([0, 12, 2])),
+    ("poly_tinyobj_catmark_torus_creases0.obj", Some([0, 64, 2])),
+    ("poly_tinyobj_cube-vertex-w-component.obj", Some([0, 12, 4])),
+    ("poly_tinyobj_cube-vertexcol.obj", Some([0, 12, 5])),
+    ("poly_tinyobj_issue-140-zero-face-idx.obj", Some([0, 1, 4])),
+    ("poly_tinyobj_points-prim.obj", Some([0, 0, 2])),
+    ("spec_b1_bezier_patch.obj", Some([1, 0, 0])),
+    ("spec_b1_cardinal_curve.obj", Some([0, 0, 2])),
+    ("spec_b1_connectivity.obj", Some([2, 0, 1])),
+    ("spec_b1_ex1_taylor_curve.obj", Some([0, 0, 2])),
+    ("spec_b1_ex2_bezier_curve.obj", Some([0, 0, 2])),
+    ("spec_b1_ex3_bspline_surface_as_printed.obj", None),
+    ("spec_b1_ex4_cardinal_surface.obj", Some([1, 0, 0])),
+    ("spec_b1_ex5_rational_bspline_surface.obj", Some([1, 0, 1])),
+    ("spec_b1_ex6_trimmed_nurb_as_printed.obj", Some([1, 0, 2])),
+    ("spec_b1_ex7_two_regions_with_holes.obj", Some([1, 0, 1])),
+    ("spec_b1_ex8_special_curve.obj", Some([1, 0, 2])),
+    ("spec_b1_ex9_special_points.obj", Some([1, 0, 3])),
+    ("spec_b1_merging_group.obj", Some([2, 0, 0])),
+    ("spec_b1_poly_cube_negative_refs.obj", Some([0, 12, 0])),
+    ("spec_b1_stech_surface_as_printed.obj", Some([1, 0, 1])),
+    ("spec_b1_superseded_bzp.obj", Some([1, 0, 0])),
+    ("spec_b1_superseded_cdc.obj", Some([0, 0, 2])),
+];
 
 fn folder(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)

@@ -64,7 +64,10 @@ impl Reader<'_> {
                 self.surface_count
             }
             "curv2" => self.trim_curves.len() + 1,
-            _ => self.not_shown + 1,
+            _ => {
+                self.curve_count += 1;
+                self.curve_count
+            }
         };
         self.open = Some(Open {
             line: statement.line,
@@ -171,8 +174,8 @@ impl Reader<'_> {
             }
             Kind::Surface(_) => {
                 let built = element.surfaces(attributes, limit)?;
-                let loops = match built.shape.first() {
-                    Some(first) => self.loops(element, open, &domain(first)),
+                let loops = match domain(&built.shape) {
+                    Some(domain) => self.loops(element, open, built.shape.len(), &domain),
                     None => Vec::new(),
                 };
                 for surface in built.shape {
@@ -181,7 +184,7 @@ impl Reader<'_> {
                         loops: loops.clone(),
                         tag: self.tag,
                         line: open.line,
-                        number: self.surface_count,
+                        what: open.what.clone(),
                     });
                 }
                 built.repairs
@@ -195,14 +198,29 @@ impl Reader<'_> {
 
     /// The loops of a surface; none at all if one of them is wrong, since the others would
     /// then show the wrong part.
-    fn loops(&mut self, element: &Element, open: &Open, domain: &[Range<f64>; 2]) -> Vec<TrimLoop> {
+    fn loops(
+        &mut self,
+        element: &Element,
+        open: &Open,
+        parts: usize,
+        domain: &[Range<f64>; 2],
+    ) -> Vec<TrimLoop> {
         let mut loops = Vec::new();
         let mut bad = open.bad_loop.clone();
+        let limit = self.options.limits.points;
         if element.loops.first().is_some_and(|text| text.hole) {
             // A rectangle of positive sides is always a loop.
             loops.extend(border(domain));
         }
         for text in &element.loops {
+            // Curves may be used again and again: what they cost is counted before.
+            let cost = text.size(&self.trim_curves).saturating_mul(parts);
+            self.loop_points = self.loop_points.saturating_add(cost);
+            if self.loop_points > limit {
+                let problem = Problem::TooLarge(format!("more than {limit} points in trim loops"));
+                bad.get_or_insert((Place::line(text.line), problem));
+                break;
+            }
             match text.close(&self.trim_curves, domain) {
                 Ok(closed) => loops.push(closed),
                 Err(problem) => {

@@ -12,15 +12,15 @@ use kernel::{Material, MetallicRoughness, linear_from_srgb};
 use super::statements::{Statement, Statements, decode, number, numbers};
 use crate::{Place, ReadOptions, Warnings};
 
-/// Reads the files of an `mtllib` statement. The whole rest of the line is tried as one name
+/// Reads the files that an `mtllib` statement names. The whole rest of the line is tried as one name
 /// first, since names with blanks occur.
 pub(super) fn load(
-    statement: &(usize, String),
+    names: &str,
+    line: usize,
     options: &ReadOptions<'_>,
     warnings: &mut Warnings,
     materials: &mut HashMap<String, Material>,
 ) {
-    let (line, names) = (statement.0, statement.1.as_str());
     let whole = options.resolver.resolve(names);
     let mut fetched = vec![(names, whole)];
     if fetched[0].1.is_err() && names.contains(char::is_whitespace) {

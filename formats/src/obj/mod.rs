@@ -190,7 +190,7 @@ struct SurfacePart {
     loops: Vec<kernel::TrimLoop>,
     tag: Tag,
     line: usize,
-    number: usize,
+    what: String,
 }
 
 /// What has been read so far.
@@ -208,11 +208,16 @@ struct Reader<'a> {
     /// All `curv2` elements; `None` for those that could not be read.
     trim_curves: Vec<Option<Curve<DVec2>>>,
     surface_count: usize,
+    curve_count: usize,
+    /// Control points of all trim loops so far.
+    loop_points: usize,
     /// Curves, points and lines, which are read but not shown.
     not_shown: usize,
     groups: Names,
     material_names: Names,
-    material_files: Vec<(usize, String)>,
+    material_files: Names,
+    /// The lines of the material files.
+    material_lines: Vec<usize>,
     tag: Tag,
     surfaces: Vec<SurfacePart>,
     faces: Faces,
@@ -230,10 +235,13 @@ impl<'a> Reader<'a> {
             early_parms: Default::default(),
             trim_curves: Vec::new(),
             surface_count: 0,
+            curve_count: 0,
+            loop_points: 0,
             not_shown: 0,
             groups: Names::default(),
             material_names: Names::default(),
-            material_files: Vec::new(),
+            material_files: Names::default(),
+            material_lines: Vec::new(),
             tag: (None, None),
             surfaces: Vec::new(),
             faces: Faces::default(),
@@ -294,9 +302,9 @@ impl<'a> Reader<'a> {
                 Ok(())
             }
             "mtllib" => {
-                let file = (statement.line, statement.rest().to_owned());
-                if self.material_files.iter().all(|known| known.1 != file.1) {
-                    self.material_files.push(file);
+                let file = self.material_files.position(statement.rest());
+                if file == self.material_lines.len() {
+                    self.material_lines.push(statement.line);
                 }
                 Ok(())
             }

@@ -10,8 +10,8 @@ use glam::{DVec2, DVec3, DVec4};
 use kernel::Mesh;
 
 use super::Lists;
-use super::statements::{Statement, reference, shown};
-use super::triangulate::triangles;
+use super::statements::{Statement, reference};
+use super::triangulate::{TESTS, triangles};
 use crate::{Place, Problem, Warnings};
 
 /// Group and material of a part of the file, as positions in lists of names.
@@ -100,10 +100,9 @@ impl Faces {
             return Err(Problem::Invalid(text));
         }
         if dropped.is_none() && (texcoords % count, normals % count) != (0, 0) {
-            dropped = Some("some corners with and some without \"/\" parts".to_owned());
+            dropped = Some("some corners have texture vertices or normals, others not");
         }
         if let Some(text) = dropped {
-            let text = format!("{text}; that part of the face is not used");
             warnings.invalid(Place::item(statement.line, "f"), text);
         }
         let key = Key {
@@ -124,14 +123,14 @@ impl Faces {
     pub(super) fn meshes(mut self, lists: &Lists, warnings: &mut Warnings) -> Vec<MeshPart> {
         self.faces.sort_by_key(|face| face.key);
         let mut text = lists_as_text(lists);
-        let mut firsts: Vec<Face> = Vec::new();
+        let (mut firsts, mut tests): (Vec<Face>, _) = (Vec::new(), TESTS);
         for face in &self.faces {
             if firsts.last().is_none_or(|first| first.key != face.key) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(text, "g {}", firsts.len());
                 firsts.push(*face);
             }
-            if !self.write_face(face, lists, &mut text) {
+            if !self.write_face(face, lists, &mut tests, &mut text) {
                 let place = Place::item(face.line, "f");
                 warnings.invalid(place, "a polygon too tangled to cut up; cut as a fan");
             }
@@ -168,14 +167,14 @@ impl Faces {
     }
 
     /// Writes a face as triangles, or whole where a fan is right; `false` if it is not sure.
-    fn write_face(&self, face: &Face, lists: &Lists, text: &mut String) -> bool {
+    fn write_face(&self, face: &Face, lists: &Lists, tests: &mut usize, text: &mut String) -> bool {
         let corners = &self.corners[face.start..face.start + face.count];
         let point = |c: &Corner| lists.positions[c.vertex].truncate();
         let (cut, sure) = match corners.len() {
             3 => (vec![[0, 1, 2]], true),
             _ => {
                 let points: Vec<DVec3> = corners.iter().map(point).collect();
-                match triangles(&points) {
+                match triangles(&points, tests) {
                     Some(cut) => (cut, true),
                     None => ((2..points.len()).map(|i| [0, i - 1, i]).collect(), false),
                 }
@@ -200,7 +199,7 @@ impl Faces {
 
 /// Reads `v`, `v/vt`, `v//vn` or `v/vt/vn`. Also says which of `vt` and `vn` are there and
 /// valid, and what is wrong with one that is not.
-fn corner(word: &str, lists: &Lists) -> Result<(Corner, [bool; 2], Option<String>), String> {
+fn corner(word: &str, lists: &Lists) -> Result<(Corner, [bool; 2], Option<&'static str>), String> {
     let mut parts = word.split('/');
     let vertex = parts.next().unwrap_or("");
     let vertex = reference(vertex, lists.positions.len(), "vertices")?;
@@ -208,19 +207,27 @@ fn corner(word: &str, lists: &Lists) -> Result<(Corner, [bool; 2], Option<String
         return Err(format!("vertex {} could not be read", vertex + 1));
     }
     let counts = [lists.texcoords.len(), lists.normals.len()];
-    let names = ["texture vertices", "normals"];
+    let usable = |i: usize, index: usize| match i {
+        0 => lists.texcoords[index].is_finite(),
+        _ => lists.normals[index].try_normalize().is_some(),
+    };
+    // The same words for all, so that a file full of them gives one warning.
+    let missing = [
+        "the texture vertex is missing or unusable; the face goes without",
+        "the normal is missing or unusable; the face goes without",
+    ];
     let (mut found, mut seen, mut problem) = ([0; 2], [false; 2], None);
     for i in 0..2 {
         match parts.next() {
             None | Some("") => {}
-            Some(part) => match reference(part, counts[i], names[i]) {
-                Ok(index) => (found[i], seen[i]) = (index, true),
-                Err(text) => problem = Some(text),
+            Some(part) => match reference(part, counts[i], "") {
+                Ok(index) if usable(i, index) => (found[i], seen[i]) = (index, true),
+                _ => problem = Some(missing[i]),
             },
         }
     }
     if parts.next().is_some() {
-        problem = Some(format!("\"{}\" has more than three parts", shown(word)));
+        problem = Some("a corner has more than three parts; the others are not used");
     }
     let [texcoord, normal] = found;
     let corner = Corner {
@@ -241,9 +248,11 @@ fn lists_as_text(lists: &Lists) -> String {
         let _ = writeln!(text, "v {:e} {:e} {:e}", p.x, p.y, p.z);
     }
     for t in &lists.texcoords {
+        let t = if t.is_finite() { *t } else { DVec2::ZERO };
         let _ = writeln!(text, "vt {:e} {:e}", t.x, t.y);
     }
     for n in &lists.normals {
+        let n = if n.is_finite() { *n } else { DVec3::ZERO };
         let _ = writeln!(text, "vn {:e} {:e} {:e}", n.x, n.y, n.z);
     }
     text

@@ -68,7 +68,7 @@ impl Reader<'_> {
         for part in std::mem::take(&mut self.surfaces) {
             let mut patch = Patch::from(part.surface);
             patch.name = name(part.tag.0);
-            patch.source = format!("line {}, surf {}", part.line, part.number);
+            patch.source = format!("line {}, {}", part.line, part.what);
             patch.loops = part.loops;
             patch.material = material(part.tag.1);
             let id = scene.add_patch(patch)?;
@@ -123,8 +123,8 @@ impl Reader<'_> {
         scene: &mut Scene,
     ) -> HashMap<usize, MaterialId> {
         let mut known: HashMap<String, Material> = HashMap::new();
-        for file in &self.material_files {
-            materials::load(file, self.options, &mut self.warnings, &mut known);
+        for (names, &line) in self.material_files.list.iter().zip(&self.material_lines) {
+            materials::load(names, line, self.options, &mut self.warnings, &mut known);
         }
         let surfaces = self.surfaces.iter().map(|part| (part.tag.1, part.line));
         let meshes = meshes.iter().map(|part| (part.tag.1, part.line));

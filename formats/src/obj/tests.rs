@@ -191,8 +191,7 @@ fn polygons_keep_normals_and_lose_only_what_is_wrong() {
         messages(&import),
         [
             "line 5, v: \"x\" is not a finite number",
-            "line 11, f: reference 9 to normals, of which there are 1 at this line; that part of \
-             the face is not used",
+            "line 11, f: the normal is missing or unusable; the face goes without",
             "line 12, f: reference 0 to vertices; the first one is 1",
             "line 13, f: vertex 5 could not be read",
             "line 14, f: 2 corners; a face needs at least 3",
@@ -267,7 +266,7 @@ fn trims_become_loops() {
         ("trim 0 2 1\n", "trim curve 0 ends 5.59"),
         (
             "trim 0 3\n",
-            "2 values; two parameters and a curve each are needed",
+            "2 words; each part of a loop takes three: start, end and curve",
         ),
     ] {
         let (loops, found) = patch(bad);

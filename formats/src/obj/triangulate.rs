@@ -2,11 +2,12 @@
 
 use glam::{DVec2, DVec3};
 
-/// How many corner tests a polygon may cost before we give up.
-const TESTS: usize = 20_000_000;
+/// How many corner tests all polygons of a file may cost together.
+pub(super) const TESTS: usize = 500_000_000;
 
-/// Triangles that fill the polygon, or `None` if it crosses itself or is too large.
-pub(super) fn triangles(points: &[DVec3]) -> Option<Vec<[usize; 3]>> {
+/// Triangles that fill the polygon, or `None` if it crosses itself or `tests`, of which what
+/// is used is taken off, do not suffice.
+pub(super) fn triangles(points: &[DVec3], tests: &mut usize) -> Option<Vec<[usize; 3]>> {
     let fan = |n: usize| (2..n).map(|i| [0, i - 1, i]).collect();
     let flat = flattened(points);
     let n = flat.len();
@@ -16,16 +17,13 @@ pub(super) fn triangles(points: &[DVec3]) -> Option<Vec<[usize; 3]>> {
         return Some(fan(n));
     }
     let mut rest: Vec<usize> = (0..n).collect();
-    let (mut cut, mut tests) = (Vec::new(), 0);
+    let mut cut = Vec::new();
     let (mut at, mut misses) = (0, 0);
     while rest.len() > 3 {
         let m = rest.len();
         at %= m;
         let ear = [rest[(at + m - 1) % m], rest[at], rest[(at + 1) % m]];
-        tests += m;
-        if tests > TESTS || misses > m {
-            return None;
-        }
+        *tests = tests.checked_sub(m).filter(|_| misses <= m)?;
         if is_ear(ear, &rest, &flat) {
             cut.push(ear);
             rest.remove(at);
@@ -97,7 +95,7 @@ mod tests {
     use super::*;
 
     fn area(points: &[DVec3]) -> (usize, f64) {
-        let cut = triangles(points).unwrap();
+        let cut = triangles(points, &mut 1000).unwrap();
         let twice = |t: &[usize; 3]| {
             let [a, b, c] = t.map(|i| points[i]);
             (b - a).cross(c - a).z
@@ -116,7 +114,7 @@ mod tests {
     #[test]
     fn a_square_is_a_fan() {
         let square = flat(&[[0., 0.], [1., 0.], [1., 1.], [0., 1.]]);
-        assert_eq!(triangles(&square).unwrap(), [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(triangles(&square, &mut 0).unwrap(), [[0, 1, 2], [0, 2, 3]]);
     }
 
     #[test]
@@ -133,6 +131,18 @@ mod tests {
     fn points_on_an_edge_and_doubled_points_are_harmless() {
         let edge = flat(&[[0., 0.], [1., 0.], [2., 0.], [2., 1.], [2., 1.], [0., 1.]]);
         assert_eq!(area(&edge), (4, 2.0));
-        assert_eq!(triangles(&flat(&[[1., 1.]; 5])).map(|t| t.len()), Some(3));
+        let point = triangles(&flat(&[[1., 1.]; 5]), &mut 1000);
+        assert_eq!(point.map(|cut| cut.len()), Some(3));
+    }
+
+    #[test]
+    fn tangled_polygons_and_spent_budgets_are_refused() {
+        let corners: Vec<_> = (0..7)
+            .map(|i| f64::from(3 * i) * std::f64::consts::TAU / 7.0)
+            .map(|angle| [angle.cos(), angle.sin()])
+            .collect();
+        assert_eq!(triangles(&flat(&corners), &mut 1000), None);
+        let dart = flat(&[[4., 0.], [0., 4.], [0.9, 0.9], [0., 0.]]);
+        assert_eq!(triangles(&dart, &mut 3), None);
     }
 }

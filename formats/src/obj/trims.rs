@@ -44,7 +44,7 @@ impl LoopText {
         let words: Vec<_> = statement.arguments().collect();
         if words.is_empty() || words.len() % 3 != 0 {
             return Err(invalid(format!(
-                "{} values; two parameters and a curve each are needed",
+                "{} words; each part of a loop takes three: start, end and curve",
                 words.len()
             )));
         }
@@ -61,6 +61,13 @@ impl LoopText {
             hole: statement.keyword() == "hole",
             pieces: pieces.map_err(invalid)?,
         })
+    }
+
+    /// How many control points the curves of the loop have together.
+    pub(super) fn size(&self, curves: &[Option<Curve<DVec2>>]) -> usize {
+        let curve = |piece: &Piece| curves.get(piece.curve)?.as_ref();
+        let curves = self.pieces.iter().filter_map(curve);
+        curves.map(|curve| curve.homogeneous().len()).sum()
     }
 
     /// The closed loop; `curves` holds `None` for those that could not be read.
@@ -145,9 +152,13 @@ pub(super) fn border(domain: &[Range<f64>; 2]) -> Result<TrimLoop, Problem> {
     Ok(TrimLoop::new(vec![Curve::polyline(&corners)?], 0.0)?)
 }
 
-/// The domain of a surface.
-pub(super) fn domain(surface: &Surface) -> [Range<f64>; 2] {
-    [surface.knots_u().domain(), surface.knots_v().domain()]
+/// The least domain that holds those of all parts of a surface; `None` without parts.
+pub(super) fn domain(parts: &[Surface]) -> Option<[Range<f64>; 2]> {
+    let domains = parts
+        .iter()
+        .map(|s| [s.knots_u().domain(), s.knots_v().domain()]);
+    let hull = |a: &Range<f64>, b: &Range<f64>| a.start.min(b.start)..a.end.max(b.end);
+    domains.reduce(|a, b| [hull(&a[0], &b[0]), hull(&a[1], &b[1])])
 }
 
 /// A control point `vp` as elements take it: place in the plane, and weight.
