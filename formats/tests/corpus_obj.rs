@@ -9,7 +9,6 @@ use nurbray_formats::{Limits, NoFiles, OpenError, ReadOptions, open, read};
 /// `None` where nothing useful is left.
 type Expected = Option<[usize; 3]>;
 
-#[rustfmt::skip]
 const EXPECTED: &[(&str, Expected)] = &[
     ("iga_pipe_section.obj", Some([216, 0, 3])),
     ("iga_surface.obj", Some([1, 0, 0])),

@@ -223,7 +223,7 @@ impl Direction<'_> {
 }
 
 /// Bézier points of the polynomial with these coefficients, on 0 to 1: the point `k` is the
-/// sum over `j <= k` of `C(k, j) / C(n, j)` times coefficient `j` \[Farin 02, section 5.8\].
+/// sum over `j <= k` of `C(k, j) / C(n, j)` times coefficient `j`.
 fn bezier_from_powers(powers: &[DVec4]) -> Vec<DVec4> {
     let n = powers.len() - 1;
     let point = |k: usize| {

@@ -43,7 +43,13 @@ impl Reader<'_> {
             Some((place, problem)) if curves == 0 => Err(error(place, problem)),
             None if curves == 0 && points == 0 => {
                 let text = "no surfaces, no polygons, no curves and no points";
-                Err(error(Place::default(), Problem::Invalid(text.into())))
+                let nothing = (Place::default(), Problem::Invalid(text.into()));
+                // What was passed over says more than that nothing is there.
+                let first = self.warnings.as_slice().first();
+                let first =
+                    first.and_then(|w| Some((w.places.first()?.clone(), w.problem.clone())));
+                let (place, problem) = first.unwrap_or(nothing);
+                Err(error(place, problem))
             }
             _ => {
                 let mut warnings = self.warnings;

@@ -348,6 +348,10 @@ fn nothing_left_is_an_error_with_its_line() {
             "the file: no surfaces, no polygons, no curves and no points",
         ),
         (
+            error("call other.obj\n"),
+            "line 1, call: other files and programs are never called",
+        ),
+        (
             error("hello\n"),
             "line 1, hello: \"hello\" is not a statement of OBJ",
         ),
