@@ -12,8 +12,8 @@ use kernel::{Material, MetallicRoughness, linear_from_srgb};
 use super::statements::{Statement, Statements, decode, number, numbers};
 use crate::{Place, ReadOptions, Warnings};
 
-/// Reads the files that an `mtllib` statement names. The whole rest of the line is tried as one name
-/// first, since names with blanks occur.
+/// Reads the files that an `mtllib` statement names. The whole rest of the line is tried as
+/// one name first, since names with blanks occur.
 pub(super) fn load(
     names: &str,
     line: usize,
