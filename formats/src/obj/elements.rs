@@ -1,0 +1,292 @@
+//! Opening and closing free-form elements, with all that may be wrong with them.
+
+use std::ops::Range;
+
+use glam::DVec4;
+use kernel::TrimLoop;
+
+use super::basis::Basis;
+use super::freeform::{Attributes, Element, Kind};
+use super::statements::{Statement, number, reference};
+use super::trims::{LoopText, border, domain, lifted};
+use super::{Reader, SurfacePart, invalid};
+use crate::{Place, Problem};
+
+/// An element whose `end` has not come yet.
+#[derive(Clone, Debug)]
+pub(super) struct Open {
+    line: usize,
+    /// What it is, in the words of the file.
+    what: String,
+    /// What its first line says, or why that cannot be used.
+    element: Result<Element, Problem>,
+    /// The first thing wrong with a `trim` or `hole`, and its line.
+    bad_loop: Option<(Place, Problem)>,
+}
+
+impl Open {
+    /// Takes the values of a `parm`; the last one for a direction counts.
+    pub(super) fn set_parm(&mut self, index: usize, values: Vec<f64>) {
+        if let Ok(element) = &mut self.element {
+            element.parms[index] = values;
+        }
+    }
+
+    /// Takes a `trim` or `hole`.
+    pub(super) fn add_loop(
+        &mut self,
+        statement: &Statement<'_>,
+        curves: usize,
+    ) -> Result<(), Problem> {
+        match (LoopText::parse(statement, curves), &mut self.element) {
+            (Ok(text), Ok(element)) => element.loops.push(text),
+            (Err(problem), _) => {
+                let place = Place::item(statement.line, statement.keyword());
+                self.bad_loop.get_or_insert((place, problem));
+            }
+            (Ok(_), Err(_)) => {}
+        }
+        Ok(())
+    }
+}
+
+impl Reader<'_> {
+    /// Begins a `surf`, `curv` or `curv2`.
+    pub(super) fn open_element(&mut self, statement: &Statement<'_>) {
+        let mut element = self.element(statement);
+        let early = std::mem::take(&mut self.early_parms);
+        if let Ok(element) = &mut element {
+            element.parms = early;
+        }
+        let number = match statement.keyword() {
+            "surf" => {
+                self.surface_count += 1;
+                self.surface_count
+            }
+            "curv2" => self.trim_curves.len() + 1,
+            _ => {
+                self.curve_count += 1;
+                self.curve_count
+            }
+        };
+        self.open = Some(Open {
+            line: statement.line,
+            what: format!("{} {number}", statement.keyword()),
+            element,
+            bad_loop: None,
+        });
+    }
+
+    /// What the first line of an element says.
+    fn element(&mut self, statement: &Statement<'_>) -> Result<Element, Problem> {
+        let words = statement.arguments();
+        let ranges = match statement.keyword() {
+            "surf" => 4,
+            "curv" => 2,
+            _ => 0,
+        };
+        let range = words.clone().take(ranges).map(number);
+        let range = range.collect::<Result<Vec<_>, _>>().map_err(invalid)?;
+        let kind = match range[..] {
+            [s0, s1, t0, t1] => Kind::Surface([s0..s1, t0..t1]),
+            [start, end] => Kind::Curve(start..end),
+            [] if ranges == 0 => Kind::TrimCurve,
+            _ => {
+                let found = range.len();
+                return Err(invalid(format!(
+                    "{found} range values; {ranges} are needed"
+                )));
+            }
+        };
+        let mut attached = false;
+        let point = |word: &str| -> Result<DVec4, String> {
+            if kind == Kind::TrimCurve {
+                let list = &self.lists.parameters;
+                return Ok(lifted(
+                    list[reference(word, list.len(), "parameter vertices")?],
+                ));
+            }
+            let (vertex, more) = word.split_once('/').unwrap_or((word, ""));
+            attached |= !more.is_empty();
+            let list = &self.lists.positions;
+            Ok(list[reference(vertex, list.len(), "vertices")?])
+        };
+        let points = words.skip(ranges).map(point).collect::<Result<_, _>>();
+        let points = points.map_err(invalid)?;
+        if attached {
+            let place = Place::item(statement.line, statement.keyword());
+            let text = "texture vertices and normals of surfaces are not used";
+            self.warnings.unsupported(place, text);
+        }
+        Ok(Element {
+            kind,
+            points,
+            parms: Default::default(),
+            loops: Vec::new(),
+        })
+    }
+
+    /// Ends the open element, if any; `end` is the line of its `end` statement.
+    pub(super) fn close_element(&mut self, end: Option<usize>) {
+        let Some(open) = self.open.take() else {
+            return;
+        };
+        let place = Place::item(open.line, open.what.as_str());
+        if end.is_none() {
+            let text = "no \"end\" follows; taken as ended before the next statement";
+            self.warnings.invalid(place.clone(), text);
+        }
+        let attributes = std::mem::take(&mut self.attributes);
+        let result = match &open.element {
+            Err(problem) => Err(problem.clone()),
+            Ok(element) => self.build(element, &attributes, &open),
+        };
+        self.attributes = attributes;
+        if let Err(problem) = result {
+            if open.what.starts_with("curv2") {
+                self.trim_curves.push(None);
+            }
+            self.fail(place, problem);
+        }
+    }
+
+    /// Makes curves and surfaces of a complete element.
+    fn build(
+        &mut self,
+        element: &Element,
+        attributes: &Attributes,
+        open: &Open,
+    ) -> Result<(), Problem> {
+        let limit = self.options.limits.points;
+        let place = || Place::item(open.line, open.what.as_str());
+        let repairs = match &element.kind {
+            Kind::Curve(_) => {
+                let built = element.space_curve(attributes, limit)?;
+                self.not_shown += 1;
+                self.warnings
+                    .unsupported(place(), "free curves are not shown");
+                built.repairs
+            }
+            Kind::TrimCurve => {
+                let built = element.trim_curve(attributes, limit)?;
+                self.trim_curves.push(Some(built.shape));
+                built.repairs
+            }
+            Kind::Surface(_) => {
+                let built = element.surfaces(attributes, limit)?;
+                let loops = match domain(&built.shape) {
+                    Some(domain) => self.loops(element, open, built.shape.len(), &domain),
+                    None => Vec::new(),
+                };
+                for surface in built.shape {
+                    self.surfaces.push(SurfacePart {
+                        surface,
+                        loops: loops.clone(),
+                        tag: self.tag,
+                        line: open.line,
+                        what: open.what.clone(),
+                    });
+                }
+                built.repairs
+            }
+        };
+        for text in repairs {
+            self.warnings.invalid(place(), text);
+        }
+        Ok(())
+    }
+
+    /// The loops of a surface; none at all if one of them is wrong, since the others would
+    /// then show the wrong part.
+    fn loops(
+        &mut self,
+        element: &Element,
+        open: &Open,
+        parts: usize,
+        domain: &[Range<f64>; 2],
+    ) -> Vec<TrimLoop> {
+        let mut loops = Vec::new();
+        let mut bad = open.bad_loop.clone();
+        let limit = self.options.limits.points;
+        if element.loops.first().is_some_and(|text| text.hole) {
+            // A rectangle of positive sides is always a loop.
+            loops.extend(border(domain));
+        }
+        for text in &element.loops {
+            // Curves may be used again and again: what they cost is counted before.
+            let cost = text.size(&self.trim_curves).saturating_mul(parts);
+            self.loop_points = self.loop_points.saturating_add(cost);
+            if self.loop_points > limit {
+                let problem = Problem::TooLarge(format!("more than {limit} points in trim loops"));
+                bad.get_or_insert((Place::line(text.line), problem));
+                break;
+            }
+            match text.close(&self.trim_curves, domain) {
+                Ok(closed) => loops.push(closed),
+                Err(problem) => {
+                    let what = if text.hole { "hole" } else { "trim" };
+                    bad.get_or_insert((Place::item(text.line, what), problem));
+                }
+            }
+        }
+        if let Some((place, problem)) = bad {
+            loops.clear();
+            self.fail(place, problem);
+        }
+        if !element.loops.is_empty() || open.bad_loop.is_some() {
+            let place = Place::item(open.line, open.what.as_str());
+            self.warnings
+                .unsupported(place, "the surface is shown untrimmed");
+        }
+        loops
+    }
+
+    /// Takes a patch or curve of the versions before 3.0: 16 points, the rows from the last
+    /// to the first.
+    pub(super) fn superseded(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
+        let (list, keyword) = (&self.lists.positions, statement.keyword());
+        let point = |word| Ok(list[reference(word, list.len(), "vertices")?]);
+        let points: Result<Vec<DVec4>, String> = statement.arguments().map(point).collect();
+        let points = points.map_err(invalid)?;
+        let found = points.len();
+        let values = |from: i32, count: usize| (from..).map(f64::from).take(count).collect();
+        let (basis, parms, kind): (_, [Vec<f64>; 2], _) = match keyword {
+            "cdc" if found < 4 => {
+                return Err(invalid(format!("{found} vertices; at least 4 are needed")));
+            }
+            "cdc" => {
+                let range = 0.0..(found - 3) as f64;
+                let parms = [values(0, found - 2), Vec::new()];
+                (Basis::Cardinal, parms, Kind::Curve(range))
+            }
+            _ if found != 16 => return Err(invalid(format!("{found} vertices; a patch has 16"))),
+            _ => {
+                let (basis, parm) = match keyword {
+                    "bsp" => (Basis::Bspline, values(-3, 8)),
+                    "bzp" => (Basis::Bezier, values(0, 2)),
+                    _ => (Basis::Cardinal, values(0, 2)),
+                };
+                let kind = Kind::Surface([0.0..1.0, 0.0..1.0]);
+                (basis, [parm.clone(), parm], kind)
+            }
+        };
+        let points = match kind {
+            Kind::Surface(_) => points.chunks(4).rev().flatten().copied().collect(),
+            _ => points,
+        };
+        let element = Element {
+            kind,
+            points,
+            parms,
+            loops: Vec::new(),
+        };
+        self.surface_count += usize::from(keyword != "cdc");
+        let open = Open {
+            line: statement.line,
+            what: keyword.to_owned(),
+            element: Ok(element.clone()),
+            bad_loop: None,
+        };
+        self.build(&element, &Attributes::cubic(basis), &open)
+    }
+}

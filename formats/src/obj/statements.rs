@@ -1,0 +1,278 @@
+//! From bytes to statements: text encodings, lines, continuation, numbers and references.
+//!
+//! Everything is cut out of the text as it stands; only lines joined by `\` are copied.
+
+use std::borrow::Cow;
+
+/// The text of a file: UTF-16 with a byte order mark, or UTF-8; damaged characters are
+/// replaced.
+pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
+    let wide = |rest: &[u8], unit: fn([u8; 2]) -> u16| -> Cow<'_, str> {
+        let units = rest.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+        let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+        Cow::Owned(text.collect())
+    };
+    match bytes {
+        [0xff, 0xfe, rest @ ..] => wide(rest, u16::from_le_bytes),
+        [0xfe, 0xff, rest @ ..] => wide(rest, u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest),
+        _ => String::from_utf8_lossy(bytes),
+    }
+}
+
+/// One statement: a keyword and its arguments, on one line or on several joined ones.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Statement<'a> {
+    /// The line it begins on, from 1 on.
+    pub(super) line: usize,
+    /// Whether a `\` stood in the middle of a line.
+    pub(super) misprinted: bool,
+    text: Cow<'a, str>,
+}
+
+impl Statement<'_> {
+    /// The first word.
+    pub(super) fn keyword(&self) -> &str {
+        self.text.split_whitespace().next().unwrap_or("")
+    }
+
+    /// The words after the keyword, up to a comment.
+    pub(super) fn arguments(&self) -> impl Iterator<Item = &str> + Clone {
+        let words = self.text.split_whitespace().skip(1);
+        words.take_while(|word| !word.starts_with('#'))
+    }
+
+    /// All that follows the keyword, for names with blanks.
+    pub(super) fn rest(&self) -> &str {
+        self.text[self.keyword().len()..].trim()
+    }
+}
+
+/// Statements whose argument is a name, in which `\` is an ordinary character.
+const NAMING: [&str; 8] = [
+    "o", "g", "usemtl", "mtllib", "call", "csh", "usemap", "maplib",
+];
+
+/// Cuts a text into statements; blank lines and comments are left out.
+#[derive(Clone, Debug)]
+pub(super) struct Statements<'a> {
+    rest: &'a str,
+    line: usize,
+    /// What ends a line; old files use a lone carriage return.
+    end: char,
+}
+
+impl<'a> Statements<'a> {
+    /// The statements of `text`.
+    pub(super) fn new(text: &'a str) -> Self {
+        let end = if text.contains('\n') { '\n' } else { '\r' };
+        Self {
+            rest: text,
+            line: 0,
+            end,
+        }
+    }
+
+    /// The next line without blanks around it.
+    fn next_line(&mut self) -> Option<&'a str> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let (line, rest) = self.rest.split_once(self.end).unwrap_or((self.rest, ""));
+        self.rest = rest;
+        self.line += 1;
+        Some(line.trim())
+    }
+
+    /// Joins `first` with the lines that continue it.
+    fn joined(&mut self, first: &'a str) -> Statement<'a> {
+        let line = self.line;
+        let (mut text, mut part) = (String::new(), first);
+        while let Some(open) = part.strip_suffix('\\') {
+            text.push_str(open);
+            text.push(' ');
+            part = self.next_line().unwrap_or("");
+        }
+        text.push_str(part);
+        let named = text
+            .split_whitespace()
+            .next()
+            .is_some_and(|word| NAMING.contains(&word));
+        let misprinted = !named && text.split_whitespace().any(|word| word == "\\");
+        if misprinted {
+            text = text.replace('\\', " ");
+            self.join_numbers(&mut text);
+        }
+        Statement {
+            line,
+            misprinted,
+            text: Cow::Owned(text),
+        }
+    }
+
+    /// Appends the lines that begin with a number, as after a `\` that lost its place.
+    fn join_numbers(&mut self, text: &mut String) {
+        loop {
+            let before = (self.rest, self.line);
+            let next = self.next_line().unwrap_or("");
+            let word = next.split_whitespace().next().unwrap_or("");
+            if word.is_empty() || number(word).is_err() {
+                (self.rest, self.line) = before;
+                return;
+            }
+            text.push(' ');
+            text.push_str(next.trim_end_matches('\\'));
+        }
+    }
+}
+
+impl<'a> Iterator for Statements<'a> {
+    type Item = Statement<'a>;
+
+    fn next(&mut self) -> Option<Statement<'a>> {
+        loop {
+            let text = self.next_line()?;
+            if text.is_empty() || text.starts_with('#') {
+                continue;
+            }
+            if text.contains('\\') {
+                return Some(self.joined(text));
+            }
+            return Some(Statement {
+                line: self.line,
+                misprinted: false,
+                text: Cow::Borrowed(text),
+            });
+        }
+    }
+}
+
+/// A word of the file for a message, shortened.
+pub(super) fn shown(word: &str) -> String {
+    let mut text: String = word.chars().take(40).collect();
+    if text.len() < word.len() {
+        text.push_str("...");
+    }
+    text
+}
+
+/// A finite number.
+pub(super) fn number(word: &str) -> Result<f64, String> {
+    match word.parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err(format!("\"{}\" is not a finite number", shown(word))),
+    }
+}
+
+/// All words as numbers.
+pub(super) fn numbers<'a>(words: impl Iterator<Item = &'a str>) -> Result<Vec<f64>, String> {
+    words.map(number).collect()
+}
+
+/// The first `N` words as numbers, without a list; also how many words there are, up to
+/// `N + 1`.
+pub(super) fn some_numbers<'a, const N: usize>(
+    words: impl Iterator<Item = &'a str>,
+) -> Result<([f64; N], usize), String> {
+    let (mut found, mut count) = ([0.0; N], 0);
+    for word in words.take(N + 1) {
+        if count < N {
+            found[count] = number(word)?;
+        }
+        count += 1;
+    }
+    Ok((found, count))
+}
+
+/// The position in a list of `count` entries that a reference means: 1 is the first entry,
+/// -1 the latest one. `list` names the entries in messages.
+pub(super) fn reference(word: &str, count: usize, list: &str) -> Result<usize, String> {
+    let number: i64 = word
+        .parse()
+        .map_err(|_| format!("\"{}\" is not a reference to {list}", shown(word)))?;
+    let index = match usize::try_from(number.unsigned_abs()) {
+        Ok(0) => return Err(format!("reference 0 to {list}; the first one is 1")),
+        Ok(n) if n <= count && number > 0 => Some(n - 1),
+        Ok(n) if n <= count => Some(count - n),
+        _ => None,
+    };
+    index.ok_or_else(|| {
+        format!("reference {number} to {list}, of which there are {count} at this line")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(text: &str) -> Vec<(usize, String)> {
+        let statements = Statements::new(text);
+        statements
+            .map(|s| {
+                let words: Vec<_> = s.arguments().collect();
+                (s.line, format!("{}:{}", s.keyword(), words.join(",")))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn lines_are_joined_and_numbered() {
+        let text = "# head\r\n\r\nv 1 2\\ \r\n3\t4 # tail\r\nend";
+        assert_eq!(all(text), [(3, "v:1,2,3,4".into()), (5, "end:".into())]);
+        assert_eq!(all("v 1\rv 2\r"), [(1, "v:1".into()), (2, "v:2".into())]);
+        assert_eq!(all("v 1 \\"), [(1, "v:1".into())]);
+    }
+
+    #[test]
+    fn a_backslash_within_a_line_continues_it_with_numbers_only() {
+        let text = "surf 0 1 \\ 15 16\n8 1\nparm u 0 1\no a \\ b";
+        let statements: Vec<_> = Statements::new(text).collect();
+        let words: Vec<_> = statements[0].arguments().collect();
+        assert_eq!(words, ["0", "1", "15", "16", "8", "1"]);
+        assert!(statements[0].misprinted && !statements[1].misprinted);
+        assert_eq!((statements[1].line, statements[1].keyword()), (3, "parm"));
+        assert_eq!(statements[2].rest(), "a \\ b");
+    }
+
+    #[test]
+    fn text_encodings_are_undone() {
+        assert_eq!(decode(b"\xef\xbb\xbfv 1"), "v 1");
+        assert_eq!(decode(b"\xff\xfev\0 \x001\0\x30"), "v 1");
+        assert_eq!(decode(b"\xfe\xff\0v\0 \x001"), "v 1");
+        assert_eq!(decode(b"o \xe4"), "o \u{fffd}");
+    }
+
+    #[test]
+    fn references_count_from_both_ends() {
+        assert_eq!(reference("1", 3, "x"), Ok(0));
+        assert_eq!(reference("3", 3, "x"), Ok(2));
+        assert_eq!(reference("-1", 3, "x"), Ok(2));
+        assert_eq!(reference("-3", 3, "x"), Ok(0));
+        for bad in [
+            "0",
+            "4",
+            "-4",
+            "1.5",
+            "9223372036854775808",
+            "",
+            "-9223372036854775808",
+        ] {
+            assert!(reference(bad, 3, "x").is_err(), "{bad}");
+        }
+        let error = reference("12", 8, "vertices").unwrap_err();
+        assert_eq!(
+            error,
+            "reference 12 to vertices, of which there are 8 at this line"
+        );
+    }
+
+    #[test]
+    fn numbers_are_finite() {
+        assert_eq!(number("-1.5e3"), Ok(-1500.0));
+        for bad in ["nan", "inf", "1e999", "1,5", ""] {
+            assert!(number(bad).is_err(), "{bad}");
+        }
+        let (three, count) = some_numbers::<3>("1 2 3 4 5".split(' ')).unwrap();
+        assert_eq!((three, count), ([1.0, 2.0, 3.0], 4));
+    }
+}

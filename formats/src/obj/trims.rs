@@ -1,0 +1,167 @@
+//! `trim` and `hole`: from pieces of numbered curves to closed loops.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3, DVec4};
+use kernel::{Curve, Surface, TrimLoop};
+
+use super::statements::{Statement, number, reference};
+use crate::Problem;
+
+/// Gaps between trim curves up to this share of the surface's longer side are bridged;
+/// files write six digits or fewer.
+const GAP: f64 = 1e-4;
+
+/// One `trim` or `hole` statement.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LoopText {
+    /// Where it stands.
+    pub(super) line: usize,
+    /// Whether it is a hole.
+    pub(super) hole: bool,
+    /// Its pieces, in order.
+    pub(super) pieces: Vec<Piece>,
+}
+
+/// A part of a numbered curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Piece {
+    /// Parameter where it begins.
+    start: f64,
+    /// Parameter where it ends; less than `start` where the curve is run through backwards.
+    end: f64,
+    /// Position among the `curv2` elements.
+    curve: usize,
+}
+
+fn invalid(text: impl Into<String>) -> Problem {
+    Problem::Invalid(text.into())
+}
+
+impl LoopText {
+    /// Reads the statement; `curves` is the number of `curv2` elements so far.
+    pub(super) fn parse(statement: &Statement<'_>, curves: usize) -> Result<Self, Problem> {
+        let words: Vec<_> = statement.arguments().collect();
+        if words.is_empty() || words.len() % 3 != 0 {
+            return Err(invalid(format!(
+                "{} words; each part of a loop takes three: start, end and curve",
+                words.len()
+            )));
+        }
+        let piece = |words: &[&str]| -> Result<Piece, String> {
+            Ok(Piece {
+                start: number(words[0])?,
+                end: number(words[1])?,
+                curve: reference(words[2], curves, "trim curves")?,
+            })
+        };
+        let pieces = words.chunks(3).map(piece).collect::<Result<_, _>>();
+        Ok(Self {
+            line: statement.line,
+            hole: statement.keyword() == "hole",
+            pieces: pieces.map_err(invalid)?,
+        })
+    }
+
+    /// How many control points the curves of the loop have together.
+    pub(super) fn size(&self, curves: &[Option<Curve<DVec2>>]) -> usize {
+        let curve = |piece: &Piece| curves.get(piece.curve)?.as_ref();
+        let curves = self.pieces.iter().filter_map(curve);
+        curves.map(|curve| curve.homogeneous().len()).sum()
+    }
+
+    /// The closed loop; `curves` holds `None` for those that could not be read.
+    pub(super) fn close(
+        &self,
+        curves: &[Option<Curve<DVec2>>],
+        domain: &[Range<f64>; 2],
+    ) -> Result<TrimLoop, Problem> {
+        let pieces = self.pieces.iter().map(|piece| piece.cut(curves));
+        let pieces = pieces.collect::<Result<Vec<_>, _>>()?;
+        let longer = domain.iter().map(|d| d.end - d.start).fold(0.0, f64::max);
+        check_inside(&pieces, domain, GAP * longer)?;
+        Ok(TrimLoop::new(pieces, GAP * longer)?)
+    }
+}
+
+impl Piece {
+    /// The part of the curve, in the direction asked for.
+    fn cut(&self, curves: &[Option<Curve<DVec2>>]) -> Result<Curve<DVec2>, Problem> {
+        let number = self.curve + 1;
+        let Some(Some(curve)) = curves.get(self.curve) else {
+            return Err(invalid(format!("trim curve {number} could not be read")));
+        };
+        let Range { start, end } = curve.domain();
+        let near = 1e-9 * (end - start);
+        let (low, high) = (self.start.min(self.end), self.start.max(self.end));
+        if low < start - near || high > end + near || high - low <= near {
+            return Err(invalid(format!(
+                "parameters {} to {} of trim curve {number}, which goes from {start} to {end}",
+                self.start, self.end
+            )));
+        }
+        let low = if low <= start + near { start } else { low };
+        let high = if high >= end - near { end } else { high };
+        let range = low..high;
+        let part = if range == curve.domain() {
+            curve.clone()
+        } else {
+            curve.restricted(range)?
+        };
+        Ok(if self.start > self.end {
+            part.reversed()
+        } else {
+            part
+        })
+    }
+}
+
+/// Refuses curves with a break or end outside the domain.
+fn check_inside(
+    curves: &[Curve<DVec2>],
+    domain: &[Range<f64>; 2],
+    tolerance: f64,
+) -> Result<(), Problem> {
+    for curve in curves {
+        for t in curve.knots().breaks() {
+            let p = curve.evaluate(t);
+            for (x, d) in [p.x, p.y].into_iter().zip(domain) {
+                if x < d.start - tolerance || x > d.end + tolerance {
+                    return Err(invalid(format!(
+                        "the loop passes ({}, {}), outside the surface, which goes from {} to \
+                         {} and from {} to {}",
+                        p.x, p.y, domain[0].start, domain[0].end, domain[1].start, domain[1].end
+                    )));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The border of a domain as a loop, for holes that no `trim` surrounds.
+pub(super) fn border(domain: &[Range<f64>; 2]) -> Result<TrimLoop, Problem> {
+    let [u, v] = domain;
+    let corners = [
+        DVec2::new(u.start, v.start),
+        DVec2::new(u.end, v.start),
+        DVec2::new(u.end, v.end),
+        DVec2::new(u.start, v.end),
+        DVec2::new(u.start, v.start),
+    ];
+    Ok(TrimLoop::new(vec![Curve::polyline(&corners)?], 0.0)?)
+}
+
+/// The least domain that holds those of all parts of a surface; `None` without parts.
+pub(super) fn domain(parts: &[Surface]) -> Option<[Range<f64>; 2]> {
+    let domains = parts
+        .iter()
+        .map(|s| [s.knots_u().domain(), s.knots_v().domain()]);
+    let hull = |a: &Range<f64>, b: &Range<f64>| a.start.min(b.start)..a.end.max(b.end);
+    domains.reduce(|a, b| [hull(&a[0], &b[0]), hull(&a[1], &b[1])])
+}
+
+/// A control point `vp` as elements take it: place in the plane, and weight.
+pub(super) fn lifted(point: DVec3) -> DVec4 {
+    DVec4::new(point.x, point.y, 0.0, point.z)
+}

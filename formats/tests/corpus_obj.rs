@@ -1,0 +1,187 @@
+//! The OBJ reader on files from elsewhere, where they are at hand, and on our own samples.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use nurbray_formats::{Limits, NoFiles, OpenError, ReadOptions, open, read};
+
+/// What a file must give: surfaces, triangles, and how many warnings of different kinds;
+/// `None` where nothing useful is left.
+type Expected = Option<[usize; 3]>;
+
+const EXPECTED: &[(&str, Expected)] = &[
+    ("iga_pipe_section.obj", Some([216, 0, 3])),
+    ("iga_surface.obj", Some([1, 0, 0])),
+    ("iga_temp.obj", Some([2, 0, 4])),
+    ("iga_temp2.obj", Some([1, 0, 7])),
+    ("k3d_nurbs.obj", Some([1, 0, 0])),
+    ("made_gzipped_pipe_section.obj", Some([216, 0, 3])),
+    ("made_trim_index_out_of_range.obj", Some([1, 0, 2])),
+    ("made_truncated_no_end.obj", Some([1, 0, 3])),
+    ("malformed_assimp_empty.obj", None),
+    ("malformed_assimp_malformed.obj", Some([0, 8, 3])),
+    ("malformed_oxideav_bmatrix_huge_deg.obj", None),
+    ("malformed_oxideav_wrong_control_count.obj", None),
+    ("oxideav_bmatrix_bump.obj", Some([1, 0, 1])),
+    ("oxideav_bmatrix_two_patches.obj", Some([1, 0, 1])),
+    ("oxideav_rat_bezier_two_patches.obj", Some([1, 0, 0])),
+    ("poly_assimp_box_UTF16BE.obj", Some([0, 12, 1])),
+    ("poly_assimp_concave_polygon.obj", Some([0, 64, 2])),
+    ("poly_assimp_point_cloud.obj", Some([0, 0, 1])),
+    ("poly_assimp_regr_3429812.obj", Some([0, 4, 2])),
+    ("poly_assimp_testmixed.obj", Some([0, 12, 2])),
+    ("poly_tinyobj_catmark_torus_creases0.obj", Some([0, 64, 2])),
+    ("poly_tinyobj_cube-vertex-w-component.obj", Some([0, 12, 4])),
+    ("poly_tinyobj_cube-vertexcol.obj", Some([0, 12, 5])),
+    ("poly_tinyobj_issue-140-zero-face-idx.obj", Some([0, 1, 4])),
+    ("poly_tinyobj_points-prim.obj", Some([0, 0, 2])),
+    ("spec_b1_bezier_patch.obj", Some([1, 0, 0])),
+    ("spec_b1_cardinal_curve.obj", Some([0, 0, 2])),
+    ("spec_b1_connectivity.obj", Some([2, 0, 1])),
+    ("spec_b1_ex1_taylor_curve.obj", Some([0, 0, 2])),
+    ("spec_b1_ex2_bezier_curve.obj", Some([0, 0, 2])),
+    ("spec_b1_ex3_bspline_surface_as_printed.obj", None),
+    ("spec_b1_ex4_cardinal_surface.obj", Some([1, 0, 0])),
+    ("spec_b1_ex5_rational_bspline_surface.obj", Some([1, 0, 1])),
+    ("spec_b1_ex6_trimmed_nurb_as_printed.obj", Some([1, 0, 2])),
+    ("spec_b1_ex7_two_regions_with_holes.obj", Some([1, 0, 1])),
+    ("spec_b1_ex8_special_curve.obj", Some([1, 0, 2])),
+    ("spec_b1_ex9_special_points.obj", Some([1, 0, 3])),
+    ("spec_b1_merging_group.obj", Some([2, 0, 0])),
+    ("spec_b1_poly_cube_negative_refs.obj", Some([0, 12, 0])),
+    ("spec_b1_stech_surface_as_printed.obj", Some([1, 0, 1])),
+    ("spec_b1_superseded_bzp.obj", Some([1, 0, 0])),
+    ("spec_b1_superseded_cdc.obj", Some([0, 0, 2])),
+];
+
+fn folder(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn obj_files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
+    let mut paths = paths.collect::<io::Result<Vec<_>>>()?;
+    paths.retain(|path| path.extension().is_some_and(|e| e == "obj"));
+    paths.sort();
+    Ok(paths)
+}
+
+fn counts(path: &Path) -> (Expected, Vec<String>) {
+    match open(path, &Limits::default()) {
+        Ok(import) => {
+            let warnings = import.warnings.as_slice();
+            let meshes = import.scene.meshes().iter();
+            let triangles = meshes.map(|mesh| mesh.triangles().len()).sum();
+            let found = [import.scene.patches().len(), triangles, warnings.len()];
+            (
+                Some(found),
+                warnings.iter().map(ToString::to_string).collect(),
+            )
+        }
+        Err(OpenError::Format(error)) => {
+            assert!(!error.to_string().contains('\n'));
+            (None, vec![error.to_string()])
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+#[test]
+fn files_from_elsewhere_give_what_they_hold() {
+    let Ok(paths) = obj_files(&folder("../../shared/corpus/obj")) else {
+        println!("the files are not here");
+        return;
+    };
+    println!("{:45} surfaces triangles warnings", "file");
+    let mut wrong = Vec::new();
+    for path in paths {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let (found, messages) = counts(&path);
+        match found {
+            Some([surfaces, triangles, warnings]) => {
+                println!("{name:45} {surfaces:8} {triangles:9} {warnings:8}");
+            }
+            None => println!("{name:45} error"),
+        }
+        for message in messages.iter().take(4) {
+            println!("    {message}");
+        }
+        let expected = EXPECTED.iter().find(|row| row.0 == name);
+        if expected.is_none_or(|row| row.1 != found) {
+            wrong.push((name, found));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn broken_samples_say_what_is_broken() {
+    let of = |name: &str| counts(&folder("../samples/broken").join(name));
+    let first = |name: &str| of(name).1[0].clone();
+    assert_eq!(
+        first("obj_missing_parm.obj"),
+        "OBJ line 8, surf 1: parm v is missing"
+    );
+    assert_eq!(
+        first("obj_wrong_control_count.obj"),
+        "OBJ line 9, surf 1: 5 control points; parm u asks for 3 and parm v for 2, which makes 6"
+    );
+    assert_eq!(
+        first("obj_index_out_of_range.obj"),
+        "OBJ line 8, surf 1: reference 5 to vertices, of which there are 4 at this line"
+    );
+    assert_eq!(
+        first("obj_zero_index.obj"),
+        "OBJ line 8, surf 1: reference 0 to vertices; the first one is 1"
+    );
+    assert_eq!(
+        first("obj_decreasing_knots.obj"),
+        "OBJ line 10, surf 1: parm u: knot 2 is 0.5 after 1; knots must not decrease"
+    );
+    assert_eq!(of("obj_missing_end.obj").0, Some([2, 0, 1]));
+    let (found, messages) = of("obj_trim_index_out_of_range.obj");
+    assert_eq!(found, Some([1, 0, 2]));
+    assert_eq!(
+        messages[0],
+        "line 18, hole: reference 3 to trim curves, of which there are 1 at this line"
+    );
+}
+
+#[test]
+fn the_teapot_is_whole() {
+    let import = open(folder("../samples/teapot.obj"), &Limits::default()).unwrap();
+    let scene = &import.scene;
+    assert!(import.warnings.as_slice().is_empty());
+    assert_eq!(scene.patches().len(), 32);
+    let nodes = scene.nodes().iter();
+    let groups: Vec<_> = nodes.map(|n| (n.name.as_str(), n.children.len())).collect();
+    let parts = [
+        ("rim", 4),
+        ("body", 8),
+        ("handle", 4),
+        ("spout", 4),
+        ("lid", 8),
+        ("bottom", 4),
+    ];
+    assert_eq!(groups[..6], parts);
+    let bounds = scene.hull_bounds();
+    assert_eq!((bounds.min.y, bounds.max.y), (0.0, 3.15));
+    let material = scene.material(scene.patches()[31].material.unwrap());
+    assert_eq!(material.name, "porcelain");
+}
+
+#[test]
+fn cut_short_nothing_panics() {
+    let options = ReadOptions {
+        limits: &Limits::default(),
+        resolver: &NoFiles,
+    };
+    for place in ["../samples", "../samples/broken"] {
+        for path in obj_files(&folder(place)).unwrap() {
+            let bytes = fs::read(path).unwrap();
+            for length in (0..bytes.len()).step_by((bytes.len() / 100).max(1)) {
+                let _ = read(&bytes[..length], Some("obj"), &options);
+            }
+        }
+    }
+}
