@@ -1,5 +1,10 @@
 //! X3D files of other programs, where a folder with them lies beside the repository, and
 //! our own samples cut short.
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "helpers of tests are tests, too"
+)]
 
 use std::fs;
 use std::io::Read as _;

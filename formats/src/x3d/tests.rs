@@ -466,7 +466,7 @@ fn other_encodings_are_read() {
         .chain(text.encode_utf16())
         .flat_map(u16::to_le_bytes)
         .collect();
-    let narrow: Vec<u8> = text.chars().map(|c| c as u32 as u8).collect();
+    let narrow: Vec<u8> = text.chars().map(|c| u8::try_from(c).unwrap()).collect();
     let limits = &Limits::default();
     for bytes in [wide, narrow] {
         let resolver = &NoFiles;
