@@ -10,6 +10,7 @@
 
 mod build;
 mod look;
+mod mesh;
 mod nurbs;
 mod scene;
 mod trim;

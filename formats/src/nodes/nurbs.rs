@@ -5,9 +5,9 @@
 //! so do we: the Cartesian point is `controlPoint / weight`.
 
 use glam::{DVec2, DVec3};
-use kernel::{Error as GeometryError, KnotVector, Patch, Shape, Surface};
+use kernel::{Error as GeometryError, KnotVector, Patch, Surface};
 
-use super::scene::{Converter, Made};
+use super::scene::Converter;
 use super::{Link, Node};
 use crate::{Error, Warnings};
 
@@ -16,47 +16,26 @@ impl Converter<'_> {
     ///
     /// # Errors
     /// If a limit is passed.
-    pub(super) fn surface(&mut self, index: usize, node: &Node) -> Result<Made, Error> {
-        if !node.complete {
-            let text = "the file ends inside this surface; it is left out";
-            self.warnings.invalid(node.place(), text);
-            return Ok(Made::Nothing);
-        }
-        let points = self.control_points(node)?;
-        if points.is_empty() {
-            let text = "a surface without control points; nothing is shown";
-            self.warnings.invalid(node.place(), text);
-            return Ok(Made::Nothing);
-        }
+    pub(super) fn patch(&mut self, node: &Node) -> Result<Result<Patch, GeometryError>, Error> {
+        let points = self.points_inside(node)?;
         let surface = match net(node, &points, &mut self.warnings) {
             Ok(surface) => surface,
-            Err(problem) => {
-                self.warnings.add(node.place(), problem);
-                return Ok(Made::Nothing);
-            }
+            Err(problem) => return Ok(Err(problem)),
         };
         let loops = self.trim_loops(node, &surface)?;
         if !loops.is_empty() {
             let text = "trimmed surface shown untrimmed";
             self.warnings.unsupported(node.place(), text);
         }
-        let patch = Patch {
-            name: self.name(&self.tree.nodes[index]),
-            source: node.place().to_string(),
-            loops,
-            ..Patch::from(surface)
-        };
-        match self.scene.add_patch(patch) {
-            Ok(id) => Ok(Made::Geometry(Shape::Patch(id))),
-            Err(problem) => {
-                self.warnings.add(node.place(), problem);
-                Ok(Made::Nothing)
-            }
-        }
+        let patch = Patch::from(surface);
+        Ok(Ok(Patch { loops, ..patch }))
     }
 
     /// The points of the Coordinate node inside, whatever field it claims to be.
-    fn control_points(&mut self, node: &Node) -> Result<Vec<DVec3>, Error> {
+    ///
+    /// # Errors
+    /// If a limit is passed.
+    pub(super) fn points_inside(&mut self, node: &Node) -> Result<Vec<DVec3>, Error> {
         let inside = |link: &Link| &self.tree.nodes[link.node];
         let mut inside = node.children.iter().map(inside);
         let coordinate =

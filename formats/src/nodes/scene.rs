@@ -5,7 +5,7 @@
 //! node exists before the node itself.
 
 use glam::{DAffine3, DQuat, DVec3};
-use kernel::{Child, Item, MaterialId, NodeId, Scene, Shape};
+use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape};
 
 use super::{Node, Tree};
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
@@ -172,7 +172,7 @@ impl Converter<'_> {
             "Material" => self.material(node),
             "PhysicalMaterial" => self.physical_material(node),
             "UnlitMaterial" => self.unlit_material(node),
-            "NurbsPatchSurface" | "NurbsTrimmedSurface" => return self.surface(index, node),
+            kind if is_geometry(kind) => return self.geometry(node),
             "Viewpoint" | "OrthoViewpoint" => self.viewpoint(index, node),
             "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
             "Background" => self.background(node),
@@ -245,6 +245,38 @@ impl Converter<'_> {
         materials.next().unwrap_or(Made::Nothing)
     }
 
+    /// A surface or a mesh, stored once however often it is used.
+    fn geometry(&mut self, node: &Node) -> Result<Made, Error> {
+        if !node.complete {
+            let text = format!("the file ends inside this {}; it is left out", node.kind);
+            self.warnings.invalid(node.place(), text);
+            return Ok(Made::Nothing);
+        }
+        let (name, source) = (self.name(node), node.place().to_string());
+        let shape = if NURBS.contains(&node.kind.as_str()) {
+            let patch = self.patch(node)?;
+            let patch = patch.map(|patch| Patch {
+                name,
+                source,
+                ..patch
+            });
+            patch.and_then(|patch| self.scene.add_patch(patch).map(Shape::Patch))
+        } else {
+            let mesh = self.mesh(node)?.map(|mut mesh| {
+                (mesh.name, mesh.source) = (name, source);
+                mesh
+            });
+            mesh.and_then(|mesh| self.scene.add_mesh(mesh).map(Shape::Mesh))
+        };
+        Ok(shape.map_or_else(
+            |problem| {
+                self.warnings.add(node.place(), problem);
+                Made::Nothing
+            },
+            Made::Geometry,
+        ))
+    }
+
     /// The DEF name of a geometry, or of the shape or group around it.
     pub(super) fn name(&self, node: &Node) -> String {
         let around = |node: &Node| node.parent.map(|parent| &self.tree.nodes[parent]);
@@ -283,7 +315,8 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     };
     let mut all = (0..node.children.len()).filter(is_child);
     let kind = node.kind.as_str();
-    if !(is_group(kind) || HOLDERS.contains(&kind)) || !node.flag("visible", true, warnings) {
+    let has_shown = is_group(kind) || is_geometry(kind) || matches!(kind, "Shape" | "Appearance");
+    if !has_shown || !node.flag("visible", true, warnings) {
         return Vec::new();
     }
     match kind {
@@ -317,19 +350,22 @@ fn is_group(kind: &str) -> bool {
     GROUPS.contains(&kind)
 }
 
-/// Nodes that are no groups and use the nodes inside them.
-const HOLDERS: &[&str] = &[
-    "Appearance",
-    "NurbsPatchSurface",
-    "NurbsTrimmedSurface",
-    "Shape",
-];
+/// The surfaces that are read.
+const NURBS: &[&str] = &["NurbsPatchSurface", "NurbsTrimmedSurface"];
+
+/// The polygons that are read.
+const MESHES: &[&str] = &["IndexedFaceSet", "IndexedTriangleSet", "TriangleSet"];
+
+fn is_geometry(kind: &str) -> bool {
+    NURBS.contains(&kind) || MESHES.contains(&kind)
+}
 
 /// Nodes that show nothing by themselves.
 const SILENT: &[&str] = &[
     "Contour2D",
     "Coordinate",
     "CoordinateDouble",
+    "Normal",
     "NurbsSet",
     "WorldInfo",
 ];

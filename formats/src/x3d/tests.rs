@@ -358,6 +358,31 @@ fn contours_become_loops() {
 }
 
 #[test]
+fn polygons_become_triangles() {
+    let import = read_scene(
+        "<Shape DEF='S'><IndexedFaceSet coordIndex='0 1 2 3 -1 0 1 9 -1 0, 2, 3' ccw='false'>\
+         <Coordinate DEF='C' point='0 0 0 1 0 0 1 1 0 0 1 0'/>\
+         <Normal vector='0 0 1 0 0 1 0 0 1 0 0 1'/></IndexedFaceSet></Shape>\
+         <Shape><IndexedTriangleSet index='0 1 2 3'><Coordinate USE='C'/></IndexedTriangleSet>\
+         </Shape><Shape><TriangleSet><Coordinate point='0 0 0 1 0 0 1 1 0'/></TriangleSet></Shape>",
+    );
+    let [faces, indexed, plain] = import.scene.meshes() else {
+        panic!("three meshes");
+    };
+    assert_eq!(faces.triangles(), [[0, 2, 1], [0, 3, 2], [0, 3, 2]]);
+    assert_eq!((faces.name.as_str(), faces.normals().len()), ("S", 4));
+    assert_eq!(indexed.triangles(), [[0, 1, 2]]);
+    assert_eq!(plain.triangles(), [[0, 1, 2]]);
+    assert_eq!(
+        messages(&import),
+        [
+            "line 2, IndexedFaceSet: faces with points that are not among the 4 there are",
+            "line 2, IndexedTriangleSet: triangles with points that are not there",
+        ]
+    );
+}
+
+#[test]
 fn broken_xml_keeps_what_was_complete() {
     let shape = format!("<Shape>{}</Shape>\n", square(""));
     let whole = file(&format!("{shape}{shape}"));
@@ -368,7 +393,7 @@ fn broken_xml_keeps_what_was_complete() {
         messages(&import),
         [
             "line 3: the file ends inside NurbsPatchSurface of line 3",
-            "line 3, NurbsPatchSurface: the file ends inside this surface; it is left out",
+            "line 3, NurbsPatchSurface: the file ends inside this NurbsPatchSurface; it is left out",
         ]
     );
     let first = whole.find("</NurbsPatch").unwrap();
