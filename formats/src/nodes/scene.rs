@@ -121,7 +121,7 @@ impl Converter<'_> {
         let known = self.reached[index].map(|r| r.parent_from_node);
         let node = &self.tree.nodes[index];
         let parent_from_node = known.unwrap_or_else(|| match node.kind.as_str() {
-            "Transform" => self.transform(node),
+            "Transform" | "CADPart" => self.transform(node),
             _ => DAffine3::IDENTITY,
         });
         self.reached[index] = Some(Reached {
@@ -339,13 +339,21 @@ fn is_group(kind: &str) -> bool {
     const GROUPS: &[&str] = &[
         "Anchor",
         "Billboard",
+        "CADAssembly",
+        "CADFace",
+        "CADLayer",
+        "CADPart",
         "Collision",
         "Group",
         "LOD",
+        "Layer",
+        "LayerSet",
+        "PickableGroup",
         "Scene",
         "StaticGroup",
         "Switch",
         "Transform",
+        "ViewpointGroup",
     ];
     GROUPS.contains(&kind)
 }

@@ -11,8 +11,8 @@ use super::scene::Converter;
 use crate::Error;
 
 /// Gaps between the curves of a contour that are bridged, as a share of the diagonal of the
-/// parameter domain. Converters write contours with as few as five digits.
-const GAP: f64 = 1e-2;
+/// parameter domain. Some programs write few digits; a picture does not show the rest.
+const GAP: f64 = 1e-3;
 
 /// Samples of each piece of a curve for the sense of a loop.
 const SAMPLES: usize = 8;

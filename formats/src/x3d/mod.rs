@@ -23,6 +23,10 @@ pub(crate) const FORMAT: Format = Format {
 /// How far into a file its X3D element is looked for: comments may stand before it.
 const HEAD: usize = 1 << 16;
 
+/// How many attributes of an element are read. No node has as many, and each one is
+/// compared with all before it.
+const ATTRIBUTES: usize = 256;
+
 fn sniff(bytes: &[u8]) -> bool {
     let bytes = without_mark(bytes);
     classic(bytes).is_some() || {
@@ -180,8 +184,13 @@ fn begin(
         line,
         ..Head::default()
     };
-    for attribute in element.attributes() {
+    for (index, attribute) in element.attributes().enumerate() {
         let place = || Place::item(line, head.kind.clone());
+        if index >= ATTRIBUTES {
+            let text = format!("more than {ATTRIBUTES} attributes; the others are not used");
+            warnings.invalid(place(), text);
+            break;
+        }
         let attribute = match attribute {
             Ok(attribute) => attribute,
             Err(problem) => {
