@@ -57,12 +57,15 @@ pub(crate) struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    /// An empty tree of this format.
+    /// An empty tree of this format, in metres and radians.
     pub(crate) fn new(format: &'static str, limits: &'a Limits) -> Self {
         let tree = Tree {
             format,
             version: String::new(),
-            length: None,
+            length: kernel::Unit {
+                name: "m".to_owned(),
+                metres: 1.0,
+            },
             angle: 1.0,
             nodes: Vec::new(),
             root: None,
@@ -192,7 +195,7 @@ impl<'a> Builder<'a> {
 
     /// Sets the unit of length.
     pub(crate) fn set_length(&mut self, unit: kernel::Unit) {
-        self.tree.length = Some(unit);
+        self.tree.length = unit;
     }
 
     /// Sets the unit of angle, in radians.

@@ -47,7 +47,7 @@ impl Converter<'_> {
 
     /// A `PhysicalMaterial`, also read as a Phong material of about the same look: the width
     /// of the highlight is that of the distribution of normals
-    /// (Walter et al. 2007, section 5.2, with the glTF's `roughness^2` as their width).
+    /// (Walter et al. 2007, section 5.2), `roughness^2` of glTF being that width.
     pub(super) fn physical_material(&mut self, node: &Node) -> Made {
         let base_color = self.color(node, "baseColor", DVec3::ONE);
         let metallic = self.share(node, "metallic", 1.0);

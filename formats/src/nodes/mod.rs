@@ -68,8 +68,8 @@ pub(crate) struct Tree {
     pub format: &'static str,
     /// Version of X3D, such as `3.3`; empty if the file does not say.
     pub version: String,
-    /// The unit of length, if the file names one.
-    pub length: Option<kernel::Unit>,
+    /// The unit of length.
+    pub length: kernel::Unit,
     /// Radians of one unit of angle.
     pub angle: f64,
     /// The nodes.

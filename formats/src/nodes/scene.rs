@@ -29,7 +29,7 @@ pub(crate) fn convert(
         made: Vec::new(),
         bound: Bound::default(),
     };
-    converter.scene.unit = tree.length.clone();
+    converter.scene.unit = Some(tree.length.clone());
     if let Some(root) = tree.root {
         converter.reach(root);
         for index in 0..=root {

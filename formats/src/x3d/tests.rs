@@ -303,6 +303,8 @@ fn units_reach_lengths_and_angles() {
     let import = read_with(&Limits::default(), text).unwrap();
     let unit = import.scene.unit.unwrap();
     assert_eq!((unit.name.as_str(), unit.metres), ("inch", 0.0254));
+    let unit = read_scene("").scene.unit.unwrap();
+    assert_eq!((unit.name.as_str(), unit.metres), ("m", 1.0));
     let Projection::PerspectiveShorter { fov } = import.scene.cameras[0].projection() else {
         panic!("perspective");
     };
