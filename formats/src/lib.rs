@@ -25,6 +25,7 @@ use kernel::Scene;
 mod error;
 mod iges;
 mod limits;
+mod nodes;
 mod obj;
 mod x3d;
 

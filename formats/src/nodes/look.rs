@@ -1,0 +1,255 @@
+//! What a scene is seen with: materials, lights, viewpoints, background.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+use glam::{DAffine3, DVec3};
+use kernel::{
+    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, linear_from_srgb,
+};
+
+use super::Node;
+use super::scene::{Converter, Made};
+
+/// Factor from the field `shininess` to the exponent of the Phong model.
+const SHININESS: f64 = 128.0;
+
+/// Share of the base colour that a physical material reflects of the ambient light, as the
+/// default of Material has it.
+const AMBIENT: f64 = 0.2;
+
+/// Reflectance of dielectrics seen straight on, as glTF has it.
+const DIELECTRIC: f64 = 0.04;
+
+/// Opening angles of a `SpotLight` where the file gives none: full light, and no light.
+const SPOT: [f64; 2] = [FRAC_PI_4, FRAC_PI_2];
+
+/// As [`SPOT`], full light since X3D 4.0.
+const SPOT_BEAM_4: f64 = 0.589_049;
+
+impl Converter<'_> {
+    pub(super) fn material(&mut self, node: &Node) -> Made {
+        let ambient = self.share(node, "ambientIntensity", 0.2);
+        let diffuse = self.color(node, "diffuseColor", DVec3::splat(0.8));
+        let material = Material {
+            ambient: diffuse * ambient,
+            diffuse,
+            specular: self.color(node, "specularColor", DVec3::ZERO),
+            shininess: self.share(node, "shininess", 0.2) * SHININESS,
+            ..self.plain_material(node, DVec3::ZERO)
+        };
+        Made::Material(self.scene.add_material(material))
+    }
+
+    pub(super) fn unlit_material(&mut self, node: &Node) -> Made {
+        let material = self.plain_material(node, DVec3::ONE);
+        Made::Material(self.scene.add_material(material))
+    }
+
+    /// A `PhysicalMaterial`, also read as a Phong material of about the same look: the width
+    /// of the highlight is that of the distribution of normals
+    /// (Walter et al. 2007, section 5.2), `roughness^2` of glTF being that width.
+    pub(super) fn physical_material(&mut self, node: &Node) -> Made {
+        let base_color = self.color(node, "baseColor", DVec3::ONE);
+        let metallic = self.share(node, "metallic", 1.0);
+        let roughness = self.share(node, "roughness", 1.0);
+        let width = roughness.max(0.05).powi(4);
+        let material = Material {
+            ambient: base_color * AMBIENT,
+            diffuse: base_color * (1.0 - metallic),
+            specular: DVec3::splat(DIELECTRIC).lerp(base_color, metallic),
+            shininess: (2.0 / width - 2.0).clamp(1.0, 8.0 * SHININESS),
+            metallic_roughness: Some(MetallicRoughness {
+                base_color,
+                metallic,
+                roughness,
+            }),
+            ..self.plain_material(node, DVec3::ZERO)
+        };
+        Made::Material(self.scene.add_material(material))
+    }
+
+    /// Name, emission and opacity, which all materials have; no reflection.
+    fn plain_material(&mut self, node: &Node, emissive: DVec3) -> Material {
+        for link in &node.children {
+            let inside = &self.tree.nodes[link.node];
+            if !inside.is_metadata() {
+                let text = format!("{} in a material is not read", inside.kind);
+                self.warnings.unsupported(inside.place(), text);
+            }
+        }
+        Material {
+            name: node.def.clone(),
+            ambient: DVec3::ZERO,
+            diffuse: DVec3::ZERO,
+            specular: DVec3::ZERO,
+            shininess: 1.0,
+            emissive: self.color(node, "emissiveColor", emissive),
+            opacity: 1.0 - self.share(node, "transparency", 0.0),
+            metallic_roughness: None,
+        }
+    }
+
+    /// A linear colour.
+    fn color(&mut self, node: &Node, field: &str, default: DVec3) -> DVec3 {
+        let color = node.vector(field, default, &mut self.warnings);
+        if color.cmplt(DVec3::ZERO).any() || color.cmpgt(DVec3::ONE).any() {
+            let text = "colours go from 0 to 1; the colour is clamped";
+            self.warnings.invalid(node.field_place(field), text);
+        }
+        linear_from_srgb(color.clamp(DVec3::ZERO, DVec3::ONE))
+    }
+
+    /// A number from 0 to 1.
+    fn share(&mut self, node: &Node, field: &str, default: f64) -> f64 {
+        let found = node.number(field, default, &mut self.warnings);
+        if !(0.0..=1.0).contains(&found) {
+            let text = "must lie between 0 and 1; the value is clamped";
+            self.warnings.invalid(node.field_place(field), text);
+        }
+        found.clamp(0.0, 1.0)
+    }
+
+    /// An angle in radians.
+    fn angle(&mut self, node: &Node, field: &str, default: f64) -> f64 {
+        let found = node.tuple(field, &mut self.warnings);
+        found.map_or(default, |[angle]| angle * self.tree.angle)
+    }
+
+    pub(super) fn viewpoint(&mut self, index: usize, node: &Node) -> Made {
+        let world = self.world_from_parent(index);
+        let rotation = self.rotation(node, "orientation");
+        let [right, up, back] = DVec3::AXES.map(|axis| world.transform_vector3(rotation * axis));
+        let position = DVec3::new(0.0, 0.0, 10.0);
+        let position = node.vector("position", position, &mut self.warnings);
+        let mut eye = world.transform_point3(position);
+        let projection = if node.kind == "OrthoViewpoint" {
+            let window = node.tuple("fieldOfView", &mut self.warnings);
+            let window = window.filter(|[l, b, r, t]| l < r && b < t);
+            let [left, bottom, r, t] = window.unwrap_or([-1.0, -1.0, 1.0, 1.0]);
+            eye += right * ((left + r) * 0.5) + up * ((bottom + t) * 0.5);
+            let extent = (r - left).min(t - bottom) * scale(&world);
+            Projection::Orthographic { extent }
+        } else {
+            let mut fov = self.angle(node, "fieldOfView", FRAC_PI_4);
+            if !(fov > 0.0 && fov < PI) {
+                let text = "must lie between 0 and pi; the default is used";
+                self.warnings.invalid(node.field_place("fieldOfView"), text);
+                fov = FRAC_PI_4;
+            }
+            Projection::PerspectiveShorter { fov }
+        };
+        match Camera::look_at(eye, eye - back.normalize_or_zero(), up, projection) {
+            Some(mut camera) => {
+                let description = node.text("description").unwrap_or_default();
+                let def = Some(node.def.as_str()).filter(|def| !def.is_empty());
+                def.unwrap_or(description).clone_into(&mut camera.name);
+                self.scene.cameras.push(camera);
+            }
+            None => {
+                let text = "a viewpoint without a direction; it is left out";
+                self.warnings.invalid(node.place(), text);
+            }
+        }
+        Made::Nothing
+    }
+
+    pub(super) fn light(&mut self, index: usize, node: &Node) -> Made {
+        if !node.flag("on", true, &mut self.warnings) {
+            return Made::Nothing;
+        }
+        let directional = node.kind == "DirectionalLight";
+        let global = node.flag("global", !directional, &mut self.warnings);
+        if !global && node.parent != self.tree.root {
+            let text = "a light of one group lights the whole scene";
+            self.warnings.unsupported(node.place(), text);
+        }
+        let world = self.world_from_parent(index);
+        let Some(kind) = self.light_kind(node, &world) else {
+            let text = "a light without a direction; it is left out";
+            self.warnings.invalid(node.place(), text);
+            return Made::Nothing;
+        };
+        let color = self.color(node, "color", DVec3::ONE);
+        // Since X3D 4.0 intensities may be above one.
+        let intensity = node.size("intensity", 1.0, &mut self.warnings);
+        let ambient = node.size("ambientIntensity", 0.0, &mut self.warnings);
+        self.scene.lights.push(Light {
+            kind,
+            color: color * intensity,
+            ambient: color * ambient,
+        });
+        Made::Nothing
+    }
+
+    fn light_kind(&mut self, node: &Node, world: &DAffine3) -> Option<LightKind> {
+        let position = node.vector("location", DVec3::ZERO, &mut self.warnings);
+        let position = world.transform_point3(position);
+        let direction = node.vector("direction", DVec3::NEG_Z, &mut self.warnings);
+        let direction = world.transform_vector3(direction).try_normalize();
+        match node.kind.as_str() {
+            "DirectionalLight" => direction.map(|direction| LightKind::Directional { direction }),
+            "PointLight" => Some(LightKind::Point {
+                position,
+                falloff: self.falloff(node, world),
+            }),
+            _ => {
+                let since_4 = self.tree.version.starts_with('4');
+                let beam = if since_4 { SPOT_BEAM_4 } else { SPOT[0] };
+                let outer = self.angle(node, "cutOffAngle", SPOT[1]).clamp(0.0, PI);
+                let inner = self.angle(node, "beamWidth", beam).clamp(0.0, outer);
+                Some(LightKind::Spot {
+                    position,
+                    direction: direction?,
+                    inner,
+                    outer,
+                    falloff: self.falloff(node, world),
+                })
+            }
+        }
+    }
+
+    /// How a light weakens, in world units.
+    fn falloff(&mut self, node: &Node, world: &DAffine3) -> Falloff {
+        let scale = scale(world);
+        let attenuation = node.vector("attenuation", DVec3::X, &mut self.warnings);
+        let radius = node.size("radius", 100.0, &mut self.warnings) * scale;
+        let attenuation = attenuation / DVec3::new(1.0, scale, scale * scale);
+        Falloff {
+            attenuation: if attenuation.is_finite() {
+                attenuation
+            } else {
+                DVec3::X
+            },
+            radius,
+        }
+    }
+
+    pub(super) fn background(&mut self, node: &Node) -> Made {
+        if std::mem::replace(&mut self.bound.background, true) {
+            return Made::Nothing;
+        }
+        let colors = node.points_3d("skyColor", &mut self.warnings);
+        let is_plain = node.text("groundColor").is_none() && node.text("skyAngle").is_none();
+        let textures = node.children.iter().map(|link| &self.tree.nodes[link.node]);
+        if !is_plain || colors.len() > 1 || textures.into_iter().any(|n| !n.is_metadata()) {
+            let text = "a background of several colours is shown in the first one";
+            self.warnings.unsupported(node.place(), text);
+        }
+        let color = colors.first().copied().unwrap_or(DVec3::ZERO);
+        let color = color.clamp(DVec3::ZERO, DVec3::ONE);
+        self.scene.background = Some(linear_from_srgb(color));
+        Made::Nothing
+    }
+
+    pub(super) fn navigation(&mut self, node: &Node) -> Made {
+        if !std::mem::replace(&mut self.bound.navigation, true) {
+            self.scene.headlight = node.flag("headlight", true, &mut self.warnings);
+        }
+        Made::Nothing
+    }
+}
+
+/// The mean scale of a map.
+fn scale(map: &DAffine3) -> f64 {
+    map.matrix3.determinant().abs().cbrt()
+}

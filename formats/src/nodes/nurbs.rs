@@ -1,0 +1,160 @@
+//! NURBS surfaces of X3D.
+//!
+//! The standard says nothing about whether control points are multiplied by their weights
+//! already. Most viewers take them as they are for the numerators of the rational form, and
+//! so do we: the Cartesian point is `controlPoint / weight`.
+
+use glam::{DVec2, DVec3};
+use kernel::{Error as GeometryError, KnotVector, Patch, Surface};
+
+use super::scene::Converter;
+use super::{Link, Node};
+use crate::{Error, Warnings};
+
+impl Converter<'_> {
+    /// A `NurbsPatchSurface` or `NurbsTrimmedSurface`.
+    ///
+    /// # Errors
+    /// If a limit is passed.
+    pub(super) fn patch(&mut self, node: &Node) -> Result<Result<Patch, GeometryError>, Error> {
+        let points = self.points_inside(node)?;
+        let surface = match net(node, &points, &mut self.warnings) {
+            Ok(surface) => surface,
+            Err(problem) => return Ok(Err(problem)),
+        };
+        let loops = self.trim_loops(node, &surface)?;
+        if !loops.is_empty() {
+            let text = "trimmed surface shown untrimmed";
+            self.warnings.unsupported(node.place(), text);
+        }
+        let patch = Patch::from(surface);
+        Ok(Ok(Patch { loops, ..patch }))
+    }
+
+    /// The points of the Coordinate node inside, whatever field it claims to be.
+    ///
+    /// # Errors
+    /// If a limit is passed.
+    pub(super) fn points_inside(&mut self, node: &Node) -> Result<Vec<DVec3>, Error> {
+        let inside = |link: &Link| &self.tree.nodes[link.node];
+        let mut inside = node.children.iter().map(inside);
+        let coordinate =
+            inside.find(|n| matches!(n.kind.as_str(), "Coordinate" | "CoordinateDouble"));
+        let Some(coordinate) = coordinate else {
+            return Ok(Vec::new());
+        };
+        let points = coordinate.points_3d("point", &mut self.warnings);
+        self.count_points(points.len(), coordinate)?;
+        Ok(points)
+    }
+}
+
+/// The surface of a node with these control points.
+fn net(node: &Node, points: &[DVec3], warnings: &mut Warnings) -> Result<Surface, GeometryError> {
+    let order_u = node.count("uOrder", 3, warnings);
+    let order_v = node.count("vOrder", 3, warnings);
+    let (count_u, count_v) = dimensions(node, points.len(), warnings);
+    // Before anything is allocated by these numbers.
+    let expected = count_u.saturating_mul(count_v);
+    if expected != points.len() {
+        let found = points.len();
+        return Err(GeometryError::PointCount { found, expected });
+    }
+    let knots_u = knots(node, "uKnot", order_u, count_u, warnings)?;
+    let knots_v = knots(node, "vKnot", order_v, count_v, warnings)?;
+    match weights(node, points.len(), warnings) {
+        None => Surface::from_u_fastest(knots_u, knots_v, points, None),
+        Some(weights) => {
+            let points: Vec<_> = points.iter().zip(&weights).map(|(&p, &w)| p / w).collect();
+            Surface::from_u_fastest(knots_u, knots_v, &points, Some(&weights))
+        }
+    }
+}
+
+/// The numbers of control points along u and v; one that is missing follows from the other.
+fn dimensions(node: &Node, points: usize, warnings: &mut Warnings) -> (usize, usize) {
+    let u = node.count("uDimension", 0, warnings);
+    let v = node.count("vDimension", 0, warnings);
+    let found = match (u, v) {
+        (0, v) if v > 0 => (points / v, v),
+        (u, 0) if u > 0 => (u, points / u),
+        dimensions => return dimensions,
+    };
+    let text = "one dimension is missing; it follows from the number of control points";
+    warnings.invalid(node.place(), text);
+    found
+}
+
+/// The knots of one direction of a surface or of a curve with `count` control points.
+///
+/// Where they are missing or unusable, clamped knots with equal steps over `0..1` take
+/// their place.
+///
+/// # Errors
+/// If no knots exist for this order and this number of points.
+pub(super) fn knots(
+    node: &Node,
+    field: &str,
+    order: usize,
+    count: usize,
+    warnings: &mut Warnings,
+) -> Result<KnotVector, GeometryError> {
+    let degree = order.saturating_sub(1);
+    let uniform = KnotVector::clamped_uniform(degree, count, 0.0..1.0)?;
+    let mut given = node.numbers(field, warnings);
+    if given.is_empty() {
+        return Ok(uniform);
+    }
+    let expected = count + order;
+    if let (true, [first, .., last]) = (given.len() + 2 == expected, &given[..]) {
+        let (first, last) = (*first, *last);
+        given.insert(0, first);
+        given.push(last);
+        let text = "two knots are missing; the first and the last are repeated";
+        warnings.invalid(node.field_place(field), text);
+    }
+    if given.len() != expected {
+        let text = format!(
+            "{} knots; dimension + order = {expected} are needed; equal steps are used",
+            given.len()
+        );
+        warnings.invalid(node.field_place(field), text);
+        return Ok(uniform);
+    }
+    Ok(KnotVector::new(degree, given).unwrap_or_else(|problem| {
+        let text = format!("{problem}; equal steps are used");
+        warnings.invalid(node.field_place(field), text);
+        uniform
+    }))
+}
+
+/// The weights of `count` control points; `None` if all are one.
+pub(super) fn weights(node: &Node, count: usize, warnings: &mut Warnings) -> Option<Vec<f64>> {
+    let weights = node.numbers("weight", warnings);
+    if weights.is_empty() {
+        return None;
+    }
+    let place = || node.field_place("weight");
+    if weights.len() != count {
+        let text = format!(
+            "{} weights for {count} control points; all weights are taken as one",
+            weights.len()
+        );
+        warnings.invalid(place(), text);
+        return None;
+    }
+    if let Some((i, w)) = weights.iter().enumerate().find(|&(_, &w)| w <= 0.0) {
+        let text =
+            format!("weight {i} is {w}; weights must be positive; all weights are taken as one");
+        warnings.invalid(place(), text);
+        return None;
+    }
+    Some(weights)
+}
+
+/// Control points of the plane with their weights, Cartesian.
+pub(super) fn cartesian_2d(points: &mut [DVec2], weights: Option<&[f64]>) {
+    for (point, weight) in points.iter_mut().zip(weights.unwrap_or_default()) {
+        *point /= *weight;
+    }
+}

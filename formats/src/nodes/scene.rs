@@ -1,0 +1,379 @@
+//! Nodes to [`Scene`]: what is shown, groups, transforms and shapes.
+//!
+//! Two passes over the list of nodes instead of a recursion: from the last node down, to
+//! find what is shown and where; then from the first node up, so that everything inside a
+//! node exists before the node itself.
+
+use glam::{DAffine3, DQuat, DVec3};
+use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape};
+
+use super::{Node, Tree};
+use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
+
+/// Turns a tree into a scene. The warnings already known go first.
+///
+/// # Errors
+/// If a limit is passed.
+pub(crate) fn convert(
+    tree: &Tree,
+    warnings: Warnings,
+    options: &ReadOptions<'_>,
+) -> Result<Import, Error> {
+    let mut converter = Converter {
+        tree,
+        options,
+        scene: Scene::default(),
+        warnings,
+        points: 0,
+        reached: Vec::new(),
+        made: Vec::new(),
+        bound: Bound::default(),
+    };
+    converter.scene.unit = Some(tree.length.clone());
+    if let Some(root) = tree.root {
+        converter.reach(root);
+        for index in 0..=root {
+            let made = match converter.reached[index] {
+                Some(_) => converter.make(index)?,
+                None => Made::Nothing,
+            };
+            converter.made.push(made);
+        }
+        if let Made::Node(id) = converter.made[root] {
+            converter.scene.set_root(id).map_err(|e| Error {
+                format: tree.format,
+                place: Place::default(),
+                problem: e.into(),
+            })?;
+        }
+    }
+    Ok(Import {
+        scene: converter.scene,
+        warnings: converter.warnings,
+    })
+}
+
+/// The state of a conversion.
+pub(super) struct Converter<'a> {
+    pub(super) tree: &'a Tree,
+    pub(super) options: &'a ReadOptions<'a>,
+    pub(super) scene: Scene,
+    pub(super) warnings: Warnings,
+    /// Control points read so far.
+    pub(super) points: usize,
+    /// For each node, its place if it is shown.
+    reached: Vec<Option<Reached>>,
+    /// For each node, what has become of it.
+    pub(super) made: Vec<Made>,
+    pub(super) bound: Bound,
+}
+
+/// The place of a node that is shown; that of its definition if that is shown, too.
+#[derive(Clone, Copy, Debug)]
+struct Reached {
+    world_from_parent: DAffine3,
+    parent_from_node: DAffine3,
+}
+
+/// What has become of a node.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Made {
+    /// Nothing that the scene keeps under an index.
+    Nothing,
+    /// A group.
+    Node(NodeId),
+    /// A shape with its material.
+    Item(Item),
+    /// Geometry.
+    Geometry(Shape),
+    /// A material or an appearance.
+    Material(MaterialId),
+}
+
+/// Nodes of which a scene has only one in force: the first.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Bound {
+    pub(super) navigation: bool,
+    pub(super) background: bool,
+}
+
+impl Converter<'_> {
+    /// Marks the nodes that are shown, from `root` down, with their places.
+    fn reach(&mut self, root: usize) {
+        self.reached.resize(root + 1, None);
+        self.mark(root, DAffine3::IDENTITY);
+        for index in (0..=root).rev() {
+            let Some(here) = self.reached[index] else {
+                continue;
+            };
+            let node = &self.tree.nodes[index];
+            let world_from_node = here.world_from_parent * here.parent_from_node;
+            for child in shown(self.tree, node, &mut self.warnings) {
+                let link = &node.children[child];
+                if link.defined_here || self.reached[link.node].is_none() {
+                    self.mark(link.node, world_from_node);
+                }
+            }
+        }
+    }
+
+    fn mark(&mut self, index: usize, world_from_parent: DAffine3) {
+        let known = self.reached[index].map(|r| r.parent_from_node);
+        let node = &self.tree.nodes[index];
+        let parent_from_node = known.unwrap_or_else(|| match node.kind.as_str() {
+            "Transform" | "CADPart" => self.transform(node),
+            _ => DAffine3::IDENTITY,
+        });
+        self.reached[index] = Some(Reached {
+            world_from_parent,
+            parent_from_node,
+        });
+    }
+
+    /// The map of a Transform: `T C R SR S SR^-1 C^-1`.
+    fn transform(&mut self, node: &Node) -> DAffine3 {
+        let warnings = &mut self.warnings;
+        let translation = node.vector("translation", DVec3::ZERO, warnings);
+        let center = node.vector("center", DVec3::ZERO, warnings);
+        let scale = node.vector("scale", DVec3::ONE, warnings);
+        let rotation = self.rotation(node, "rotation");
+        let orientation = self.rotation(node, "scaleOrientation");
+        DAffine3::from_translation(translation + center)
+            * DAffine3::from_quat(rotation * orientation)
+            * DAffine3::from_scale(scale)
+            * DAffine3::from_quat(orientation.inverse())
+            * DAffine3::from_translation(-center)
+    }
+
+    /// A field that holds an axis and an angle; no rotation if it is not there.
+    pub(super) fn rotation(&mut self, node: &Node, field: &str) -> DQuat {
+        let tuple = node.tuple(field, &mut self.warnings);
+        let [x, y, z, angle] = tuple.unwrap_or([0.0, 0.0, 1.0, 0.0]);
+        let axis = DVec3::new(x, y, z).try_normalize();
+        axis.map_or(DQuat::IDENTITY, |axis| {
+            DQuat::from_axis_angle(axis, angle * self.tree.angle)
+        })
+    }
+
+    /// Where the node's own coordinates lie.
+    pub(super) fn world_from_parent(&self, index: usize) -> DAffine3 {
+        let reached = self.reached.get(index).copied().flatten();
+        reached.map_or(DAffine3::IDENTITY, |r| r.world_from_parent)
+    }
+
+    /// Turns one node into what it is in the scene; all inside it is done already.
+    fn make(&mut self, index: usize) -> Result<Made, Error> {
+        let tree = self.tree;
+        let node = &tree.nodes[index];
+        let made = match node.kind.as_str() {
+            kind if is_group(kind) => self.group(index, node),
+            "Shape" => self.shape(node),
+            "Appearance" => self.appearance(node),
+            "Material" => self.material(node),
+            "PhysicalMaterial" => self.physical_material(node),
+            "UnlitMaterial" => self.unlit_material(node),
+            kind if is_geometry(kind) => return self.geometry(node),
+            "Viewpoint" | "OrthoViewpoint" => self.viewpoint(index, node),
+            "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
+            "Background" => self.background(node),
+            "NavigationInfo" => self.navigation(node),
+            kind if SILENT.contains(&kind) || node.is_metadata() => Made::Nothing,
+            kind => {
+                let text = format!("{kind} is not read");
+                self.warnings.unsupported(node.place(), text);
+                Made::Nothing
+            }
+        };
+        Ok(made)
+    }
+
+    fn group(&mut self, index: usize, node: &Node) -> Made {
+        if node.kind == "Billboard" {
+            let text = "Billboard does not turn to the camera";
+            self.warnings.unsupported(node.place(), text);
+        }
+        let made = self.made_inside(node).into_iter();
+        let children: Vec<_> = made
+            .filter_map(|made| match made {
+                Made::Node(id) => Some(Child::Node(id)),
+                Made::Item(item) => Some(Child::Item(item)),
+                _ => None,
+            })
+            .collect();
+        if children.is_empty() {
+            return Made::Nothing;
+        }
+        let reached = self.reached.get(index).copied().flatten();
+        let made = self.scene.add_node(kernel::Node {
+            name: node.def.clone(),
+            parent_from_node: reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node),
+            children,
+        });
+        match made {
+            Ok(id) => Made::Node(id),
+            Err(_) => {
+                let text = "a map that flattens all to nothing; what is inside is left out";
+                self.warnings.invalid(node.place(), text);
+                Made::Nothing
+            }
+        }
+    }
+
+    /// What the shown children of a node have become.
+    fn made_inside(&self, node: &Node) -> Vec<Made> {
+        // What is wrong with the fields has been told on the way down.
+        let shown = shown(self.tree, node, &mut Warnings::default()).into_iter();
+        shown.map(|i| self.made[node.children[i].node]).collect()
+    }
+
+    fn shape(&self, node: &Node) -> Made {
+        let (mut shape, mut material) = (None, None);
+        for made in self.made_inside(node) {
+            match made {
+                Made::Geometry(found) => shape = shape.or(Some(found)),
+                Made::Material(found) => material = material.or(Some(found)),
+                _ => {}
+            }
+        }
+        shape.map_or(Made::Nothing, |shape| Made::Item(Item { shape, material }))
+    }
+
+    /// An appearance is its material; without one the default of the scene holds.
+    fn appearance(&self, node: &Node) -> Made {
+        let made = self.made_inside(node).into_iter();
+        let mut materials = made.filter(|made| matches!(made, Made::Material(_)));
+        materials.next().unwrap_or(Made::Nothing)
+    }
+
+    /// A surface or a mesh, stored once however often it is used.
+    fn geometry(&mut self, node: &Node) -> Result<Made, Error> {
+        if !node.complete {
+            let text = format!("the file ends inside this {}; it is left out", node.kind);
+            self.warnings.invalid(node.place(), text);
+            return Ok(Made::Nothing);
+        }
+        let (name, source) = (self.name(node), node.place().to_string());
+        let shape = if NURBS.contains(&node.kind.as_str()) {
+            let patch = self.patch(node)?;
+            let patch = patch.map(|patch| Patch {
+                name,
+                source,
+                ..patch
+            });
+            patch.and_then(|patch| self.scene.add_patch(patch).map(Shape::Patch))
+        } else {
+            let mesh = self.mesh(node)?.map(|mut mesh| {
+                (mesh.name, mesh.source) = (name, source);
+                mesh
+            });
+            mesh.and_then(|mesh| self.scene.add_mesh(mesh).map(Shape::Mesh))
+        };
+        Ok(shape.map_or_else(
+            |problem| {
+                self.warnings.add(node.place(), problem);
+                Made::Nothing
+            },
+            Made::Geometry,
+        ))
+    }
+
+    /// The DEF name of a geometry, or of the shape or group around it.
+    pub(super) fn name(&self, node: &Node) -> String {
+        let around = |node: &Node| node.parent.map(|parent| &self.tree.nodes[parent]);
+        let shape = around(node).filter(|parent| parent.kind == "Shape");
+        let group = shape.and_then(around);
+        let all = [Some(node), shape, group].into_iter().flatten();
+        let mut names = all.map(|node| &node.def).filter(|name| !name.is_empty());
+        names.next().cloned().unwrap_or_default()
+    }
+
+    /// Adds to the number of control points read. A node that is used often is read as
+    /// often, so its text counts even where it gives no points.
+    ///
+    /// # Errors
+    /// If it passes the limit.
+    pub(super) fn count_points(&mut self, count: usize, node: &Node) -> Result<(), Error> {
+        let text: usize = node.fields.iter().map(|field| field.value.len()).sum();
+        self.points += count.max(text / TEXT_OF_POINT);
+        let limit = self.options.limits.points;
+        if self.points <= limit {
+            return Ok(());
+        }
+        Err(Error {
+            format: self.tree.format,
+            place: node.place(),
+            problem: Problem::TooLarge(format!("more than {limit} control points")),
+        })
+    }
+}
+
+/// Positions of the children of a node that matter if the node is shown.
+fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
+    let is_child = |&i: &usize| {
+        let link = &node.children[i];
+        !tree.nodes[link.node].is_metadata() && link.field.as_deref() != Some("proxy")
+    };
+    let mut all = (0..node.children.len()).filter(is_child);
+    let kind = node.kind.as_str();
+    let has_shown = is_group(kind) || is_geometry(kind) || matches!(kind, "Shape" | "Appearance");
+    if !has_shown || !node.flag("visible", true, warnings) {
+        return Vec::new();
+    }
+    match kind {
+        "LOD" => all.next().into_iter().collect(),
+        "Switch" => {
+            let choice = node.number("whichChoice", -1.0, warnings);
+            let all = all.enumerate();
+            let chosen = all.filter(|&(i, _)| (i as f64 - choice).abs() < 0.5);
+            chosen.map(|(_, child)| child).collect()
+        }
+        _ => all.collect(),
+    }
+}
+
+/// Bytes of text that a control point usually takes, for the limit on points.
+const TEXT_OF_POINT: usize = 24;
+
+/// Nodes that show their children, or some of them.
+fn is_group(kind: &str) -> bool {
+    const GROUPS: &[&str] = &[
+        "Anchor",
+        "Billboard",
+        "CADAssembly",
+        "CADFace",
+        "CADLayer",
+        "CADPart",
+        "Collision",
+        "Group",
+        "LOD",
+        "Layer",
+        "LayerSet",
+        "PickableGroup",
+        "Scene",
+        "StaticGroup",
+        "Switch",
+        "Transform",
+        "ViewpointGroup",
+    ];
+    GROUPS.contains(&kind)
+}
+
+/// The surfaces that are read.
+const NURBS: &[&str] = &["NurbsPatchSurface", "NurbsTrimmedSurface"];
+
+/// The polygons that are read.
+const MESHES: &[&str] = &["IndexedFaceSet", "IndexedTriangleSet", "TriangleSet"];
+
+fn is_geometry(kind: &str) -> bool {
+    NURBS.contains(&kind) || MESHES.contains(&kind)
+}
+
+/// Nodes that show nothing by themselves.
+const SILENT: &[&str] = &[
+    "Contour2D",
+    "Coordinate",
+    "CoordinateDouble",
+    "Normal",
+    "NurbsSet",
+    "WorldInfo",
+];

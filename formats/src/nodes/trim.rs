@@ -1,0 +1,139 @@
+//! `Contour2D`: the loops that trim a surface.
+
+use std::ops::Range;
+
+use glam::DVec2;
+use kernel::{Curve, Error as GeometryError, KnotVector, Surface, TrimLoop};
+
+use super::Node;
+use super::nurbs::{cartesian_2d, knots, weights};
+use super::scene::Converter;
+use crate::Error;
+
+/// Gaps between the curves of a contour that are bridged, as a share of the diagonal of the
+/// parameter domain. Some programs write few digits; a picture does not show the rest.
+const GAP: f64 = 1e-3;
+
+/// Samples of each piece of a curve for the sense of a loop.
+const SAMPLES: usize = 8;
+
+impl Converter<'_> {
+    /// The loops of a surface. If one of them is unusable, none is kept: a hole without
+    /// its border would show the wrong part.
+    ///
+    /// # Errors
+    /// If a limit is passed.
+    pub(super) fn trim_loops(
+        &mut self,
+        node: &Node,
+        surface: &Surface,
+    ) -> Result<Vec<TrimLoop>, Error> {
+        let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+        let gap = GAP * DVec2::new(u.end - u.start, v.end - v.start).length();
+        let mut loops = Vec::new();
+        for link in &node.children {
+            let contour = &self.tree.nodes[link.node];
+            if contour.kind != "Contour2D" {
+                continue;
+            }
+            let curves = self.contour_curves(contour)?;
+            match curves.and_then(|curves| TrimLoop::new(curves, gap)) {
+                Ok(trim) => loops.push(trim),
+                Err(problem) => {
+                    let text = format!("{problem}; no contour of this surface is used");
+                    self.warnings.invalid(contour.place(), text);
+                    return Ok(Vec::new());
+                }
+            }
+        }
+        if runs_clockwise_outside(&loops) {
+            loops.extend(border(u, v));
+        }
+        Ok(loops)
+    }
+
+    /// The curves of a contour, in order.
+    fn contour_curves(
+        &mut self,
+        contour: &Node,
+    ) -> Result<Result<Vec<Curve<DVec2>>, GeometryError>, Error> {
+        let mut curves = Vec::new();
+        for link in &contour.children {
+            let node = &self.tree.nodes[link.node];
+            let curve = match node.kind.as_str() {
+                "NurbsCurve2D" => self.curve_2d(node)?,
+                "ContourPolyline2D" => self.polyline_2d(node)?,
+                _ if node.is_metadata() => continue,
+                kind => {
+                    let text = format!("{kind} is not read as part of a contour");
+                    self.warnings.unsupported(node.place(), text);
+                    continue;
+                }
+            };
+            match curve {
+                Ok(curve) => curves.push(curve),
+                Err(problem) => return Ok(Err(problem)),
+            }
+        }
+        Ok(Ok(curves))
+    }
+
+    fn curve_2d(&mut self, node: &Node) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
+        let mut points = node.points_2d("controlPoint", &mut self.warnings);
+        self.count_points(points.len(), node)?;
+        let weights = weights(node, points.len(), &mut self.warnings);
+        cartesian_2d(&mut points, weights.as_deref());
+        let order = node.count("order", 3, &mut self.warnings);
+        let knots = knots(node, "knot", order, points.len(), &mut self.warnings);
+        Ok(knots.and_then(|knots| Curve::new(knots, &points, weights.as_deref())))
+    }
+
+    /// The points stand in `controlPoint`; X3D 3.0 and some programs have other names.
+    fn polyline_2d(&mut self, node: &Node) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
+        let names = ["controlPoint", "point", "lineSegments"];
+        let name = names.into_iter().find(|name| node.text(name).is_some());
+        let points = node.points_2d(name.unwrap_or("controlPoint"), &mut self.warnings);
+        self.count_points(points.len(), node)?;
+        Ok(Curve::polyline(&points))
+    }
+}
+
+/// Whether the loop with the largest area runs clockwise: the border is left to the reader
+/// of the file then.
+fn runs_clockwise_outside(loops: &[TrimLoop]) -> bool {
+    let areas = loops.iter().map(signed_area);
+    let largest = areas.fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+    largest < 0.0
+}
+
+/// The area inside a loop, about; positive if it runs counter-clockwise.
+fn signed_area(trim: &TrimLoop) -> f64 {
+    let mut points: Vec<DVec2> = Vec::new();
+    for curve in trim.segments() {
+        for piece in curve.knots().breaks().windows(2) {
+            let step = (piece[1] - piece[0]) / SAMPLES as f64;
+            points.extend((0..SAMPLES).map(|i| curve.evaluate(piece[0] + step * i as f64)));
+        }
+    }
+    let Some(&first) = points.first() else {
+        return 0.0;
+    };
+    let corners = points.windows(2);
+    0.5 * corners
+        .map(|w| (w[0] - first).perp_dot(w[1] - first))
+        .sum::<f64>()
+}
+
+/// The border of a parameter domain, counter-clockwise.
+fn border(u: Range<f64>, v: Range<f64>) -> Option<TrimLoop> {
+    let corners = [
+        DVec2::new(u.start, v.start),
+        DVec2::new(u.end, v.start),
+        DVec2::new(u.end, v.end),
+        DVec2::new(u.start, v.end),
+        DVec2::new(u.start, v.start),
+    ];
+    let knots = KnotVector::clamped_uniform(1, corners.len(), 0.0..4.0).ok()?;
+    let curve = Curve::new(knots, &corners, None).ok()?;
+    TrimLoop::new(vec![curve], 0.0).ok()
+}

@@ -1,0 +1,503 @@
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
+use glam::{DVec2, DVec3};
+use kernel::{LightKind, Projection, Surface};
+
+use super::*;
+use crate::{Limits, NoFiles};
+
+fn read_with(limits: &Limits, text: &str) -> Result<Import, Error> {
+    let resolver = &NoFiles;
+    read(text.as_bytes(), &ReadOptions { limits, resolver })
+}
+
+/// A file with this inside its scene.
+fn file(scene: &str) -> String {
+    format!("<X3D version='3.3'><head/><Scene>\n{scene}\n</Scene></X3D>")
+}
+
+fn read_scene(scene: &str) -> Import {
+    read_with(&Limits::default(), &file(scene)).unwrap()
+}
+
+fn messages(import: &Import) -> Vec<String> {
+    let list = import.warnings.as_slice().iter();
+    list.map(ToString::to_string).collect()
+}
+
+/// A bilinear patch over the unit square, with more attributes.
+fn square(attributes: &str) -> String {
+    format!(
+        "<NurbsPatchSurface uDimension='2' vDimension='2' uOrder='2' vOrder='2' {attributes}>\
+         <Coordinate point='0 0 0, 1 0 0, 0 1 0, 1 1 0'/></NurbsPatchSurface>"
+    )
+}
+
+fn only_surface(import: &Import) -> &Surface {
+    let [patch] = import.scene.patches() else {
+        panic!("{} patches", import.scene.patches().len());
+    };
+    &patch.surface
+}
+
+const SPHERE: &str = include_str!("../../../samples/sphere_torus.x3d");
+
+#[test]
+fn premultiplied_points_make_an_exact_sphere() {
+    let import = read_with(&Limits::default(), SPHERE).unwrap();
+    let sphere = import.scene.patches().iter().find(|p| p.name == "SPHERE");
+    let surface = &sphere.unwrap().surface;
+    let domains = [surface.knots_u().domain(), surface.knots_v().domain()];
+    for i in 0..=40 {
+        for j in 0..=40 {
+            let at = |range: &std::ops::Range<f64>, k: i32| {
+                range.start + (range.end - range.start) * f64::from(k) / 40.0
+            };
+            let point = surface.evaluate(DVec2::new(at(&domains[0], i), at(&domains[1], j)));
+            assert!((point.length() - 1.0).abs() <= 1e-15, "{point} at {i} {j}");
+        }
+    }
+}
+
+#[test]
+fn a_node_used_twice_is_stored_once() {
+    let import = read_with(&Limits::default(), SPHERE).unwrap();
+    assert_eq!(messages(&import), Vec::<String>::new());
+    assert_eq!(import.scene.patches().len(), 2);
+    assert_eq!(import.scene.placements().len(), 3);
+    assert_eq!(import.scene.materials().len(), 3);
+}
+
+#[test]
+fn u_runs_fastest() {
+    let import = read_scene(&format!("<Shape>{}</Shape>", square("")));
+    let surface = only_surface(&import);
+    assert_eq!(surface.evaluate(DVec2::new(1.0, 0.0)), DVec3::X);
+    assert_eq!(surface.evaluate(DVec2::new(0.0, 1.0)), DVec3::Y);
+}
+
+#[test]
+fn transforms_are_about_their_center() {
+    // T C R SR S SR^-1 C^-1 by hand: the corner (1, 0) seen from the centre (1, 1) is
+    // (0, -1); turned by -90 degrees, stretched by (3, 2) and turned back it is (0, -3);
+    // turned by 90 degrees (3, 0); from the centre (4, 1); moved (4, 1, 5).
+    let import = read_scene(&format!(
+        "<Transform DEF='T' translation='0 0 5' center='1 1 0' scale='3 2 1' \
+         rotation='0 0 2 {FRAC_PI_2}' scaleOrientation='0 0 1 {FRAC_PI_2}'>\
+         <Shape>{}</Shape></Transform>",
+        square("")
+    ));
+    let [placement] = &import.scene.placements()[..] else {
+        panic!("one placement");
+    };
+    let moved = placement.world_from_object.transform_point3(DVec3::X);
+    assert!(moved.distance(DVec3::new(4.0, 1.0, 5.0)) < 1e-14, "{moved}");
+    assert_eq!(import.scene.patches()[0].name, "T");
+}
+
+#[test]
+fn knots_that_do_not_fit_are_replaced() {
+    let knots = |attributes: &str| {
+        let import = read_scene(&format!("<Shape>{}</Shape>", square(attributes)));
+        let knots = only_surface(&import).knots_u().as_slice().to_vec();
+        (knots, messages(&import))
+    };
+    let clamped = vec![0.0, 0.0, 1.0, 1.0];
+    assert_eq!(knots(""), (clamped.clone(), vec![]));
+    assert_eq!(knots("uKnot='2 2 5 5'"), (vec![2.0, 2.0, 5.0, 5.0], vec![]));
+    let place = "line 2, NurbsPatchSurface, uKnot: ";
+    let text = "3 knots; dimension + order = 4 are needed; equal steps are used";
+    let expected = (clamped.clone(), vec![format!("{place}{text}")]);
+    assert_eq!(knots("uKnot='0 0 1'"), expected);
+    let text = "two knots are missing; the first and the last are repeated";
+    let expected = (vec![2.0, 2.0, 5.0, 5.0], vec![format!("{place}{text}")]);
+    assert_eq!(knots("uKnot='2 5'"), expected);
+    let text = "knot 2 is 0 after 1; knots must not decrease; equal steps are used";
+    let expected = (clamped, vec![format!("{place}{text}")]);
+    assert_eq!(knots("uKnot='0 1 0 1'"), expected);
+}
+
+#[test]
+fn weights_that_do_not_fit_are_one() {
+    for (weights, text) in [
+        (
+            "1 2 1",
+            "3 weights for 4 control points; all weights are taken as one",
+        ),
+        (
+            "1 1 -1 1",
+            "weight 2 is -1; weights must be positive; all weights are taken as one",
+        ),
+    ] {
+        let shape = format!("<Shape>{}</Shape>", square(&format!("weight='{weights}'")));
+        let import = read_scene(&shape);
+        assert!(!only_surface(&import).is_rational());
+        let expected = format!("line 2, NurbsPatchSurface, weight: {text}");
+        assert_eq!(messages(&import), [expected]);
+    }
+    let import = read_scene(&format!("<Shape>{}</Shape>", square("weight='1 1 1 2'")));
+    let corner = only_surface(&import).evaluate(DVec2::ONE);
+    assert_eq!(corner, DVec3::new(0.5, 0.5, 0.0));
+}
+
+#[test]
+fn a_missing_dimension_follows_from_the_other() {
+    let import = read_scene(
+        "<Shape><NurbsPatchSurface vDimension='3' uOrder='2' vOrder='2'>\
+         <CoordinateDouble containerField='coord' point='0 0 0 1 0 0 0 1 0 1 1 0 0 2 0 1 2 0'/>\
+         </NurbsPatchSurface></Shape>",
+    );
+    assert_eq!(only_surface(&import).knots_u().count(), 2);
+    assert_eq!(only_surface(&import).knots_v().count(), 3);
+    assert_eq!(messages(&import).len(), 1);
+}
+
+#[test]
+fn a_surface_that_cannot_be_is_left_out() {
+    for (attributes, text) in [
+        (
+            "vDimension='3' uOrder='2'",
+            "4 control points; 6 are needed",
+        ),
+        (
+            "vDimension='99999999999999' uOrder='2'",
+            "4 control points; 199999999999998 are needed",
+        ),
+        (
+            "vDimension='2' uOrder='1'",
+            "degree 0; degrees go from 1 to 30",
+        ),
+        (
+            "vDimension='2' uOrder='3'",
+            "2 control points; 3 are needed",
+        ),
+    ] {
+        let import = read_scene(&format!(
+            "<Shape><NurbsPatchSurface uDimension='2' vOrder='2' {attributes}>\
+             <Coordinate point='0 0 0, 1 0 0, 0 1 0, 1 1 0'/></NurbsPatchSurface></Shape>"
+        ));
+        assert!(import.scene.patches().is_empty(), "{attributes}");
+        let expected = format!("line 2, NurbsPatchSurface: {text}");
+        assert_eq!(messages(&import), [expected]);
+    }
+}
+
+#[test]
+fn what_is_used_must_be_complete() {
+    let import = read_scene(&format!(
+        "<Group DEF='A'><Group USE='A'/><Shape USE='B'/><Shape DEF='B'>{}</Shape></Group>\
+         <Shape USE='B'/>",
+        square("")
+    ));
+    assert_eq!(import.scene.placements().len(), 2);
+    assert_eq!(
+        messages(&import),
+        [
+            "line 2, Group USE A: a node is used inside itself; it is left out there",
+            "line 2, Shape USE B: USE of a name that no node before has as its DEF",
+        ]
+    );
+}
+
+#[test]
+fn a_chain_of_uses_is_as_deep_as_nested_nodes() {
+    let mut scene = format!("<Group DEF='G0'><Shape>{}</Shape></Group>", square(""));
+    for i in 1..300 {
+        scene += &format!("<Group DEF='G{i}'><Group USE='G{}'/></Group>", i - 1);
+    }
+    let problem = read_with(&Limits::default(), &file(&scene)).unwrap_err();
+    assert_eq!(problem.problem.kind(), "too large");
+    let limits = Limits {
+        nesting: 400,
+        ..Limits::default()
+    };
+    assert!(read_with(&limits, &file(&scene)).is_ok());
+}
+
+#[test]
+fn switches_and_levels_show_one_child() {
+    let shape = format!("<Shape>{}</Shape>", square(""));
+    let count = |before: &str, after: &str| {
+        let import = read_scene(&format!("{before}{shape}{shape}{after}"));
+        import.scene.placements().len()
+    };
+    assert_eq!(count("<LOD><MetadataSet/>", "</LOD>"), 1);
+    assert_eq!(count("<Switch>", "</Switch>"), 0);
+    assert_eq!(count("<Switch whichChoice='1'>", "</Switch>"), 1);
+    assert_eq!(count("<Group visible='false'>", "</Group>"), 0);
+    assert_eq!(count("<Anchor>", "</Anchor>"), 2);
+    assert_eq!(count("<NurbsSet>", "</NurbsSet>"), 0);
+}
+
+#[test]
+fn materials_are_linear() {
+    let import = read_scene(&format!(
+        "<Shape>{}<Appearance><Material DEF='M' diffuseColor='1 0 0.5' ambientIntensity='0.5' \
+         shininess='0.5' transparency='0.25'/></Appearance></Shape>",
+        square("")
+    ));
+    let [material] = import.scene.materials() else {
+        panic!("one material");
+    };
+    let diffuse = linear(DVec3::new(1.0, 0.0, 0.5));
+    assert_eq!(material.diffuse, diffuse);
+    assert_eq!(material.ambient, diffuse * 0.5);
+    assert_eq!((material.shininess, material.opacity), (64.0, 0.75));
+    let placement = &import.scene.placements()[0];
+    assert!(placement.material.is_some());
+}
+
+fn linear(color: DVec3) -> DVec3 {
+    kernel::linear_from_srgb(color)
+}
+
+#[test]
+fn viewpoints_and_lights_stand_in_the_world() {
+    let import = read_scene(&format!(
+        "<Transform translation='1 2 3' rotation='0 1 0 {FRAC_PI_2}' scale='2 2 2'>\
+         <Viewpoint description='side' position='0 0 5'/>\
+         <PointLight location='0 0 1' radius='10' attenuation='1 2 4'/>\
+         <SpotLight on='false'/></Transform>\
+         <DirectionalLight direction='0 -2 0' intensity='0.5'/>\
+         <OrthoViewpoint DEF='O' fieldOfView='-1 -2 3 2'/>\
+         <Background skyColor='1 1 1'/><NavigationInfo headlight='false'/>"
+    ));
+    assert_eq!(messages(&import), Vec::<String>::new());
+    let [side, ortho] = &import.scene.cameras[..] else {
+        panic!("two cameras");
+    };
+    assert_eq!(side.name, "side");
+    assert!(side.eye().distance(DVec3::new(11.0, 2.0, 3.0)) < 1e-14);
+    assert!(side.forward().distance(DVec3::NEG_X) < 1e-14);
+    assert_eq!(
+        side.projection(),
+        Projection::PerspectiveShorter { fov: FRAC_PI_4 }
+    );
+    assert_eq!(ortho.eye(), DVec3::new(1.0, 0.0, 10.0));
+    assert_eq!(ortho.projection(), Projection::Orthographic { extent: 4.0 });
+    let [point, sun] = &import.scene.lights[..] else {
+        panic!("two lights");
+    };
+    let LightKind::Point { position, falloff } = point.kind else {
+        panic!("a point light");
+    };
+    assert!(position.distance(DVec3::new(3.0, 2.0, 3.0)) < 1e-14);
+    assert!((falloff.radius - 20.0).abs() < 1e-13);
+    assert!(falloff.attenuation.distance(DVec3::ONE) < 1e-14);
+    assert_eq!(
+        sun.kind,
+        LightKind::Directional {
+            direction: DVec3::NEG_Y
+        }
+    );
+    assert_eq!(sun.color, DVec3::splat(0.5));
+    assert_eq!(import.scene.background, Some(DVec3::ONE));
+    assert!(!import.scene.headlight);
+}
+
+#[test]
+fn units_reach_lengths_and_angles() {
+    let text = "<X3D><head><unit category='length' name='inch' conversionFactor='0.0254'/>\
+        <unit category='angle' name='degree' conversionFactor='0.017453292519943295'/></head>\
+        <Scene><Viewpoint fieldOfView='90'/></Scene></X3D>";
+    let import = read_with(&Limits::default(), text).unwrap();
+    let unit = import.scene.unit.unwrap();
+    assert_eq!((unit.name.as_str(), unit.metres), ("inch", 0.0254));
+    let unit = read_scene("").scene.unit.unwrap();
+    assert_eq!((unit.name.as_str(), unit.metres), ("m", 1.0));
+    let Projection::PerspectiveShorter { fov } = import.scene.cameras[0].projection() else {
+        panic!("perspective");
+    };
+    assert!((fov - FRAC_PI_2).abs() < 1e-15);
+}
+
+#[test]
+fn nothing_is_left_out_in_silence() {
+    let import = read_scene(
+        "<Shape DEF='S'><Box/><Appearance><ImageTexture/></Appearance></Shape>\n\
+         <Inline url='a'/><ROUTE/><ProtoDeclare><ProtoBody><Box DEF='S'/></ProtoBody>\
+         </ProtoDeclare>\n<Shape><Box/></Shape><WorldInfo/><MetadataString/>",
+    );
+    assert!(import.scene.root().is_none());
+    assert_eq!(
+        messages(&import),
+        [
+            "line 2, Box: Box is not read (and 1 more)",
+            "line 2, ImageTexture: ImageTexture is not read",
+            "line 3, Inline: Inline is not read",
+            "line 3, ROUTE: ROUTE is not read",
+            "line 3, ProtoDeclare: ProtoDeclare is not read",
+        ]
+    );
+}
+
+#[test]
+fn contours_become_loops() {
+    let contour = |inside: &str| {
+        let import = read_scene(&format!(
+            "<Shape><NurbsTrimmedSurface uDimension='2' vDimension='2' uOrder='2' vOrder='2'>\
+             <Coordinate point='0 0 0, 1 0 0, 0 1 0, 1 1 0'/>\
+             <Contour2D>{inside}</Contour2D></NurbsTrimmedSurface></Shape>"
+        ));
+        let loops = import.scene.patches()[0].loops.clone();
+        (loops, messages(&import).pop().unwrap())
+    };
+    let trimmed = "line 2, NurbsTrimmedSurface: trimmed surface shown untrimmed";
+    let (loops, message) = contour(
+        "<ContourPolyline2D controlPoint='0 0 1 0 1 1'/><NurbsCurve2D order='2' \
+         controlPoint='1 1 0 1 0 0'/>",
+    );
+    assert_eq!((loops.len(), message.as_str()), (1, trimmed));
+    assert_eq!(loops[0].segments().len(), 2);
+    let (loops, _) = contour("<ContourPolyline2D point='.2 .2 .2 .8 .8 .8 .2 .2'/>");
+    assert_eq!(loops.len(), 2, "a hole needs the border around it");
+    let (loops, message) = contour("<ContourPolyline2D controlPoint='0 0 1 0 1 1'/>");
+    assert_eq!(loops.len(), 0);
+    assert!(
+        message.contains("no contour of this surface is used"),
+        "{message}"
+    );
+}
+
+#[test]
+fn polygons_become_triangles() {
+    let import = read_scene(
+        "<Shape DEF='S'><IndexedFaceSet coordIndex='0 1 2 3 -1 0 1 9 -1 0, 2, 3' ccw='false'>\
+         <Coordinate DEF='C' point='0 0 0 1 0 0 1 1 0 0 1 0'/>\
+         <Normal vector='0 0 1 0 0 1 0 0 1 0 0 1'/></IndexedFaceSet></Shape>\
+         <Shape><IndexedTriangleSet index='0 1 2 3'><Coordinate USE='C'/></IndexedTriangleSet>\
+         </Shape><Shape><TriangleSet><Coordinate point='0 0 0 1 0 0 1 1 0'/></TriangleSet></Shape>",
+    );
+    let [faces, indexed, plain] = import.scene.meshes() else {
+        panic!("three meshes");
+    };
+    assert_eq!(faces.triangles(), [[0, 2, 1], [0, 3, 2], [0, 3, 2]]);
+    assert_eq!((faces.name.as_str(), faces.normals().len()), ("S", 4));
+    assert_eq!(indexed.triangles(), [[0, 1, 2]]);
+    assert_eq!(plain.triangles(), [[0, 1, 2]]);
+    assert_eq!(
+        messages(&import),
+        [
+            "line 2, IndexedFaceSet: faces with points that are not among the 4 there are",
+            "line 2, IndexedTriangleSet: triangles with points that are not there",
+        ]
+    );
+}
+
+#[test]
+fn broken_xml_keeps_what_was_complete() {
+    let shape = format!("<Shape>{}</Shape>\n", square(""));
+    let whole = file(&format!("{shape}{shape}"));
+    let second = whole.rfind("</NurbsPatch").unwrap();
+    let import = read_with(&Limits::default(), &whole[..second]).unwrap();
+    assert_eq!(import.scene.placements().len(), 1);
+    assert_eq!(
+        messages(&import),
+        [
+            "line 3: the file ends inside NurbsPatchSurface of line 3",
+            "line 3, NurbsPatchSurface: the file ends inside this NurbsPatchSurface; it is left out",
+        ]
+    );
+    let first = whole.find("</NurbsPatch").unwrap();
+    let error = read_with(&Limits::default(), &whole[..first]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "X3D line 2: the file ends inside NurbsPatchSurface of line 2"
+    );
+    let import = read_with(&Limits::default(), &file(&format!("{shape}<Group>"))).unwrap();
+    assert_eq!(import.scene.placements().len(), 1);
+    let [message] = &messages(&import)[..] else {
+        panic!("one message");
+    };
+    assert!(message.starts_with("line 4: broken XML: "), "{message}");
+}
+
+#[test]
+fn entities_of_a_document_are_not_expanded() {
+    let text = "<!DOCTYPE X3D [<!ENTITY a '0 0 0'>]>\n<X3D><Scene><Viewpoint \
+        description='&lt;&#65;' position='&a;'/></Scene></X3D>";
+    let import = read_with(&Limits::default(), text).unwrap();
+    assert_eq!(import.scene.cameras[0].name, "<A");
+    let [message] = &messages(&import)[..] else {
+        panic!("one message");
+    };
+    assert!(message.starts_with("line 2, Viewpoint: the value of position is not used"));
+}
+
+#[test]
+fn classic_spellings_are_refused_kindly() {
+    for (text, message) in [
+        (
+            "#X3D V3.0 utf8\nShape {}",
+            "X3D line 1: ClassicVRML encoding is not read yet; write it as X3D XML",
+        ),
+        (
+            "#VRML V2.0 utf8\n",
+            "X3D line 1: VRML97 is not read yet; write it as X3D XML",
+        ),
+        (
+            "#VRML V1.0 ascii\n",
+            "X3D line 1: VRML 1.0 is not read; write it as X3D XML",
+        ),
+        (
+            "<html/>",
+            "X3D the file: there is no Scene element; this is no X3D file",
+        ),
+    ] {
+        let problem = read_with(&Limits::default(), text).unwrap_err();
+        assert_eq!(problem.to_string(), message);
+    }
+}
+
+#[test]
+fn limits_hold() {
+    let text = file(&format!("<Shape>{}</Shape>", square("")));
+    for limits in [
+        Limits {
+            entities: 4,
+            ..Limits::default()
+        },
+        Limits {
+            nesting: 3,
+            ..Limits::default()
+        },
+        Limits {
+            points: 3,
+            ..Limits::default()
+        },
+    ] {
+        let problem = read_with(&limits, &text).unwrap_err();
+        assert_eq!(problem.problem.kind(), "too large", "{problem}");
+    }
+}
+
+#[test]
+fn the_format_is_recognised() {
+    for yes in [
+        "<X3D>",
+        "\u{feff}<?xml version='1.0'?>\n<!-- long -->\n<X3D profile='Full'>",
+        "#X3D V3.3 utf8",
+        "#VRML V2.0 utf8",
+    ] {
+        assert!(sniff(yes.as_bytes()), "{yes}");
+    }
+    for no in ["", "<X3", "<X3DX>", "<svg>", "# X3D", "v 0 0 0\n# <X3D>"] {
+        assert!(!sniff(no.as_bytes()), "{no}");
+    }
+}
+
+#[test]
+fn other_encodings_are_read() {
+    let text = file("<Viewpoint description='\u{e9}'/>");
+    let wide: Vec<u8> = std::iter::once(0xfeff)
+        .chain(text.encode_utf16())
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    let narrow: Vec<u8> = text.chars().map(|c| u8::try_from(c).unwrap()).collect();
+    let limits = &Limits::default();
+    for bytes in [wide, narrow] {
+        let resolver = &NoFiles;
+        let import = read(&bytes, &ReadOptions { limits, resolver }).unwrap();
+        assert_eq!(import.scene.cameras[0].name, "\u{e9}");
+    }
+}

@@ -1,0 +1,138 @@
+//! X3D files of other programs, where a folder with them lies beside the repository, and
+//! our own samples cut short.
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "helpers of tests are tests, too"
+)]
+
+use std::fs;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use nurbray_formats::{Import, Limits, NoFiles, Problem, ReadOptions, open, read};
+
+fn folder(name: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+    let entries = fs::read_dir(folder).into_iter().flatten();
+    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    paths
+}
+
+fn is_x3d(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "x3d")
+}
+
+fn text(path: &Path) -> String {
+    let bytes = fs::read(path).unwrap();
+    let mut text = String::new();
+    if flate2::read::GzDecoder::new(&bytes[..])
+        .read_to_string(&mut text)
+        .is_err()
+    {
+        text = String::from_utf8_lossy(&bytes).into_owned();
+    }
+    text
+}
+
+/// How many NURBS surfaces the text holds that are no USE of another.
+fn surfaces_in(text: &str) -> usize {
+    let count = |kind: &str| {
+        let start = format!("<{kind}");
+        let parts = text.split(&start).skip(1);
+        let tags = parts.map(|part| part.split('>').next().unwrap_or_default());
+        tags.filter(|tag| !tag.contains("USE=")).count()
+    };
+    count("NurbsPatchSurface") + count("NurbsTrimmedSurface")
+}
+
+fn print(path: &Path, found: usize, import: &Import) {
+    let scene = &import.scene;
+    let loops: usize = scene.patches().iter().map(|p| p.loops.len()).sum();
+    println!(
+        "{:42} {found:4} {:7} {loops:5} {:6} {:7} {:6}",
+        path.file_name().unwrap().to_string_lossy(),
+        scene.patches().len(),
+        scene.placement_count(),
+        scene.cameras.len(),
+        scene.lights.len(),
+    );
+    for warning in import.warnings.as_slice() {
+        println!("    {} x {warning}", warning.count);
+    }
+}
+
+#[test]
+fn every_surface_of_the_corpus_is_read() {
+    println!("file {:37} text patches loops places cameras lights", "");
+    for path in folder("../../shared/corpus/x3d") {
+        let result = open(&path, &Limits::default());
+        if !is_x3d(&path) {
+            let Err(nurbray_formats::OpenError::Format(error)) = result else {
+                panic!("{} is classic", path.display());
+            };
+            assert!(matches!(error.problem, Problem::Unsupported(_)), "{error}");
+            continue;
+        }
+        let import = result.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let text = text(&path);
+        let found = surfaces_in(&text);
+        print(&path, found, &import);
+        // The last surface of a file that was cut is not complete.
+        let cut = usize::from(!text.trim_end().ends_with("</X3D>"));
+        assert_eq!(
+            import.scene.patches().len(),
+            found - cut,
+            "{}",
+            path.display()
+        );
+    }
+}
+
+#[test]
+fn samples_are_read_without_a_warning() {
+    for path in folder("../samples").iter().filter(|path| is_x3d(path)) {
+        let import = open(path, &Limits::default()).unwrap();
+        assert_eq!(import.scene.patches().len(), surfaces_in(&text(path)));
+        assert_eq!(import.warnings.as_slice(), [], "{}", path.display());
+    }
+}
+
+#[test]
+fn broken_samples_say_what_is_wrong() {
+    for path in folder("../samples/broken")
+        .iter()
+        .filter(|path| is_x3d(path))
+    {
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let import = open(path, &Limits::default()).unwrap();
+        print(path, surfaces_in(&text(path)), &import);
+        let shown = match &*name {
+            "x3d_point_count" => 0,
+            "x3d_unclosed_element" => 2,
+            _ => 1,
+        };
+        assert_eq!(import.scene.placement_count(), shown, "{name}");
+        assert!(!import.warnings.as_slice().is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn samples_cut_short_do_no_harm() {
+    let (limits, resolver) = (&Limits::default(), &NoFiles);
+    let samples = [folder("../samples"), folder("../samples/broken")].concat();
+    for path in samples.iter().filter(|path| is_x3d(path)) {
+        let bytes = fs::read(path).unwrap();
+        for end in (0..bytes.len()).step_by(100) {
+            let result = read(
+                &bytes[..end],
+                Some("x3d"),
+                &ReadOptions { limits, resolver },
+            );
+            if let Ok(import) = result {
+                assert!(!import.warnings.as_slice().is_empty(), "cut at {end}");
+            }
+        }
+    }
+}
