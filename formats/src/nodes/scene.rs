@@ -50,6 +50,7 @@ pub(crate) fn convert(
     Ok(Import {
         scene: converter.scene,
         warnings: converter.warnings,
+        ..Import::default()
     })
 }
 
