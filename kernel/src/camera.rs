@@ -47,7 +47,7 @@ impl Camera {
     /// A camera at `eye` that looks at `target` with `up` upwards in the picture.
     ///
     /// If `up` is parallel to the view, another direction is chosen. `None` if `eye` and
-    /// `target` coincide or a number is not finite.
+    /// `target` coincide, `up` has no length or a number is not finite.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, projection: Projection) -> Option<Self> {
         let forward = (target - eye).try_normalize()?;
         let right = forward
@@ -69,7 +69,8 @@ impl Camera {
     /// A camera that shows all of `bounds`, three-quarter from above, whatever the shape of
     /// the picture.
     ///
-    /// `up` is the upward axis of the scene.
+    /// `up` is the upward axis of the scene. An empty box is taken for the origin, and a box
+    /// without extent is seen from one unit away.
     pub fn framing(bounds: &Aabb, up: DVec3) -> Self {
         let (center, radius) = if bounds.is_empty() {
             (DVec3::ZERO, 1.0)
@@ -77,6 +78,7 @@ impl Camera {
             (bounds.center(), bounds.diagonal() * 0.5)
         };
         let radius = if radius > 0.0 { radius } else { 1.0 };
+        let up = up.normalize_or(DVec3::Y);
         let side = if up.z.abs() > 0.5 {
             DVec3::X
         } else {
@@ -93,14 +95,15 @@ impl Camera {
             up: forward.cross(up).normalize().cross(forward),
             projection,
         };
-        // The least distance from which every corner of the box lies inside the picture.
+        // The least distance outside the sphere around the box from which every corner lies
+        // inside the picture.
         let slope = (FRAMING_FOV * 0.5).tan() / FRAMING_MARGIN;
         let corners = if bounds.is_empty() {
             [DVec3::ZERO; 8]
         } else {
             bounds.corners()
         };
-        let distance = corners.iter().fold(radius * 1e-3, |distance: f64, corner| {
+        let distance = corners.iter().fold(radius, |distance: f64, corner| {
             let offset = *corner - center;
             let across = offset
                 .dot(camera.right)

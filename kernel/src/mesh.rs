@@ -39,7 +39,12 @@ impl Mesh {
                 });
             }
         }
-        if let Some(index) = positions.iter().position(|p| !p.is_finite()) {
+        let infinite = [
+            positions.iter().position(|p| !p.is_finite()),
+            normals.iter().position(|n| !n.is_finite()),
+            uvs.iter().position(|uv| !uv.is_finite()),
+        ];
+        if let Some(index) = infinite.into_iter().flatten().next() {
             return Err(Error::NotFinite { index });
         }
         if let Some(&index) = triangles.iter().flatten().find(|&&i| i as usize >= count) {

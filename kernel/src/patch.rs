@@ -19,7 +19,7 @@ impl TrimLoop {
     /// Gaps up to `tolerance`, in parameter units, are bridged by straight segments.
     ///
     /// # Errors
-    /// If there are no curves or a gap is larger.
+    /// If there are no curves, or a gap is larger, or the tolerance is not a number.
     pub fn new(curves: Vec<Curve<DVec2>>, tolerance: f64) -> Result<Self, Error> {
         let starts: Vec<_> = curves.iter().map(Curve::start).collect();
         let Some(&first) = starts.first() else {
@@ -31,7 +31,9 @@ impl TrimLoop {
             let next = starts.get(index + 1).copied().unwrap_or(first);
             segments.push(curve);
             let gap = end.distance(next);
-            if !(gap <= tolerance) {
+            // No gap passes a tolerance that is not a number.
+            let bridged = gap <= tolerance;
+            if !bridged {
                 return Err(Error::LoopGap {
                     index,
                     gap,
