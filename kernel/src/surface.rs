@@ -78,6 +78,15 @@ impl Surface {
         })
     }
 
+    /// A surface from a valid homogeneous net.
+    pub(crate) fn trusted(knots_u: KnotVector, knots_v: KnotVector, points: Vec<DVec4>) -> Self {
+        Self {
+            knots_u,
+            knots_v,
+            points,
+        }
+    }
+
     /// The knots along u.
     pub fn knots_u(&self) -> &KnotVector {
         &self.knots_u
