@@ -119,7 +119,7 @@ impl<P: Point> Curve<P> {
     pub fn derivatives(&self, t: f64) -> CurveDerivatives<P> {
         let [a, a1, a2] = spline::derivatives(&self.knots, &self.points, t);
         let scale = 1.0 / a.weight();
-        let point = P::numerator(a) * scale;
+        let point = P::project(a);
         let first = (P::numerator(a1) - point * a1.weight()) * scale;
         let second = (P::numerator(a2) - first * (2.0 * a1.weight()) - point * a2.weight()) * scale;
         CurveDerivatives {

@@ -231,9 +231,9 @@ impl KnotVector {
         let mut saved = 0.0;
         for (r, value) in row[..d].iter_mut().enumerate() {
             let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
-            let part = *value / (right - left);
-            *value = saved + (right - t) * part;
-            saved = (t - left) * part;
+            // Two quotients, so that the ends of a clamped curve are its points exactly.
+            let (falling, rising) = ((right - t) / (right - left), (t - left) / (right - left));
+            (*value, saved) = (saved + *value * falling, *value * rising);
         }
         row[d] = saved;
     }

@@ -368,3 +368,6 @@ impl Scene {
         self.root.map_or(Aabb::EMPTY, |root| nodes[root.0])
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,7 +3,7 @@
 //! They work on homogeneous control points, for which every operation is linear.
 
 use std::fmt::Debug;
-use std::ops::{Add, Mul, Range, Sub};
+use std::ops::{Add, Div, Mul, Range, Sub};
 
 use glam::{DVec2, DVec3, DVec4};
 
@@ -45,6 +45,7 @@ pub trait Point:
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<f64, Output = Self>
+    + Div<f64, Output = Self>
 {
     /// The point with its weight, `(w P, w)`.
     type Homogeneous: Linear;
@@ -59,7 +60,7 @@ pub trait Point:
 
     /// The point that a homogeneous form stands for.
     fn project(homogeneous: Self::Homogeneous) -> Self {
-        Self::numerator(homogeneous) * (1.0 / homogeneous.weight())
+        Self::numerator(homogeneous) / homogeneous.weight()
     }
 }
 

@@ -134,7 +134,7 @@ impl Surface {
     pub fn derivatives(&self, uv: DVec2) -> SurfaceDerivatives {
         let [[x, xv, xvv], [xu, xuv, _], [xuu, ..]] = self.homogeneous_derivatives(uv);
         let scale = 1.0 / x.w;
-        let point = x.truncate() * scale;
+        let point = x.truncate() / x.w;
         let du = (xu.truncate() - point * xu.w) * scale;
         let dv = (xv.truncate() - point * xv.w) * scale;
         let duu = (xuu.truncate() - du * (2.0 * xu.w) - point * xuu.w) * scale;

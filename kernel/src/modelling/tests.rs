@@ -155,7 +155,7 @@ fn spheres_agree_with_their_formula_and_have_poles_on_the_axis() {
             let q = surface.evaluate(DVec2::new(uv.x, v));
             assert!((local(&f, q).z - 2.5 * uv.y.sin()).abs() < 1e-14);
         });
-        if latitudes.end == FRAC_PI_2 {
+        if latitudes.end > 1.5 {
             let top = f.origin() + f.z() * 2.5;
             let last = surface.knots_v().count() - 1;
             let row = surface.points().skip(last).step_by(last + 1);
@@ -218,7 +218,7 @@ fn points_on_the_axis_stay_there() {
     assert!(rows[..count].iter().all(|&p| p == -DVec3::Y));
     assert!(rows[rows.len() - count..].iter().all(|&p| p == DVec3::Y));
     walk(&ball, |_, p, n| {
-        assert!(n.distance(-p) < 1e-12 || n.distance(p) < 1e-12)
+        assert!(n.distance(-p) < 1e-12 || n.distance(p) < 1e-12);
     });
 }
 
