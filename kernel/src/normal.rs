@@ -32,7 +32,7 @@ pub(crate) fn regular(du: DVec3, dv: DVec3) -> Option<DVec3> {
 /// else diagonally.
 ///
 /// Along such a way `w^3 du x dv` is a polynomial; its first Bernstein coefficient that
-/// does not vanish is the direction of the limit. The four spans that meet at `uv` are
+/// does not vanish is the direction of the limit \[Farouki 88\]. The four spans that meet at `uv` are
 /// tried, those towards larger parameters first.
 pub(crate) fn limit(surface: &Surface, uv: DVec2) -> Option<DVec3> {
     let ways_v = ways(surface.knots_v(), uv.y);
