@@ -13,14 +13,22 @@ use crate::{KnotVector, Surface};
 /// of their product has lost about half of its digits, and the limit is taken instead.
 const SINGULAR: f64 = 1e-8;
 
+/// Below this multiple of what its terms can be, a first derivative is mostly rounding.
+const ROUNDING: f64 = 1e4 * f64::EPSILON;
+
 /// How many times its error bound a coefficient of the normal must exceed: six digits, and
 /// where nothing has them, two.
 const CERTAINTY: [f64; 2] = [1e6, 1e2];
 
 /// The unit normal of a regular point, `None` where the first derivatives are parallel or
 /// one of them vanishes.
-pub(crate) fn regular(du: DVec3, dv: DVec3) -> Option<DVec3> {
+///
+/// `sizes` are bounds of the terms that the derivatives are the sums of.
+pub(crate) fn regular([du, dv]: [DVec3; 2], sizes: [f64; 2]) -> Option<DVec3> {
     let (length_u, length_v) = (du.length(), dv.length());
+    if length_u <= ROUNDING * sizes[0] || length_v <= ROUNDING * sizes[1] {
+        return None;
+    }
     if length_u.min(length_v) <= SINGULAR * length_u.max(length_v) {
         return None;
     }
@@ -32,8 +40,8 @@ pub(crate) fn regular(du: DVec3, dv: DVec3) -> Option<DVec3> {
 /// else diagonally.
 ///
 /// Along such a way `w^3 du x dv` is a polynomial; its first Bernstein coefficient that
-/// does not vanish is the direction of the limit \[Farouki 88\]. The four spans that meet at `uv` are
-/// tried, those towards larger parameters first.
+/// does not vanish is the direction of the limit \[Farouki 88\]. The four spans that meet at
+/// `uv` are tried, those towards larger parameters first.
 pub(crate) fn limit(surface: &Surface, uv: DVec2) -> Option<DVec3> {
     let ways_v = ways(surface.knots_v(), uv.y);
     ways(surface.knots_u(), uv.x)

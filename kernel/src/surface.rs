@@ -156,7 +156,25 @@ impl Surface {
     /// `None` where the surface has no area in any direction from the point.
     pub fn normal(&self, uv: DVec2) -> Option<DVec3> {
         let d = self.derivatives(uv);
-        normal::regular(d.du, d.dv).or_else(|| normal::limit(self, uv))
+        normal::regular([d.du, d.dv], self.derivative_sizes(uv)).or_else(|| normal::limit(self, uv))
+    }
+
+    /// Bounds of the terms that the first derivatives along u and v are the sums of.
+    fn derivative_sizes(&self, uv: DVec2) -> [f64; 2] {
+        let (span_u, span_v) = (self.knots_u.span(uv.x), self.knots_v.span(uv.y));
+        let (p, q) = (self.knots_u.degree(), self.knots_v.degree());
+        let (mut size, mut weight) = (0.0_f64, f64::INFINITY);
+        let rows = self.points.chunks_exact(self.knots_v.count());
+        for row in rows.skip(span_u - p).take(p + 1) {
+            for h in &row[span_v - q..=span_v] {
+                size = size.max(h.truncate().length());
+                weight = weight.min(h.w);
+            }
+        }
+        [(&self.knots_u, span_u), (&self.knots_v, span_v)].map(|(knots, span)| {
+            let length = knots.as_slice()[span + 1] - knots.as_slice()[span];
+            knots.degree() as f64 * size / (weight * length)
+        })
     }
 
     /// `result[a][b]` is the derivative of `(w S, w)`, `a` times along u, `b` times along v.

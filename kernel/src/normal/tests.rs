@@ -196,6 +196,30 @@ fn two_collapsed_edges_that_meet_have_a_normal() {
 }
 
 #[test]
+fn a_cusp_far_from_the_origin_has_a_normal() {
+    // S = off + (u^2 + v^2, u v, 0) / 3: flat, and both derivatives vanish at the corner.
+    let off = p(1.0, 100.0, 1000.0) / 3.0;
+    let point = |x: f64, y: f64| off + p(x, y, 0.0) / 3.0;
+    let fan = patch(&[
+        [point(0.0, 0.0), point(0.0, 0.0), point(1.0, 0.0)],
+        [point(0.0, 0.0), point(0.0, 0.25), point(1.0, 0.5)],
+        [point(1.0, 0.0), point(1.0, 0.5), point(2.0, 1.0)],
+    ]);
+    for (fan, _) in orientations(&fan) {
+        let corners = [DVec2::ZERO, DVec2::X, DVec2::Y];
+        let at_cusp = |uv: &&DVec2| fan.evaluate(**uv).distance(off) < 1e-9;
+        let uv = *corners.iter().find(at_cusp).unwrap();
+        // du x dv = (0, 0, 2 (u^2 - v^2)) / 9: the side depends on the way, the line does not.
+        let normal = fan.normal(uv).unwrap();
+        let near = fan.normal(uv.lerp(DVec2::splat(0.5), 0.1)).unwrap();
+        assert!(
+            normal.z.abs() > 1.0 - 1e-9 && near.z.abs() > 1.0 - 1e-9,
+            "{normal}"
+        );
+    }
+}
+
+#[test]
 fn a_crease_has_the_normal_of_the_span_to_its_right() {
     // du vanishes on the middle line, where the surface turns back.
     let knots_u = KnotVector::new(2, vec![0., 0., 0., 1., 1., 2., 2., 2.]).unwrap();
@@ -222,8 +246,9 @@ fn surfaces_without_area_have_no_normal() {
     ]);
     let off = DVec3::splat(1e6 / 3.0);
     let wire = patch(&[[off, off + DVec3::X / 3.0, off + DVec3::X / 7.0]; 4]);
-    for surface in [point, line, wire] {
-        for uv in [DVec2::ZERO, DVec2::splat(0.3), DVec2::X, DVec2::ONE] {
+    let speck = patch(&[[off; 4]; 3]);
+    for surface in [point, line, wire, speck] {
+        for uv in [DVec2::ZERO, DVec2::new(0.3, 0.7), DVec2::X, DVec2::ONE] {
             assert_eq!(surface.normal(uv), None);
         }
     }
