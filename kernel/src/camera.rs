@@ -47,7 +47,7 @@ impl Camera {
     /// A camera at `eye` that looks at `target` with `up` upwards in the picture.
     ///
     /// If `up` is parallel to the view, another direction is chosen. `None` if `eye` and
-    /// `target` coincide or a number is not finite.
+    /// `target` coincide, `up` has no length or a number is not finite.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, projection: Projection) -> Option<Self> {
         let forward = (target - eye).try_normalize()?;
         let right = forward
@@ -69,7 +69,8 @@ impl Camera {
     /// A camera that shows all of `bounds`, three-quarter from above, whatever the shape of
     /// the picture.
     ///
-    /// `up` is the upward axis of the scene.
+    /// `up` is the upward axis of the scene. An empty box is taken for the origin, and a box
+    /// without extent is seen from one unit away.
     pub fn framing(bounds: &Aabb, up: DVec3) -> Self {
         let (center, radius) = if bounds.is_empty() {
             (DVec3::ZERO, 1.0)
@@ -77,6 +78,7 @@ impl Camera {
             (bounds.center(), bounds.diagonal() * 0.5)
         };
         let radius = if radius > 0.0 { radius } else { 1.0 };
+        let up = up.normalize_or(DVec3::Y);
         let side = if up.z.abs() > 0.5 {
             DVec3::X
         } else {
@@ -93,14 +95,15 @@ impl Camera {
             up: forward.cross(up).normalize().cross(forward),
             projection,
         };
-        // The least distance from which every corner of the box lies inside the picture.
+        // The least distance outside the sphere around the box from which every corner lies
+        // inside the picture.
         let slope = (FRAMING_FOV * 0.5).tan() / FRAMING_MARGIN;
         let corners = if bounds.is_empty() {
             [DVec3::ZERO; 8]
         } else {
             bounds.corners()
         };
-        let distance = corners.iter().fold(radius * 1e-3, |distance: f64, corner| {
+        let distance = corners.iter().fold(radius, |distance: f64, corner| {
             let offset = *corner - center;
             let across = offset
                 .dot(camera.right)
@@ -174,5 +177,121 @@ impl Camera {
                 direction: self.forward + offset,
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const VIEW: Projection = Projection::Perspective { vertical_fov: 0.9 };
+
+    /// Film coordinates and depth of a point.
+    fn project(camera: &Camera, point: DVec3, aspect: f64) -> (DVec2, f64) {
+        let [corner, center] = [DVec2::ONE, DVec2::ZERO].map(|film| camera.ray(film, aspect));
+        let (offset, depth) = (
+            point - camera.eye(),
+            (point - camera.eye()).dot(camera.forward()),
+        );
+        let half = corner.direction - center.direction;
+        let place = |axis: DVec3| offset.dot(axis) / (depth * half.dot(axis));
+        (DVec2::new(place(camera.right()), place(camera.up())), depth)
+    }
+
+    #[test]
+    fn framing_shows_all_of_a_box_at_every_scale() {
+        let shapes = [
+            DVec3::ONE,
+            DVec3::new(1.0, 0.0, 1.0),
+            DVec3::new(0.0, 0.0, 1.0),
+            DVec3::new(1.0, 0.0, 0.0),
+            DVec3::new(1.0, 100.0, 0.1),
+            DVec3::new(50.0, 42.0, 75.0),
+        ];
+        let ups = [
+            DVec3::Y,
+            DVec3::Z,
+            DVec3::X,
+            DVec3::NEG_Z,
+            DVec3::new(0.0, 3.0, 3.0),
+        ];
+        for (shape, up) in shapes.iter().flat_map(|s| ups.map(|up| (*s, up))) {
+            for scale in [1e-6, 1.0, 1e6] {
+                let min = DVec3::new(-0.3, 0.2, 5.0) * scale;
+                let bounds = Aabb {
+                    min,
+                    max: min + shape * scale,
+                };
+                let camera = Camera::framing(&bounds, up);
+                assert!(camera.up().dot(up) > 0.0 && camera.forward().dot(up) < 0.0);
+                for aspect in [0.2, 1.0, 16.0 / 9.0] {
+                    let mut reach: f64 = 0.0;
+                    for corner in bounds.corners() {
+                        let (film, depth) = project(&camera, corner, aspect);
+                        assert!(depth > 0.0 && film.abs().max_element() <= 1.0, "{film}");
+                        reach = reach.max(film.abs().max_element());
+                    }
+                    assert!(reach > 0.05, "{shape} {reach}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn framing_of_nothing_and_of_a_point_is_a_camera() {
+        let place = DVec3::new(1.0, 2.0, 3.0);
+        for (bounds, center) in [(Aabb::EMPTY, DVec3::ZERO), (Aabb::around([place]), place)] {
+            let camera = Camera::framing(&bounds, DVec3::Y);
+            assert!(camera.eye().is_finite());
+            let (film, depth) = project(&camera, center, 1.0);
+            assert!(film.length() < 1e-12 && (depth - 1.0).abs() < 1e-12);
+        }
+        assert!(Camera::framing(&Aabb::EMPTY, DVec3::ZERO).eye().is_finite());
+    }
+
+    #[test]
+    fn axes_are_right_handed_unit_vectors() {
+        let eye = DVec3::new(1.0, 2.0, 3.0);
+        for up in [DVec3::Y, DVec3::Z * 5.0, DVec3::new(-1.0, -2.0, -3.0), eye] {
+            let camera = Camera::look_at(eye, DVec3::ZERO, up, VIEW).unwrap();
+            let (f, r, u) = (camera.forward(), camera.right(), camera.up());
+            assert!(f.distance(-eye.normalize()) < 1e-15);
+            assert!(r.cross(f).distance(u) < 1e-15 && f.dot(r).abs() < 1e-15);
+            assert!([f, r, u].iter().all(|axis| axis.is_normalized()));
+        }
+    }
+
+    #[test]
+    fn a_view_without_direction_is_no_camera() {
+        let (eye, far) = (DVec3::ONE, DVec3::X * f64::INFINITY);
+        assert_eq!(Camera::look_at(eye, eye, DVec3::Y, VIEW), None);
+        assert_eq!(Camera::look_at(eye, DVec3::ZERO, DVec3::ZERO, VIEW), None);
+        assert_eq!(Camera::look_at(far, eye, DVec3::Y, VIEW), None);
+        assert_eq!(Camera::look_at(eye, DVec3::NAN, DVec3::Y, VIEW), None);
+    }
+
+    #[test]
+    fn rays_start_at_the_eye_and_meet_the_edges_of_the_field_of_view() {
+        let camera = Camera::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, VIEW).unwrap();
+        let center = camera.ray(DVec2::ZERO, 2.0);
+        assert_eq!(
+            (center.origin, center.direction),
+            (DVec3::ZERO, DVec3::NEG_Z)
+        );
+        let upper = camera.ray(DVec2::Y, 2.0).direction;
+        assert!((upper.angle_between(DVec3::NEG_Z) - 0.45).abs() < 1e-15);
+        assert!((upper.z + 1.0).abs() < 1e-15);
+        let right = camera.ray(DVec2::X, 2.0).direction;
+        assert!((right.x - 2.0 * 0.45_f64.tan()).abs() < 1e-15);
+        // Across the shorter side, whichever it is.
+        let shorter = Projection::PerspectiveShorter { fov: 0.9 };
+        let camera = Camera::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, shorter).unwrap();
+        for (film, aspect) in [(DVec2::Y, 2.0), (DVec2::X, 0.5)] {
+            let edge = camera.ray(film, aspect).direction;
+            assert!((edge.angle_between(DVec3::NEG_Z) - 0.45).abs() < 1e-15);
+        }
+        let parallel = camera.into_orthographic(10.0).ray(DVec2::Y, 2.0);
+        assert_eq!(parallel.direction, DVec3::NEG_Z);
+        assert!((parallel.origin.y - 10.0 * 0.45_f64.tan()).abs() < 1e-14);
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{DAffine2, DAffine3, DVec2, DVec3, DVec4};
 
-use crate::spline::{self, Linear as _, Point};
+use crate::spline::{self, Linear as _, Point, Spline};
 use crate::{Aabb, Error, KnotVector};
 
 /// A NURBS curve: knots and control points with positive weights.
@@ -35,6 +35,11 @@ impl<P: Point> Curve<P> {
     pub fn new(knots: KnotVector, points: &[P], weights: Option<&[f64]>) -> Result<Self, Error> {
         let points = lift_all(points, weights, knots.count())?;
         Ok(Self { knots, points })
+    }
+
+    /// A curve from a valid spline.
+    pub(crate) fn trusted((knots, points): Spline<P::Homogeneous>) -> Self {
+        Self { knots, points }
     }
 
     /// The straight segment from `start` to `end` over `domain`.
@@ -114,7 +119,7 @@ impl<P: Point> Curve<P> {
     pub fn derivatives(&self, t: f64) -> CurveDerivatives<P> {
         let [a, a1, a2] = spline::derivatives(&self.knots, &self.points, t);
         let scale = 1.0 / a.weight();
-        let point = P::numerator(a) * scale;
+        let point = P::project(a);
         let first = (P::numerator(a1) - point * a1.weight()) * scale;
         let second = (P::numerator(a2) - first * (2.0 * a1.weight()) - point * a2.weight()) * scale;
         CurveDerivatives {
@@ -137,7 +142,7 @@ impl<P: Point> Curve<P> {
                 end,
             });
         }
-        Ok(Self::from(spline::insert(
+        Ok(Self::trusted(spline::insert(
             &self.knots,
             &self.points,
             knot,
@@ -145,13 +150,30 @@ impl<P: Point> Curve<P> {
         )))
     }
 
-    /// The two parts before and after `t`, each clamped.
+    /// The same curve with every knot of `extra` inserted once for each time it stands
+    /// there, in any order.
+    ///
+    /// # Errors
+    /// If a knot lies outside the open domain, or would stand there more than `degree` times.
+    pub fn refined(&self, extra: &[f64]) -> Result<Self, Error> {
+        let extra = spline::check_refinement(&self.knots, extra)?;
+        Ok(Self::trusted(spline::refine(
+            &self.knots,
+            &self.points,
+            &extra,
+        )))
+    }
+
+    /// The two parts before and after `t`, each clamped. They share their common point to
+    /// the last bit.
     ///
     /// # Errors
     /// If `t` is not inside the domain.
     pub fn split(&self, t: f64) -> Result<[Self; 2], Error> {
         let Range { start, end } = self.domain();
-        Ok([self.restricted(start..t)?, self.restricted(t..end)?])
+        check_range(&(start..t), &self.domain())?;
+        check_range(&(t..end), &self.domain())?;
+        Ok(spline::split(&self.knots, &self.points, t).map(Self::trusted))
     }
 
     /// The part over `range`, clamped.
@@ -160,14 +182,14 @@ impl<P: Point> Curve<P> {
     /// If `range` is empty or leaves the domain.
     pub fn restricted(&self, range: Range<f64>) -> Result<Self, Error> {
         check_range(&range, &self.domain())?;
-        Ok(Self::from(spline::restrict(
+        Ok(Self::trusted(spline::restrict(
             &self.knots,
             &self.points,
             &range,
         )))
     }
 
-    /// The same curve with its degree raised to `degree`, clamped.
+    /// The same curve with its degree raised to `degree`, clamped if anything is raised.
     ///
     /// # Errors
     /// If `degree` is below the present degree or above [`crate::MAX_DEGREE`].
@@ -177,7 +199,7 @@ impl<P: Point> Curve<P> {
         }
         let mut curve = self.clone();
         for _ in self.degree()..degree {
-            curve = Self::from(spline::elevate_once(&curve.knots, &curve.points));
+            curve = Self::trusted(spline::elevate_once(&curve.knots, &curve.points));
         }
         Ok(curve)
     }
@@ -220,14 +242,8 @@ impl<P: Point> Curve<P> {
     }
 }
 
-impl<P: Point> From<spline::Spline<P::Homogeneous>> for Curve<P> {
-    fn from((knots, points): spline::Spline<P::Homogeneous>) -> Self {
-        Self { knots, points }
-    }
-}
-
 impl Curve<DVec2> {
-    /// The image of the curve under an affine map.
+    /// The image of the curve under a finite affine map; parameters stay as they are.
     #[must_use]
     pub fn transformed(&self, target_from_source: &DAffine2) -> Self {
         let image = |h: &DVec3| {
@@ -242,7 +258,7 @@ impl Curve<DVec2> {
 }
 
 impl Curve<DVec3> {
-    /// The image of the curve under an affine map.
+    /// The image of the curve under a finite affine map; parameters stay as they are.
     #[must_use]
     pub fn transformed(&self, target_from_source: &DAffine3) -> Self {
         let points = transform_all(&self.points, target_from_source);
@@ -252,7 +268,7 @@ impl Curve<DVec3> {
         }
     }
 
-    /// A box around the control points, and so around the curve.
+    /// A box around the control points, and so around the curve, up to rounding.
     pub fn hull_bounds(&self) -> Aabb {
         Aabb::around(self.points())
     }

@@ -53,7 +53,7 @@ impl KnotVector {
         if !(end > start && (end - start).is_finite()) {
             return Err(Error::EmptyDomain { start, end });
         }
-        for run in vector.knots.chunk_by(|a, b| a == b) {
+        for run in runs(&vector.knots) {
             let inside = start < run[0] && run[0] < end;
             let allowed = if inside { degree } else { degree + 1 };
             if run.len() > allowed {
@@ -72,6 +72,9 @@ impl KnotVector {
     /// # Errors
     /// If the degree is out of range or the domain is empty.
     pub fn bezier(degree: usize, domain: Range<f64>) -> Result<Self, Error> {
+        if degree == 0 || degree > MAX_DEGREE {
+            return Err(Error::Degree { found: degree });
+        }
         let ends = [domain.start, domain.end];
         Self::new(
             degree,
@@ -151,37 +154,44 @@ impl KnotVector {
         self.knots.partition_point(|&k| k <= t) - self.knots.partition_point(|&k| k < t)
     }
 
-    /// The same knots moved affinely to `domain`.
+    /// The same knots moved affinely to `domain`; different knots stay different.
     ///
     /// # Errors
-    /// If `domain` is empty or not finite.
+    /// If `domain` is empty, not finite or too short to tell the knots apart.
     pub fn remapped(&self, domain: Range<f64>) -> Result<Self, Error> {
-        let old = self.domain();
-        let scale = (domain.end - domain.start) / (old.end - old.start);
-        let knots = self.knots.iter().map(|&k| {
+        let (old, Range { start, end }) = (self.domain(), domain);
+        let scale = (end - start) / (old.end - old.start);
+        if !(start < end && scale.is_finite()) {
+            return Err(Error::EmptyDomain { start, end });
+        }
+        let image = |&k: &f64| {
             if k >= old.end {
-                domain.end + (k - old.end) * scale
+                end + (k - old.end) * scale
             } else {
-                domain.start + (k - old.start) * scale
+                start + (k - old.start) * scale
             }
-        });
-        Self::new(self.degree, knots.collect())
+        };
+        let moved = self.knots.iter().map(image).collect();
+        Self::new(self.degree, kept_apart(&self.knots, moved, self.count()))
     }
 
-    /// The knots seen from the other end, over the same domain.
+    /// The knots seen from the other end, over the same domain; different knots stay
+    /// different.
     #[must_use]
     pub fn reversed(&self) -> Self {
         let Range { start, end } = self.domain();
-        let mirror = |k: f64| {
+        let mirror = |&k: &f64| {
             if k <= start {
                 end + (start - k)
             } else {
                 start + (end - k)
             }
         };
+        let turned: Vec<_> = self.knots.iter().rev().copied().collect();
+        let moved = turned.iter().map(mirror).collect();
         Self {
             degree: self.degree,
-            knots: self.knots.iter().rev().map(|&k| mirror(k)).collect(),
+            knots: kept_apart(&turned, moved, self.count()),
         }
     }
 
@@ -219,11 +229,11 @@ impl KnotVector {
     /// Basis values of degree `d - 1` in `row` become those of degree `d`.
     fn raise(&self, span: usize, d: usize, t: f64, row: &mut BasisRow) {
         let mut saved = 0.0;
-        for r in 0..d {
+        for (r, value) in row[..d].iter_mut().enumerate() {
             let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
-            let part = row[r] / (right - left);
-            row[r] = saved + (right - t) * part;
-            saved = (t - left) * part;
+            // Two quotients, so that the ends of a clamped curve are its points exactly.
+            let (falling, rising) = ((right - t) / (right - left), (t - left) / (right - left));
+            (*value, saved) = (saved + *value * falling, *value * rising);
         }
         row[d] = saved;
     }
@@ -240,6 +250,37 @@ impl KnotVector {
         }
         out[d] = saved;
     }
+}
+
+/// The runs of equal knots.
+pub(crate) fn runs(knots: &[f64]) -> impl Iterator<Item = &[f64]> {
+    #[expect(clippy::float_cmp, reason = "only equal knots are one knot")]
+    knots.chunk_by(|a, b| a == b)
+}
+
+/// The knots `moved` from `old`, both ascending, with equal knots made equal again and
+/// different ones that rounding has merged or exchanged put one bit apart.
+///
+/// The knot at `fixed` stays where it is; not finite ones stay that way.
+#[expect(clippy::float_cmp, reason = "only equal knots are one knot")]
+fn kept_apart(old: &[f64], mut moved: Vec<f64>, fixed: usize) -> Vec<f64> {
+    for i in (0..fixed).rev() {
+        let next = moved[i + 1];
+        moved[i] = if old[i] == old[i + 1] {
+            next
+        } else {
+            moved[i].min(next.next_down())
+        };
+    }
+    for i in fixed + 1..moved.len() {
+        let previous = moved[i - 1];
+        moved[i] = if old[i] == old[i - 1] {
+            previous
+        } else {
+            moved[i].max(previous.next_up())
+        };
+    }
+    moved
 }
 
 #[cfg(test)]
@@ -298,6 +339,20 @@ mod tests {
             allowed: 1,
         };
         assert_eq!(err(1, &[0., 0., 1., 1., 2., 2.]), torn);
+    }
+
+    #[test]
+    fn neighbouring_knots_survive_reversal() {
+        let near = vec![0., 0., 0., 1e-17, 1e-17, 2e-17, 1., 1., 1.];
+        let turned = KnotVector::new(2, near).unwrap().reversed();
+        let again = KnotVector::new(2, turned.as_slice().to_vec()).unwrap();
+        assert_eq!(again.domain(), 0.0..1.0);
+        assert_eq!(again.breaks().len(), 4);
+        let shifted = again.remapped(1e6..1e6 + 1.0).unwrap();
+        assert_eq!(shifted.breaks().len(), 4);
+        assert!(again.remapped(1e300..1e300).is_err());
+        assert!(again.remapped(f64::NAN..1.0).is_err());
+        assert!(again.remapped(0.0..f64::INFINITY).is_err());
     }
 
     #[test]

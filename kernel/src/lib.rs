@@ -24,6 +24,7 @@ mod error;
 mod knots;
 mod material;
 mod mesh;
+pub mod modelling;
 mod normal;
 mod patch;
 mod ray;

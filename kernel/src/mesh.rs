@@ -39,7 +39,12 @@ impl Mesh {
                 });
             }
         }
-        if let Some(index) = positions.iter().position(|p| !p.is_finite()) {
+        let infinite = [
+            positions.iter().position(|p| !p.is_finite()),
+            normals.iter().position(|n| !n.is_finite()),
+            uvs.iter().position(|uv| !uv.is_finite()),
+        ];
+        if let Some(index) = infinite.into_iter().flatten().next() {
             return Err(Error::NotFinite { index });
         }
         if let Some(&index) = triangles.iter().flatten().find(|&&i| i as usize >= count) {
@@ -83,5 +88,34 @@ impl Mesh {
     /// The least box around the vertices.
     pub fn bounds(&self) -> Aabb {
         Aabb::around(self.positions.iter().copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_list_is_checked() {
+        let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+        let mesh = |normals: &[DVec3], uvs: &[DVec2], triangle: [u32; 3]| {
+            let (normals, uvs) = (normals.to_vec(), uvs.to_vec());
+            Mesh::new(corners.clone(), normals, uvs, vec![triangle]).map(|mesh| mesh.bounds())
+        };
+        let bounds = mesh(&[DVec3::Z; 3], &[DVec2::ZERO; 3], [0, 1, 2]).unwrap();
+        assert_eq!(
+            (bounds.min, bounds.max),
+            (DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0))
+        );
+        let short = Error::PointCount {
+            found: 1,
+            expected: 3,
+        };
+        assert_eq!(mesh(&[DVec3::Z], &[], [0, 1, 2]), Err(short));
+        let missing = Error::Reference { index: 3, count: 3 };
+        assert_eq!(mesh(&[], &[], [0, 1, 3]), Err(missing));
+        let infinite = Err(Error::NotFinite { index: 0 });
+        assert_eq!(mesh(&[DVec3::NAN; 3], &[], [0, 1, 2]), infinite);
+        assert_eq!(mesh(&[], &[DVec2::INFINITY; 3], [0, 1, 2]), infinite);
     }
 }

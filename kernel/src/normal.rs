@@ -1,127 +1,257 @@
 //! Normals, also where the first derivatives vanish.
+//!
+//! A limit is read off the control points instead of stepping aside by a small distance: a
+//! step that suits every scale and every kind of degeneracy does not exist.
 
-use glam::{DVec2, DVec3, DVec4};
+use std::ops::Range;
 
-use crate::Surface;
-use crate::spline;
+use glam::{DVec2, DVec3, DVec4, Vec4Swizzles as _};
 
-/// Below this sine the product of the first derivatives is taken to vanish: its
-/// direction has then lost about half of its digits.
+use crate::{KnotVector, Surface};
+
+/// Below this sine of the first derivatives, or this ratio of their lengths, the direction
+/// of their product has lost about half of its digits, and the limit is taken instead.
 const SINGULAR: f64 = 1e-8;
 
-/// Where one first derivative is this much shorter than the other it counts as zero.
-const COLLAPSED: f64 = 1e-12;
+/// Below this multiple of what its terms can be, a first derivative is mostly rounding.
+const ROUNDING: f64 = 1e4 * f64::EPSILON;
+
+/// How many times its error bound a coefficient of the normal must exceed: six digits, and
+/// where nothing has them, two.
+const CERTAINTY: [f64; 2] = [1e6, 1e2];
 
 /// The unit normal of a regular point, `None` where the first derivatives are parallel or
 /// one of them vanishes.
-pub fn regular(du: DVec3, dv: DVec3) -> Option<DVec3> {
+///
+/// `sizes` are bounds of the terms that the derivatives are the sums of.
+pub fn regular([du, dv]: [DVec3; 2], sizes: [f64; 2]) -> Option<DVec3> {
     let (length_u, length_v) = (du.length(), dv.length());
-    if length_u.min(length_v) <= COLLAPSED * length_u.max(length_v) {
+    if length_u <= ROUNDING * sizes[0] || length_v <= ROUNDING * sizes[1] {
+        return None;
+    }
+    if length_u.min(length_v) <= SINGULAR * length_u.max(length_v) {
         return None;
     }
     let normal = (du / length_u).cross(dv / length_v);
     (normal.length() > SINGULAR).then(|| normal.normalize())
 }
 
-/// The limit of the normal along a straight way into the domain.
+/// The limit of the normal along a straight way into the domain: along v, else along u,
+/// else diagonally.
 ///
-/// Along such a way `w^3 du x dv` is a polynomial; its first coefficient that does not
-/// vanish is the direction of the limit. Both directions of v are tried, then both of u:
-/// one of them leads away from every collapsed edge.
+/// Along such a way `w^3 du x dv` is a polynomial; its first Bernstein coefficient that
+/// does not vanish is the direction of the limit \[Farouki 88\]. The four spans that meet at
+/// `uv` are tried, those towards larger parameters first.
 pub(crate) fn limit(surface: &Surface, uv: DVec2) -> Option<DVec3> {
-    let swapped = DVec2::new(uv.y, uv.x);
-    along_v(surface, uv).or_else(|| along_v(&surface.transposed(), swapped).map(|n| -n))
-}
-
-fn along_v(surface: &Surface, uv: DVec2) -> Option<DVec3> {
-    let domain = surface.knots_v().domain();
-    let mut sides = [1.0, -1.0];
-    if uv.y >= f64::midpoint(domain.start, domain.end) {
-        sides.reverse();
-    }
-    sides
+    let ways_v = ways(surface.knots_v(), uv.y);
+    ways(surface.knots_u(), uv.x)
         .into_iter()
-        .find_map(|side| leading_normal(surface, uv, side))
+        .flat_map(|way_u| ways_v.clone().map(|way_v| (way_u.clone(), way_v)))
+        .find_map(|(way_u, way_v)| corner_limit(surface, &way_u?, &way_v?))
 }
 
-/// The first coefficient of the normal along `v + s side` that does not vanish.
-fn leading_normal(surface: &Surface, uv: DVec2, side: f64) -> Option<DVec3> {
-    let [curve, tangent] = taylor(surface, uv, side)?;
-    // Centre the curve on its first point, so that the products below lose no digits.
-    let center = curve[0].truncate() / curve[0].w;
-    let centered = |c: &DVec4| (c.truncate() - center * c.w, c.w);
-    let x: Vec<_> = curve.iter().map(centered).collect();
-    let xu: Vec<_> = tangent.iter().map(centered).collect();
-    let order = |k: usize| (k + 1) as f64 * side;
-    let xv: Vec<_> = x
-        .iter()
-        .skip(1)
-        .enumerate()
-        .map(|(k, c)| (c.0 * order(k), c.1 * order(k)))
-        .collect();
-    // Coefficients of w X_u - w_u X and w X_v - w_v X: the derivatives times w^2.
-    let numerator = |d: &[(DVec3, f64)], k: usize| {
-        (0..=k).fold(DVec3::ZERO, |sum, m| match (d.get(m), x.get(k - m)) {
-            (Some(d), Some(x)) => sum + d.0 * x.1 - x.0 * d.1,
-            _ => sum,
-        })
-    };
-    let length = 2 * x.len();
-    let du: Vec<_> = (0..length).map(|k| numerator(&xu, k)).collect();
-    let dv: Vec<_> = (0..length).map(|k| numerator(&xv, k)).collect();
-    let size = |d: &[DVec3]| d.iter().fold(0.0_f64, |max, c| max.max(c.length()));
-    let threshold = SINGULAR * size(&du) * size(&dv);
-    (0..length)
-        .map(|k| (0..=k).fold(DVec3::ZERO, |sum, m| sum + du[m].cross(dv[k - m])))
-        .find(|n| n.length() > threshold)
-        .map(DVec3::normalize)
+/// The spans after and before `t` as far as they belong to the domain.
+fn ways(knots: &KnotVector, t: f64) -> [Option<Range<f64>>; 2] {
+    let Range { start, end } = knots.domain();
+    let t = t.max(start).min(end);
+    let breaks = knots.breaks();
+    let next = breaks.iter().find(|&&k| k > t);
+    let previous = breaks.iter().rev().find(|&&k| k < t);
+    [next.map(|&k| t..k), previous.map(|&k| t..k)]
 }
 
-/// Taylor coefficients in `s` of the homogeneous curve `S(u, v + s side)` and of its
-/// derivative along u, scaled so that `s = 1` is the end of the Bézier piece.
+/// The limit of the normal at the corner of the piece over two ways, each of which starts
+/// at the corner.
+fn corner_limit(surface: &Surface, way_u: &Range<f64>, way_v: &Range<f64>) -> Option<DVec3> {
+    let ascending = |way: &Range<f64>| way.start.min(way.end)..way.start.max(way.end);
+    let mut piece = surface
+        .restricted_u(ascending(way_u))
+        .and_then(|strip| strip.restricted_v(ascending(way_v)))
+        .ok()?;
+    let mut sign = 1.0;
+    if way_u.end < way_u.start {
+        (piece, sign) = (piece.reversed_u(), -sign);
+    }
+    if way_v.end < way_v.start {
+        (piece, sign) = (piece.reversed_v(), -sign);
+    }
+    let net = Net::centered(&piece);
+    let (du, dv) = (net.differences_u(), net.differences_v());
+    [Net::along_v, Net::along_u, Net::diagonal]
+        .into_iter()
+        .find_map(|way| leading_normal(&way(&net), &way(&du), &way(&dv)))
+        .map(|normal| normal * sign)
+}
+
+/// The direction of the first coefficient of the normal that is certain not to vanish.
 ///
-/// `None` if there is no piece on that side.
-fn taylor(surface: &Surface, uv: DVec2, side: f64) -> Option<[Vec<DVec4>; 2]> {
-    let knots_v = surface.knots_v();
-    let domain = knots_v.domain();
-    let start = uv.y.clamp(domain.start, domain.end);
-    let breaks = knots_v.breaks();
-    let end = if side > 0.0 {
-        *breaks.iter().find(|&&k| k > start)?
-    } else {
-        *breaks.iter().rev().find(|&&k| k < start)?
-    };
-    let range = start.min(end)..start.max(end);
-    let count_v = knots_v.count();
-    let net = surface.homogeneous();
-    let mut rows = [vec![], vec![]];
-    for j in 0..count_v {
-        let column: Vec<_> = net.iter().skip(j).step_by(count_v).copied().collect();
-        let [value, first, _] = spline::derivatives(surface.knots_u(), &column, uv.x);
-        rows[0].push(value);
-        rows[1].push(first);
-    }
-    Some(rows.map(|row| {
-        let (_, mut piece) = spline::restrict(knots_v, &row, &range);
-        if side < 0.0 {
-            piece.reverse();
+/// The arguments are the Bernstein coefficients of the homogeneous curve and of its two
+/// derivatives; with `X` before the weight `w`, the normal is that of
+/// `w Xu x Xv + wv X x Xu + wu Xv x X`.
+fn leading_normal(x: &[Estimate], du: &[Estimate], dv: &[Estimate]) -> Option<DVec3> {
+    let [binomial_x, binomial_u, binomial_v] = [x, du, dv].map(|c| binomials(c.len() - 1));
+    let degree = x.len() + du.len() + dv.len() - 3;
+    let mut coefficients = vec![(DVec3::ZERO, 0.0); degree + 1];
+    for (i, x) in x.iter().enumerate() {
+        for (j, u) in du.iter().enumerate() {
+            let share = binomial_x[i] * binomial_u[j];
+            for (k, v) in dv.iter().enumerate() {
+                let share = share * binomial_v[k];
+                let (value, error) = &mut coefficients[i + j + k];
+                *value += (u.cross(*v) * x.value.w + x.cross(*u) * v.value.w
+                    - x.cross(*v) * u.value.w)
+                    * share;
+                *error += share
+                    * (product_error(x.weight(), u.length(), v.length())
+                        + product_error(v.weight(), x.length(), u.length())
+                        + product_error(u.weight(), v.length(), x.length()));
+            }
         }
-        power_coefficients(piece)
-    }))
+    }
+    CERTAINTY.into_iter().find_map(|certainty| {
+        coefficients
+            .iter()
+            .find(|(value, error)| value.length() > certainty * error)
+            .and_then(|(value, _)| value.try_normalize())
+    })
 }
 
-/// Power coefficients of a Bézier curve over 0..1: binomial times forward difference.
-fn power_coefficients(mut points: Vec<DVec4>) -> Vec<DVec4> {
-    let degree = points.len() - 1;
-    for level in 1..=degree {
-        for i in (level..=degree).rev() {
-            points[i] = points[i] - points[i - 1];
+/// A homogeneous vector, with bounds of the errors of its first three coordinates (as a
+/// length) and of its weight.
+#[derive(Clone, Copy, Default)]
+struct Estimate {
+    value: DVec4,
+    error: DVec2,
+}
+
+impl Estimate {
+    /// `self + other * share` for a share that is not negative.
+    fn plus(self, other: Self, share: f64) -> Self {
+        Self {
+            value: self.value + other.value * share,
+            error: self.error + other.error * share,
         }
     }
-    let mut binomial = 1.0;
-    for k in 1..=degree {
-        binomial *= (degree + 1 - k) as f64 / k as f64;
-        points[k] *= binomial;
+
+    /// `(self - other) * factor`.
+    fn difference(self, other: Self, factor: f64) -> Self {
+        Self {
+            value: (self.value - other.value) * factor,
+            error: (self.error + other.error) * factor,
+        }
     }
-    points
+
+    fn cross(self, other: Self) -> DVec3 {
+        self.value.xyz().cross(other.value.xyz())
+    }
+
+    /// Length and its error.
+    fn length(self) -> [f64; 2] {
+        [self.value.xyz().length(), self.error.x]
+    }
+
+    /// Absolute weight and its error.
+    fn weight(self) -> [f64; 2] {
+        [self.value.w.abs(), self.error.y]
+    }
 }
+
+/// The error of a product of three numbers, each given with its own.
+fn product_error([a, da]: [f64; 2], [b, db]: [f64; 2], [c, dc]: [f64; 2]) -> f64 {
+    da * (b + db) * (c + dc) + a * db * (c + dc) + a * b * dc
+}
+
+/// A net of Bernstein coefficients in u and v.
+struct Net {
+    degree_u: usize,
+    degree_v: usize,
+    points: Vec<Estimate>,
+}
+
+impl Net {
+    /// The net of a Bézier piece, moved so that its first point is the origin: the products
+    /// lose no digits to a large offset then.
+    fn centered(piece: &Surface) -> Self {
+        let net = piece.homogeneous();
+        let center = net[0].xyz() / net[0].w;
+        let point = |h: &DVec4| {
+            let length = h.xyz().length() + center.length() * h.w;
+            Estimate {
+                value: (h.xyz() - center * h.w).extend(h.w),
+                error: DVec2::new(length, h.w) * f64::EPSILON,
+            }
+        };
+        Self {
+            degree_u: piece.knots_u().degree(),
+            degree_v: piece.knots_v().degree(),
+            points: net.iter().map(point).collect(),
+        }
+    }
+
+    fn at(&self, i: usize, j: usize) -> Estimate {
+        self.points[i * (self.degree_v + 1) + j]
+    }
+
+    /// The derivative along u.
+    fn differences_u(&self) -> Self {
+        let (p, q) = (self.degree_u, self.degree_v);
+        let difference = |i, j| self.at(i + 1, j).difference(self.at(i, j), p as f64);
+        Self {
+            degree_u: p - 1,
+            degree_v: q,
+            points: (0..p)
+                .flat_map(|i| (0..=q).map(move |j| difference(i, j)))
+                .collect(),
+        }
+    }
+
+    /// The derivative along v.
+    fn differences_v(&self) -> Self {
+        let (p, q) = (self.degree_u, self.degree_v);
+        let difference = |i, j| self.at(i, j + 1).difference(self.at(i, j), q as f64);
+        Self {
+            degree_u: p,
+            degree_v: q - 1,
+            points: (0..=p)
+                .flat_map(|i| (0..q).map(move |j| difference(i, j)))
+                .collect(),
+        }
+    }
+
+    /// The curve `u = 0`.
+    fn along_v(&self) -> Vec<Estimate> {
+        (0..=self.degree_v).map(|j| self.at(0, j)).collect()
+    }
+
+    /// The curve `v = 0`.
+    fn along_u(&self) -> Vec<Estimate> {
+        (0..=self.degree_u).map(|i| self.at(i, 0)).collect()
+    }
+
+    /// The curve `u = v`.
+    fn diagonal(&self) -> Vec<Estimate> {
+        let (p, q) = (self.degree_u, self.degree_v);
+        let [row, column, both] = [p, q, p + q].map(binomials);
+        let mut curve = vec![Estimate::default(); p + q + 1];
+        for i in 0..=p {
+            for j in 0..=q {
+                let share = row[i] * column[j] / both[i + j];
+                curve[i + j] = curve[i + j].plus(self.at(i, j), share);
+            }
+        }
+        curve
+    }
+}
+
+/// The binomial coefficients `n` over `k` for all `k`.
+fn binomials(n: usize) -> Vec<f64> {
+    let next = |c: &mut f64, k: usize| {
+        let value = *c;
+        *c = value * (n - k) as f64 / (k + 1) as f64;
+        Some(value)
+    };
+    (0..=n).scan(1.0, next).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -387,3 +387,6 @@ macro_rules! positions {
 }
 
 positions!(PatchId in patches, MeshId in meshes, MaterialId in materials, NodeId in nodes);
+
+#[cfg(test)]
+mod tests;

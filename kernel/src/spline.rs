@@ -3,11 +3,12 @@
 //! They work on homogeneous control points, for which every operation is linear.
 
 use std::fmt::Debug;
-use std::ops::{Add, Mul, Range, Sub};
+use std::ops::{Add, Div, Mul, Range, Sub};
 
 use glam::{DVec2, DVec3, DVec4};
 
-use crate::KnotVector;
+use crate::knots::runs;
+use crate::{Error, KnotVector};
 
 /// Homogeneous control points: what a spline can mix.
 pub trait Linear:
@@ -44,6 +45,7 @@ pub trait Point:
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<f64, Output = Self>
+    + Div<f64, Output = Self>
 {
     /// The point with its weight, `(w P, w)`.
     type Homogeneous: Linear;
@@ -58,7 +60,7 @@ pub trait Point:
 
     /// The point that a homogeneous form stands for.
     fn project(homogeneous: Self::Homogeneous) -> Self {
-        Self::numerator(homogeneous) * (1.0 / homogeneous.weight())
+        Self::numerator(homogeneous) / homogeneous.weight()
     }
 }
 
@@ -97,31 +99,75 @@ impl Point for DVec3 {
 /// A knot vector with one homogeneous control point per basis function.
 pub(crate) type Spline<H> = (KnotVector, Vec<H>);
 
-fn mix<H: Linear>(a: H, b: H, t: f64) -> H {
-    a * (1.0 - t) + b * t
+/// The point between `a` and `b`; the same bits as both where they are equal.
+pub(crate) fn mix<H: Linear>(a: H, b: H, t: f64) -> H {
+    if t < 0.5 {
+        a + (b - a) * t
+    } else {
+        b - (b - a) * (1.0 - t)
+    }
 }
 
-/// Inserts the knot `t` once, leaving the curve as it is.
+/// Inserts the ascending knots `extra`, leaving the curve as it is \[Piegl 97, A5.4\].
 ///
-/// `t` lies in the half-open domain and stands there less than `degree` times
-/// (Boehm's algorithm, \[Piegl 97, A5.1\]).
-fn insert_once<H: Linear>(knots: &KnotVector, points: &[H], t: f64) -> Spline<H> {
-    let (p, u) = (knots.degree(), knots.as_slice());
-    let span = knots.span(t);
-    let repeated = u[..=span].iter().rev().take_while(|&&k| k >= t).count();
-    let mut refined = points[..=span - p].to_vec();
-    for i in span - p + 1..=span - repeated {
-        refined.push(mix(
-            points[i - 1],
-            points[i],
-            (t - u[i]) / (u[i + p] - u[i]),
-        ));
+/// They lie in the half-open domain, and no knot stands there more than `degree` times
+/// afterwards. Linear in the number of knots; only convex combinations are taken.
+pub(crate) fn refine<H: Linear>(knots: &KnotVector, points: &[H], extra: &[f64]) -> Spline<H> {
+    let (p, u, added) = (knots.degree(), knots.as_slice(), extra.len());
+    let (Some(&first), Some(&last)) = (extra.first(), extra.last()) else {
+        return (knots.clone(), points.to_vec());
+    };
+    // What lies to the left and to the right of all new knots stays.
+    let (a, b) = (knots.span(first), knots.span(last) + 1);
+    let mut fine_knots = [u, extra].concat();
+    let mut fine = vec![H::default(); points.len() + added];
+    fine[..=a - p].copy_from_slice(&points[..=a - p]);
+    fine[b - 1 + added..].copy_from_slice(&points[b - 1..]);
+    fine_knots[b + p + added..].copy_from_slice(&u[b + p..]);
+    // From right to left: `i` walks through the old knots, `k` through all.
+    let (mut i, mut k) = (b + p - 1, b + p + added - 1);
+    for &t in extra.iter().rev() {
+        while t <= u[i] && i > a {
+            fine[k - p - 1] = points[i - p - 1];
+            fine_knots[k] = u[i];
+            (i, k) = (i - 1, k - 1);
+        }
+        fine[k - p - 1] = fine[k - p];
+        for l in 1..=p {
+            let (at, right) = (k - p + l, fine_knots[k + l]);
+            let share = (right - t) / (right - u[i - p + l]);
+            fine[at - 1] = if right > t {
+                mix(fine[at], fine[at - 1], share)
+            } else {
+                fine[at]
+            };
+        }
+        fine_knots[k] = t;
+        k -= 1;
     }
-    refined.extend_from_slice(&points[span - repeated..]);
-    let mut with_t = u[..=span].to_vec();
-    with_t.push(t);
-    with_t.extend_from_slice(&u[span + 1..]);
-    (KnotVector::trusted(p, with_t), refined)
+    (KnotVector::trusted(p, fine_knots), fine)
+}
+
+/// The knots `extra` in order, if they may be inserted into `knots`.
+pub(crate) fn check_refinement(knots: &KnotVector, extra: &[f64]) -> Result<Vec<f64>, Error> {
+    let Range { start, end } = knots.domain();
+    if let Some(&found) = extra.iter().find(|&&t| !(start < t && t < end)) {
+        return Err(Error::Parameter { found, start, end });
+    }
+    let mut extra = extra.to_vec();
+    extra.sort_by(f64::total_cmp);
+    for run in runs(&extra) {
+        let (found, allowed) = (knots.multiplicity(run[0]) + run.len(), knots.degree());
+        if found > allowed {
+            let knot = run[0];
+            return Err(Error::KnotMultiplicity {
+                knot,
+                found,
+                allowed,
+            });
+        }
+    }
+    Ok(extra)
 }
 
 /// Inserts `t` until it stands `multiplicity` times (at most `degree`).
@@ -131,11 +177,9 @@ pub(crate) fn insert<H: Linear>(
     t: f64,
     multiplicity: usize,
 ) -> Spline<H> {
-    let mut spline = (knots.clone(), points.to_vec());
-    for _ in knots.multiplicity(t)..multiplicity.min(knots.degree()) {
-        spline = insert_once(&spline.0, &spline.1, t);
-    }
-    spline
+    let wanted = multiplicity.min(knots.degree());
+    let missing = wanted.saturating_sub(knots.multiplicity(t));
+    refine(knots, points, &vec![t; missing])
 }
 
 /// The part of the curve from `t` on, clamped at `t`.
@@ -163,6 +207,14 @@ pub(crate) fn restrict<H: Linear>(
 ) -> Spline<H> {
     let (knots, points) = after(knots, points, range.start);
     before(&knots, &points, range.end)
+}
+
+/// The parts of the curve before and after `t`, clamped, which share their point at `t` to
+/// the last bit.
+pub(crate) fn split<H: Linear>(knots: &KnotVector, points: &[H], t: f64) -> [Spline<H>; 2] {
+    let (knots, points) = insert(knots, points, t, knots.degree());
+    let Range { start, end } = knots.domain();
+    [start..t, t..end].map(|range| restrict(&knots, &points, &range))
 }
 
 /// The same curve over the negated knots, last point first: exact, unlike a shift.
@@ -220,55 +272,41 @@ pub(crate) fn bezier_pieces<H: Linear>(
 
 /// The same curve one degree higher, clamped at its ends.
 ///
-/// Each new control point is the blossom of the raised curve at its knots: the mean
-/// of the old blossom with one knot left out in turn \[Goldman 02, chapter 6\].
+/// The mean of `degree + 1` curves over refined knots: the j-th one lacks every
+/// `degree + 1`-st knot of the raised vector, counted from the j-th \[Prautzsch 84\]. All
+/// its steps are convex combinations, so that no digits are lost.
 pub(crate) fn elevate_once<H: Linear>(knots: &KnotVector, points: &[H]) -> Spline<H> {
     let (knots, points) = restrict(knots, points, &knots.domain());
-    let p = knots.degree();
+    let n = knots.degree() + 1;
     let mut raised = Vec::new();
-    for run in knots.as_slice().chunk_by(|a, b| a == b) {
+    for run in runs(knots.as_slice()) {
         raised.extend_from_slice(run);
         raised.push(run[0]);
     }
-    let raised = KnotVector::trusted(p + 1, raised);
-    let u = raised.as_slice();
-    let mut elevated = Vec::new();
-    for i in 0..raised.count() {
-        // A span with a length among the knots that this point depends on.
-        let middle = f64::midpoint(u[i], u[i + p + 2]);
-        let span = knots.span(middle);
-        let arguments = &u[i + 1..i + p + 2];
-        let mut sum = H::default();
-        for skipped in 0..=p {
-            let kept = arguments
-                .iter()
-                .enumerate()
-                .filter(|(k, _)| *k != skipped)
-                .map(|(_, &t)| t);
-            sum = sum + blossom(&knots, &points, span, kept);
+    let refined = |j: usize| {
+        let mut extra = Vec::new();
+        let mut start = 0;
+        for run in runs(&raised) {
+            let lacking = (start..start + run.len()).any(|k| k % n == j);
+            extra.extend((!lacking).then_some(run[0]));
+            start += run.len();
         }
-        elevated.push(sum * (1.0 / (p + 1) as f64));
-    }
-    (raised, elevated)
-}
-
-/// The blossom of the polynomial piece over `span`: the symmetric function of
-/// `degree` arguments, affine in each, that is the curve when all are equal.
-fn blossom<H: Linear>(
-    knots: &KnotVector,
-    points: &[H],
-    span: usize,
-    arguments: impl Iterator<Item = f64>,
-) -> H {
-    let (p, u) = (knots.degree(), knots.as_slice());
-    let mut window = points[span - p..=span].to_vec();
-    for (level, t) in arguments.enumerate() {
-        for k in 0..p - level {
-            let (left, right) = (u[span - p + level + 1 + k], u[span + 1 + k]);
-            window[k] = mix(window[k], window[k + 1], (t - left) / (right - left));
-        }
-    }
-    window[0]
+        refine(&knots, &points, &extra).1
+    };
+    let summands: Vec<Vec<H>> = (0..n).map(refined).collect();
+    let elevated = |i: usize| {
+        // The first vector lacks two of the knots at the start, the others one.
+        let point = |j: usize| {
+            let lacking = if i < j { 0 } else { (i - j) / n + 1 };
+            summands[j][i + usize::from(j == 0) - lacking]
+        };
+        let first = point(0);
+        let sum = (1..n).fold(H::default(), |sum, j| sum + (point(j) - first));
+        first + sum * (1.0 / n as f64)
+    };
+    let count = raised.len() - n - 1;
+    let elevated = (0..count).map(elevated).collect();
+    (KnotVector::trusted(n, raised), elevated)
 }
 
 /// The point, first and second derivative of a homogeneous curve at `t`.

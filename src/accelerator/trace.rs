@@ -250,13 +250,17 @@ impl Accelerator<'_> {
         let (du, dv) = (world.transform_vector3(du), world.transform_vector3(dv));
         let item = &cluster.items[piece.item as usize];
         let uv = DVec2::new(piece.u.0 + piece.u.1 * local.x, piece.v.0 + piece.v.1 * local.y);
-        let normal = kernel::regular_normal(du, dv).or_else(|| {
+        let matrix = world.matrix3;
+        let stretch = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
+        let size = |degree: usize, extent: f64| degree as f64 * piece.radius * stretch / extent;
+        let sizes = [size(piece.degrees.p, piece.u.1), size(piece.degrees.q, piece.v.1)];
+        let normal = kernel::regular_normal([du, dv], sizes).or_else(|| {
             let ItemShape::Patch(surface) = item.shape else { return None };
             let placed = surface.transformed(&(*world * item.cluster_from_object));
             placed.normal(uv)
         });
         let point = world.transform_point3(point);
-        let size = du.length().max(dv.length()).max(piece.radius) + point.abs().max_element();
+        let size = piece.radius * stretch + point.abs().max_element();
         Hit {
             t: 0.0,
             uv,
