@@ -45,7 +45,12 @@ impl Film {
     /// A film of transparent black pixels that meet nothing.
     pub fn new(width: u32, height: u32) -> Self {
         let count = width as usize * height as usize;
-        Self { width, height, colors: vec![[0.0; 4]; count], data: vec![PixelData::MISS; count] }
+        Self {
+            width,
+            height,
+            colors: vec![[0.0; 4]; count],
+            data: vec![PixelData::MISS; count],
+        }
     }
 
     /// Pixels per row.

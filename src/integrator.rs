@@ -14,7 +14,7 @@ pub enum Shading {
     /// Phong's mirror direction \[Phong 75\].
     #[default]
     Phong,
-    /// Blinn's half vector, with four times the exponent.
+    /// Blinn's half vector \[Blinn 77\].
     Blinn,
     /// No colours: data channels only.
     None,
@@ -29,8 +29,8 @@ const LEAST_SHARE: f64 = 1.0 / 512.0;
 /// Light that is everywhere, as a share of white.
 const AMBIENT: f64 = 0.12;
 
-/// Blinn's exponent for the same size of highlight.
-const BLINN_EXPONENT: f64 = 4.0;
+/// Phong's exponent for the same size of highlight, per exponent of Blinn's half vector.
+const PHONG_EXPONENT: f64 = 0.25;
 
 /// Everything that shading needs besides the hit.
 #[derive(Debug)]
@@ -60,11 +60,7 @@ pub(crate) struct Radiance {
 }
 
 impl<'a> Integrator<'a> {
-    pub(crate) fn new(
-        accelerator: &'a Accelerator<'a>,
-        camera: &Camera,
-        shading: Shading,
-    ) -> Self {
+    pub(crate) fn new(accelerator: &'a Accelerator<'a>, camera: &Camera, shading: Shading) -> Self {
         let scene = accelerator.scene();
         let lights = lights(scene, camera);
         let ambient = lights.iter().map(|l| l.light.ambient).sum::<DVec3>() + AMBIENT;
@@ -130,7 +126,9 @@ impl<'a> Integrator<'a> {
             _ => hit.normal,
         };
         for ActiveLight { light, shadows } in &self.lights {
-            let Some((direction, reach, strength)) = arrival(light, hit.point) else { continue };
+            let Some((direction, reach, strength)) = arrival(light, hit.point) else {
+                continue;
+            };
             let cosine = normal.dot(direction);
             if cosine <= 0.0 || strength <= 0.0 {
                 continue;
@@ -146,11 +144,14 @@ impl<'a> Integrator<'a> {
             let highlight = match self.shading {
                 Shading::Blinn => {
                     let half = (direction + view).normalize_or_zero();
-                    half.dot(normal).max(0.0).powf(material.shininess * BLINN_EXPONENT)
+                    half.dot(normal).max(0.0).powf(material.shininess)
                 }
                 _ => {
                     let mirrored = normal * (2.0 * cosine) - direction;
-                    mirrored.dot(view).max(0.0).powf(material.shininess)
+                    mirrored
+                        .dot(view)
+                        .max(0.0)
+                        .powf(material.shininess * PHONG_EXPONENT)
                 }
             };
             let reflected = material.diffuse * cosine + material.specular * highlight;
@@ -181,7 +182,10 @@ impl<'a> Integrator<'a> {
             let Some(blocker) = self.accelerator.nearest(&shadow, range.clone(), workspace) else {
                 return share;
             };
-            let material = self.accelerator.material(&blocker).unwrap_or(&self.fallback);
+            let material = self
+                .accelerator
+                .material(&blocker)
+                .unwrap_or(&self.fallback);
             share *= 1.0 - material.opacity.clamp(0.0, 1.0);
             if share < LEAST_SHARE {
                 return 0.0;
@@ -198,11 +202,25 @@ impl<'a> Integrator<'a> {
     /// point again: it starts off the surface by the error of the point, on the side to
     /// which it goes.
     fn leave(&self, ray: &Ray, hit: &Hit, direction: DVec3) -> (Ray, Range<f64>) {
-        let normal = if hit.normal == DVec3::ZERO { -ray.direction.normalize() } else { hit.normal };
-        let side = if normal.dot(direction) < 0.0 { -normal } else { normal };
+        let normal = if hit.normal == DVec3::ZERO {
+            -ray.direction.normalize()
+        } else {
+            hit.normal
+        };
+        let side = if normal.dot(direction) < 0.0 {
+            -normal
+        } else {
+            normal
+        };
         // Far above the error of the point, far below the accuracy that is promised.
         let offset = side * (hit.error * 100.0).max(self.size * 1e-12);
-        (Ray { origin: hit.point + offset, direction }, 0.0..f64::INFINITY)
+        (
+            Ray {
+                origin: hit.point + offset,
+                direction,
+            },
+            0.0..f64::INFINITY,
+        )
     }
 }
 
@@ -214,12 +232,26 @@ fn arrival(light: &Light, point: DVec3) -> Option<(DVec3, f64, f64)> {
         }
         LightKind::Point { position, falloff } => {
             let reach = position.distance(point);
-            Some(((position - point).try_normalize()?, reach, falloff.at(reach)))
+            Some((
+                (position - point).try_normalize()?,
+                reach,
+                falloff.at(reach),
+            ))
         }
-        LightKind::Spot { position, direction, inner, outer, falloff } => {
+        LightKind::Spot {
+            position,
+            direction,
+            inner,
+            outer,
+            falloff,
+        } => {
             let reach = position.distance(point);
             let towards = (position - point).try_normalize()?;
-            let angle = direction.try_normalize()?.dot(-towards).clamp(-1.0, 1.0).acos();
+            let angle = direction
+                .try_normalize()?
+                .dot(-towards)
+                .clamp(-1.0, 1.0)
+                .acos();
             let cone = if angle <= inner {
                 1.0
             } else if angle >= outer {
@@ -251,8 +283,14 @@ fn lights(scene: &Scene, camera: &Camera) -> Vec<ActiveLight> {
             parallel(forward, 0.18, false),
         ];
     }
-    let mut lights: Vec<_> =
-        scene.lights.iter().map(|&light| ActiveLight { light, shadows: true }).collect();
+    let mut lights: Vec<_> = scene
+        .lights
+        .iter()
+        .map(|&light| ActiveLight {
+            light,
+            shadows: true,
+        })
+        .collect();
     if scene.headlight {
         lights.push(parallel(forward, 1.0, false));
     }

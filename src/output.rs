@@ -37,7 +37,10 @@ type DataChannel = (&'static str, fn(&PixelData) -> f32);
 
 /// Every group of data channels; all are single precision.
 pub const AOVS: &[Aov] = &[
-    Aov { name: "depth", channels: &[("Z", |d| d.depth), ("ViewLayer.Depth.Z", |d| d.depth)] },
+    Aov {
+        name: "depth",
+        channels: &[("Z", |d| d.depth), ("ViewLayer.Depth.Z", |d| d.depth)],
+    },
     Aov {
         name: "normal",
         channels: &[
@@ -64,7 +67,10 @@ pub const AOVS: &[Aov] = &[
             ("exact.v", |d| d.uv[1]),
         ],
     },
-    Aov { name: "patch", channels: &[("exact.patch", |d| d.shape)] },
+    Aov {
+        name: "patch",
+        channels: &[("exact.patch", |d| d.shape)],
+    },
 ];
 
 /// What goes into a file.
@@ -80,7 +86,11 @@ pub struct OutputOptions {
 
 impl Default for OutputOptions {
     fn default() -> Self {
-        Self { png_depth: PngDepth::Eight, beauty: true, aovs: AOVS.to_vec() }
+        Self {
+            png_depth: PngDepth::Eight,
+            beauty: true,
+            aovs: AOVS.to_vec(),
+        }
     }
 }
 
@@ -102,14 +112,24 @@ impl fmt::Debug for PictureFormat {
 
 /// All kinds of picture files.
 pub const PICTURE_FORMATS: &[PictureFormat] = &[
-    PictureFormat { extension: "png", holds_data: false, write: write_png },
-    PictureFormat { extension: "exr", holds_data: true, write: write_exr },
+    PictureFormat {
+        extension: "png",
+        holds_data: false,
+        write: write_png,
+    },
+    PictureFormat {
+        extension: "exr",
+        holds_data: true,
+        write: write_exr,
+    },
 ];
 
 /// The kind of picture that a file name asks for.
 pub fn picture_format(path: &Path) -> Option<&'static PictureFormat> {
     let extension = path.extension()?.to_str()?.to_lowercase();
-    PICTURE_FORMATS.iter().find(|format| format.extension == extension)
+    PICTURE_FORMATS
+        .iter()
+        .find(|format| format.extension == extension)
 }
 
 /// Writes a picture; the file appears under its name only when it is complete.
@@ -153,7 +173,11 @@ pub fn replace_file(
 /// The sRGB value of linear light, both from 0 to 1.
 fn srgb(linear: f32) -> f32 {
     let x = linear.clamp(0.0, 1.0);
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    if x <= 0.003_130_8 {
+        12.92 * x
+    } else {
+        1.055 * x.powf(1.0 / 2.4) - 0.055
+    }
 }
 
 fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -> io::Result<()> {
@@ -162,18 +186,35 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
     // PNG wants colours that are not multiplied by the coverage.
     let values = film.colors().iter().flat_map(|&[r, g, b, a]| {
         let scale = if a > 0.0 { a.recip() } else { 0.0 };
-        [srgb(r * scale), srgb(g * scale), srgb(b * scale), a.clamp(0.0, 1.0)]
-            .into_iter()
-            .take(channels)
+        [
+            srgb(r * scale),
+            srgb(g * scale),
+            srgb(b * scale),
+            a.clamp(0.0, 1.0),
+        ]
+        .into_iter()
+        .take(channels)
     });
     let (bytes, color): (Vec<u8>, _) = match options.png_depth {
         PngDepth::Eight => (
-            values.map(|v| quantize(v, 255.0).to_be_bytes()[1]).collect(),
-            if opaque { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 },
+            values
+                .map(|v| quantize(v, 255.0).to_be_bytes()[1])
+                .collect(),
+            if opaque {
+                ExtendedColorType::Rgb8
+            } else {
+                ExtendedColorType::Rgba8
+            },
         ),
         PngDepth::Sixteen => (
-            values.flat_map(|v| quantize(v, 65535.0).to_ne_bytes()).collect(),
-            if opaque { ExtendedColorType::Rgb16 } else { ExtendedColorType::Rgba16 },
+            values
+                .flat_map(|v| quantize(v, 65535.0).to_ne_bytes())
+                .collect(),
+            if opaque {
+                ExtendedColorType::Rgb16
+            } else {
+                ExtendedColorType::Rgba16
+            },
         ),
     };
     PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::Adaptive)
@@ -181,7 +222,11 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
         .map_err(io::Error::other)
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the value is 0 to 1")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the value is 0 to 1"
+)]
 fn quantize(value: f32, most: f32) -> u16 {
     (value * most).round() as u16
 }
@@ -207,7 +252,14 @@ fn write_exr(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
         line_order: LineOrder::Increasing,
     };
     let size = (film.width() as usize, film.height() as usize);
-    let layer =
-        Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
-    Image::from_layer(layer).write().to_buffered(file).map_err(io::Error::other)
+    let layer = Layer::new(
+        size,
+        LayerAttributes::default(),
+        encoding,
+        AnyChannels::sort(channels),
+    );
+    Image::from_layer(layer)
+        .write()
+        .to_buffered(file)
+        .map_err(io::Error::other)
 }

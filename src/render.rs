@@ -32,7 +32,13 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { width: 960, height: 720, samples: 2, shading: Shading::Phong, data: true }
+        Self {
+            width: 960,
+            height: 720,
+            samples: 2,
+            shading: Shading::Phong,
+            data: true,
+        }
     }
 }
 
@@ -64,7 +70,12 @@ pub fn render(
     progress: &(dyn Fn(u64) + Sync),
 ) -> (Film, RenderStats) {
     let integrator = Integrator::new(accelerator, camera, options.shading);
-    let painter = Painter { accelerator, integrator, camera, options };
+    let painter = Painter {
+        accelerator,
+        integrator,
+        camera,
+        options,
+    };
     let tiles: Vec<_> = tiles(options).collect();
     let done: Vec<_> = tiles
         .par_iter()
@@ -104,15 +115,20 @@ struct Tile {
 
 impl Tile {
     fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        self.y.clone().flat_map(|y| self.x.clone().map(move |x| (x, y)))
+        self.y
+            .clone()
+            .flat_map(|y| self.x.clone().map(move |x| (x, y)))
     }
 }
 
 fn tiles(options: &RenderOptions) -> impl Iterator<Item = Tile> + '_ {
-    let steps = |size: u32| (0..size).step_by(TILE as usize).map(move |a| a..size.min(a + TILE));
-    steps(options.height).flat_map(move |y| {
-        steps(options.width).map(move |x| Tile { x, y: y.clone() })
-    })
+    let steps = |size: u32| {
+        (0..size)
+            .step_by(TILE as usize)
+            .map(move |a| a..size.min(a + TILE))
+    };
+    steps(options.height)
+        .flat_map(move |y| steps(options.width).map(move |x| Tile { x, y: y.clone() }))
 }
 
 type Pixel = ([f32; 4], PixelData);
@@ -135,7 +151,11 @@ impl Painter<'_> {
             .flat_map(|(x, y)| self.places(x, y))
             .map(|place| {
                 let ray = self.ray(place);
-                (ray, self.accelerator.nearest(&ray, 0.0..f64::INFINITY, workspace))
+                (
+                    ray,
+                    self.accelerator
+                        .nearest(&ray, 0.0..f64::INFINITY, workspace),
+                )
             })
             .collect();
         stats.trace = started.elapsed();
@@ -159,7 +179,11 @@ impl Painter<'_> {
 
     /// Colour samples along one side of a pixel.
     fn side(&self) -> u32 {
-        if self.options.shading == Shading::None { 1 } else { self.options.samples.max(1) }
+        if self.options.shading == Shading::None {
+            1
+        } else {
+            self.options.samples.max(1)
+        }
     }
 
     fn rays_per_pixel(&self) -> usize {
@@ -172,16 +196,24 @@ impl Painter<'_> {
         let corner = DVec2::new(f64::from(x), f64::from(y));
         let samples = (0..n * n).map(move |k| {
             let cell = DVec2::new(f64::from(k % n), f64::from(k / n));
-            let within = if n == 1 { DVec2::splat(0.5) } else { jitter(x, y, k) };
+            let within = if n == 1 {
+                DVec2::splat(0.5)
+            } else {
+                jitter(x, y, k)
+            };
             corner + (cell + within) / f64::from(n)
         });
         samples.chain(self.central_ray().then_some(corner + 0.5))
     }
 
     fn ray(&self, place: DVec2) -> Ray {
-        let size = DVec2::new(f64::from(self.options.width), f64::from(self.options.height));
+        let size = DVec2::new(
+            f64::from(self.options.width),
+            f64::from(self.options.height),
+        );
         let film = place / size * 2.0 - 1.0;
-        self.camera.ray(DVec2::new(film.x, -film.y), size.x / size.y)
+        self.camera
+            .ray(DVec2::new(film.x, -film.y), size.x / size.y)
     }
 
     /// Colour and data of a pixel from its rays and hits.
@@ -202,7 +234,10 @@ impl Painter<'_> {
             }
         }
         let mean = 1.0 / samples as f64;
-        let color = (sum.color * mean).extend(sum.coverage * mean).as_vec4().to_array();
+        let color = (sum.color * mean)
+            .extend(sum.coverage * mean)
+            .as_vec4()
+            .to_array();
         let data = match shots.last() {
             Some((_, Some(hit))) if self.options.data => pixel_data(self.camera, hit),
             _ => PixelData::MISS,
@@ -212,7 +247,10 @@ impl Painter<'_> {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "film is single precision")]
-#[expect(clippy::cast_precision_loss, reason = "ids above 2^24 are beyond a film's channel")]
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "ids above 2^24 are beyond a film's channel"
+)]
 fn pixel_data(camera: &Camera, hit: &Hit) -> PixelData {
     let single = |v: DVec3| v.as_vec3().to_array();
     PixelData {

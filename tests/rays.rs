@@ -8,7 +8,12 @@ use nurbray::{Accelerator, Hit, METHODS, Workspace};
 use serde_json::Value;
 
 fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
+    value
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|x| x.as_f64().expect("a number"))
+        .collect()
 }
 
 fn vector(value: &Value) -> DVec3 {
@@ -20,7 +25,12 @@ fn scene(value: &Value) -> Scene {
         let degree = usize::try_from(value[degree].as_u64().unwrap()).unwrap();
         KnotVector::new(degree, numbers(&value[knots])).unwrap()
     };
-    let points: Vec<_> = value["points"].as_array().unwrap().iter().map(vector).collect();
+    let points: Vec<_> = value["points"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(vector)
+        .collect();
     let weights = numbers(&value["weights"]);
     let surface = Surface::new(
         knots("degree_u", "knots_u"),
@@ -31,8 +41,16 @@ fn scene(value: &Value) -> Scene {
     .unwrap();
     let mut scene = Scene::default();
     let patch = scene.add_patch(Patch::from(surface)).unwrap();
-    let child = Child::Item(Item { shape: Shape::Patch(patch), material: None });
-    let root = scene.add_node(Node { children: vec![child], ..Node::default() }).unwrap();
+    let child = Child::Item(Item {
+        shape: Shape::Patch(patch),
+        material: None,
+    });
+    let root = scene
+        .add_node(Node {
+            children: vec![child],
+            ..Node::default()
+        })
+        .unwrap();
     scene.set_root(root).unwrap();
     scene
 }
@@ -45,14 +63,22 @@ fn no_hit_is_lost_and_none_invented() {
         return;
     };
     let reference: Value = serde_json::from_str(&text).unwrap();
-    let scenes: Vec<_> = reference["surfaces"].as_array().unwrap().iter().map(scene).collect();
+    let scenes: Vec<_> = reference["surfaces"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(scene)
+        .collect();
     let mut workspace = Workspace::default();
     let (mut robust, mut failures, mut worst) = (0, Vec::new(), 0.0_f64);
     for case in reference["cases"].as_array().unwrap() {
         let scene = &scenes[usize::try_from(case["surface"].as_u64().unwrap()).unwrap()];
         let accelerator = Accelerator::build(scene, &METHODS[0]);
         let size = accelerator.bounds().diagonal();
-        let ray = Ray { origin: vector(&case["origin"]), direction: vector(&case["dir"]) };
+        let ray = Ray {
+            origin: vector(&case["origin"]),
+            direction: vector(&case["dir"]),
+        };
         let length = ray.direction.length();
         let mut hits = Vec::new();
         let near = -1e-12 * size / length;
@@ -60,7 +86,10 @@ fn no_hit_is_lost_and_none_invented() {
         for hit in &hits {
             let residual = hit.point.distance(ray.at(hit.t)) / size;
             if residual > 1e-9 {
-                failures.push(format!("residual {residual:e} of {}", describe(case, &[*hit])));
+                failures.push(format!(
+                    "residual {residual:e} of {}",
+                    describe(case, &[*hit])
+                ));
             }
         }
         let expected = case["hits"].as_array().unwrap();
@@ -81,7 +110,12 @@ fn no_hit_is_lost_and_none_invented() {
     println!("{robust} robust rays, worst error of t {worst:e} of the scene size");
     assert!(robust > 500);
     assert!(worst <= 1e-9, "{worst:e}");
-    assert!(failures.is_empty(), "{}\n{} failures", failures.join("\n"), failures.len());
+    assert!(
+        failures.is_empty(),
+        "{}\n{} failures",
+        failures.join("\n"),
+        failures.len()
+    );
 }
 
 /// A hit of multiplicity one that is not near any of ours.
@@ -90,11 +124,25 @@ fn lost(expected: &[Value], hits: &[Hit], length: f64, size: f64) -> Option<Valu
     let near = |wanted: &Value, hit: &Hit| {
         (hit.t - wanted["t"].as_f64().unwrap()).abs() * length <= 1e-6 * size
     };
-    crossing.into_iter().find(|wanted| !hits.iter().any(|hit| near(wanted, hit))).cloned()
+    crossing
+        .into_iter()
+        .find(|wanted| !hits.iter().any(|hit| near(wanted, hit)))
+        .cloned()
 }
 
 fn describe(case: &Value, hits: &[Hit]) -> String {
-    let expected: Vec<_> = case["hits"].as_array().unwrap().iter().map(|h| h["t"].clone()).collect();
-    let found: Vec<_> = hits.iter().map(|h| (h.t, h.uv.x, h.uv.y, h.tangential)).collect();
-    format!("{} {}: expected {expected:?}, found {found:?}", case["id"], case["category"])
+    let expected: Vec<_> = case["hits"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|h| h["t"].clone())
+        .collect();
+    let found: Vec<_> = hits
+        .iter()
+        .map(|h| (h.t, h.uv.x, h.uv.y, h.tangential))
+        .collect();
+    format!(
+        "{} {}: expected {expected:?}, found {found:?}",
+        case["id"], case["category"]
+    )
 }

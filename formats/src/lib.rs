@@ -157,7 +157,10 @@ fn read_plain(
                 .join(", ")
         ))));
     };
-    let import = Import { format: format.name, ..(format.read)(bytes, options)? };
+    let import = Import {
+        format: format.name,
+        ..(format.read)(bytes, options)?
+    };
     let (placed, limit) = (import.scene.placement_count(), options.limits.placements);
     if placed > limit {
         let text = format!("{placed} shapes after instancing; the limit is {limit}");

@@ -66,12 +66,12 @@ impl Camera {
         })
     }
 
-    /// A camera that shows all of `bounds`, three-quarter from above, whatever the shape of
-    /// the picture.
+    /// A camera that shows all of `bounds`, three-quarter from above, as large as a picture
+    /// with the given ratio of width to height allows.
     ///
     /// `up` is the upward axis of the scene. An empty box is taken for the origin, and a box
     /// without extent is seen from one unit away.
-    pub fn framing(bounds: &Aabb, up: DVec3) -> Self {
+    pub fn framing(bounds: &Aabb, up: DVec3, aspect: f64) -> Self {
         let (center, radius) = if bounds.is_empty() {
             (DVec3::ZERO, 1.0)
         } else {
@@ -95,23 +95,28 @@ impl Camera {
             up: forward.cross(up).normalize().cross(forward),
             projection,
         };
-        // The least distance outside the sphere around the box from which every corner lies
-        // inside the picture.
+        // Along each side of the picture a corner at (x, depth z towards the camera) is seen
+        // from the distance d and the sideways step c if |x - c| <= slope (d - z).
         let slope = (FRAMING_FOV * 0.5).tan() / FRAMING_MARGIN;
         let corners = if bounds.is_empty() {
-            [DVec3::ZERO; 8]
+            [center; 8]
         } else {
             bounds.corners()
         };
-        let distance = corners.iter().fold(radius, |distance: f64, corner| {
-            let offset = *corner - center;
-            let across = offset
-                .dot(camera.right)
-                .abs()
-                .max(offset.dot(camera.up).abs());
-            distance.max(across / slope - offset.dot(forward))
-        });
-        camera.eye = center - forward * distance;
+        let fit = |axis: DVec3, slope: f64| {
+            let reach = |axis: DVec3| {
+                let ways = corners.map(|p| (p - center).dot(axis - forward * slope));
+                ways.into_iter().fold(f64::NEG_INFINITY, f64::max)
+            };
+            let (plus, minus) = (reach(axis), reach(-axis));
+            ((plus + minus) / (2.0 * slope), (plus - minus) * 0.5)
+        };
+        let shorter = shorter_side(aspect) * slope;
+        let (distance_x, step_x) = fit(camera.right, shorter.x);
+        let (distance_y, step_y) = fit(camera.up, shorter.y);
+        // Outside the sphere around the box in any case.
+        let distance = radius.max(distance_x).max(distance_y);
+        camera.eye = center + camera.right * step_x + camera.up * step_y - forward * distance;
         camera
     }
 
@@ -157,7 +162,7 @@ impl Camera {
     ///
     /// The direction has component one along the view, so `t` is the depth.
     pub fn ray(&self, film: DVec2, aspect: f64) -> Ray {
-        let shorter = DVec2::new(aspect.max(1.0), (1.0 / aspect).max(1.0));
+        let shorter = shorter_side(aspect);
         let (half, parallel) = match self.projection {
             Projection::Perspective { vertical_fov } => {
                 (DVec2::new(aspect, 1.0) * (vertical_fov * 0.5).tan(), false)
@@ -178,6 +183,11 @@ impl Camera {
             }
         }
     }
+}
+
+/// Half the extents of a picture whose shorter side extends from -1 to 1.
+fn shorter_side(aspect: f64) -> DVec2 {
+    DVec2::new(aspect.max(1.0), (1.0 / aspect).max(1.0))
 }
 
 #[cfg(test)]
@@ -222,9 +232,9 @@ mod tests {
                     min,
                     max: min + shape * scale,
                 };
-                let camera = Camera::framing(&bounds, up);
-                assert!(camera.up().dot(up) > 0.0 && camera.forward().dot(up) < 0.0);
                 for aspect in [0.2, 1.0, 16.0 / 9.0] {
+                    let camera = Camera::framing(&bounds, up, aspect);
+                    assert!(camera.up().dot(up) > 0.0 && camera.forward().dot(up) < 0.0);
                     let mut reach: f64 = 0.0;
                     for corner in bounds.corners() {
                         let (film, depth) = project(&camera, corner, aspect);
@@ -241,12 +251,16 @@ mod tests {
     fn framing_of_nothing_and_of_a_point_is_a_camera() {
         let place = DVec3::new(1.0, 2.0, 3.0);
         for (bounds, center) in [(Aabb::EMPTY, DVec3::ZERO), (Aabb::around([place]), place)] {
-            let camera = Camera::framing(&bounds, DVec3::Y);
+            let camera = Camera::framing(&bounds, DVec3::Y, 1.0);
             assert!(camera.eye().is_finite());
             let (film, depth) = project(&camera, center, 1.0);
             assert!(film.length() < 1e-12 && (depth - 1.0).abs() < 1e-12);
         }
-        assert!(Camera::framing(&Aabb::EMPTY, DVec3::ZERO).eye().is_finite());
+        assert!(
+            Camera::framing(&Aabb::EMPTY, DVec3::ZERO, 1.0)
+                .eye()
+                .is_finite()
+        );
     }
 
     #[test]

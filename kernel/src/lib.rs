@@ -40,8 +40,8 @@ pub use error::Error;
 pub use knots::{KnotVector, MAX_DEGREE};
 pub use material::{Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb};
 pub use mesh::Mesh;
-pub use patch::{Patch, TrimLoop};
 pub use normal::regular as regular_normal;
+pub use patch::{Patch, TrimLoop};
 pub use ray::Ray;
 pub use scene::{
     Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Shape, Unit, UpAxis,

@@ -26,7 +26,8 @@ pub struct Material {
     pub diffuse: DVec3,
     /// Specular reflection.
     pub specular: DVec3,
-    /// Exponent of the specular lobe of the Phong model.
+    /// Exponent of the specular lobe about the half vector (Blinn), as OBJ and X3D define it;
+    /// about the mirrored direction (Phong) a quarter of it gives the same highlight.
     pub shininess: f64,
     /// Light sent out by the surface itself.
     pub emissive: DVec3,
@@ -55,7 +56,7 @@ impl Default for Material {
             ambient: DVec3::new(0.60, 0.59, 0.56),
             diffuse: DVec3::new(0.60, 0.59, 0.56),
             specular: DVec3::splat(0.2),
-            shininess: 32.0,
+            shininess: 128.0,
             emissive: DVec3::ZERO,
             opacity: 1.0,
             metallic_roughness: None,

@@ -5,16 +5,18 @@ use kernel::{Aabb, Child, NodeId, Scene};
 
 use super::cells::Pieces;
 use super::tree::Tree;
-use super::{
-    Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Primitive, Triangle,
-};
+use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Primitive, Triangle};
 use crate::intersect::Method;
 
 impl<'a> Accelerator<'a> {
     /// Prepares `scene` for rays that are to be intersected with `method`.
     pub fn build(scene: &'a Scene, method: &'static Method) -> Self {
         let plan = Plan::of(scene);
-        let clusters: Vec<_> = plan.roots.iter().map(|&root| plan.cluster(scene, root)).collect();
+        let clusters: Vec<_> = plan
+            .roots
+            .iter()
+            .map(|&root| plan.cluster(scene, root))
+            .collect();
         let mut instances = Vec::new();
         let mut counts = Counts::default();
         if let Some(root) = scene.root() {
@@ -23,11 +25,23 @@ impl<'a> Accelerator<'a> {
         }
         let boxes: Vec<_> = instances
             .iter()
-            .map(|i| clusters[i.cluster as usize].tree.bounds().transformed(&i.world_from_cluster))
+            .map(|i| {
+                clusters[i.cluster as usize]
+                    .tree
+                    .bounds()
+                    .transformed(&i.world_from_cluster)
+            })
             .collect();
         let (top, order) = Tree::build(&boxes);
         let instances = order.iter().map(|&k| instances[k as usize]).collect();
-        Self { scene, clusters, instances, top, counts, method }
+        Self {
+            scene,
+            clusters,
+            instances,
+            top,
+            counts,
+            method,
+        }
     }
 }
 
@@ -60,7 +74,11 @@ impl Plan {
             counts.push(sum);
         }
         // A node used by several, or below one, begins a cluster; so does the root.
-        let mut plan = Self { roots: Vec::new(), cluster_of: vec![None; nodes.len()], counts };
+        let mut plan = Self {
+            roots: Vec::new(),
+            cluster_of: vec![None; nodes.len()],
+            counts,
+        };
         for id in scene.node_ids() {
             let shared = uses[id.index()] > 1 && plan.counts[id.index()] != Counts::default();
             if shared || scene.root() == Some(id) {
@@ -74,12 +92,7 @@ impl Plan {
 
     /// Visits what hangs below `start` in the order of the file: items, and the nodes that
     /// begin other clusters, each with its place and with what was shown before it.
-    fn walk(
-        &self,
-        scene: &Scene,
-        start: NodeId,
-        mut visit: impl FnMut(Child, DAffine3, Counts),
-    ) {
+    fn walk(&self, scene: &Scene, start: NodeId, mut visit: impl FnMut(Child, DAffine3, Counts)) {
         let mut before = Counts::default();
         let mut stack = vec![(Child::Node(start), DAffine3::IDENTITY)];
         let mut first = true;
@@ -96,7 +109,11 @@ impl Plan {
                 Child::Node(id) => {
                     let node = scene.node(id);
                     // The first node's own map belongs to the place of the cluster.
-                    let place = if first { place } else { place * node.parent_from_node };
+                    let place = if first {
+                        place
+                    } else {
+                        place * node.parent_from_node
+                    };
                     first = false;
                     stack.extend(node.children.iter().rev().map(|&child| (child, place)));
                 }
@@ -123,9 +140,8 @@ impl Plan {
                     before.patches
                 }
                 ItemShape::Mesh(mesh) => {
-                    let at = |k: u32| {
-                        cluster_from_object.transform_point3(mesh.positions()[k as usize])
-                    };
+                    let at =
+                        |k: u32| cluster_from_object.transform_point3(mesh.positions()[k as usize]);
                     let place = |(index, corners): (usize, &[u32; 3])| Triangle {
                         item: number,
                         index: u32::try_from(index).expect("fewer triangles than fit"),
@@ -136,10 +152,17 @@ impl Plan {
                 }
             };
             let material = scene.item_material(&item);
-            items.push(ClusterItem { shape, offset, material, cluster_from_object });
+            items.push(ClusterItem {
+                shape,
+                offset,
+                material,
+                cluster_from_object,
+            });
         });
-        let boxes: Vec<_> =
-            cell_boxes.into_iter().chain(triangles.iter().map(|t| Aabb::around(t.corners))).collect();
+        let boxes: Vec<_> = cell_boxes
+            .into_iter()
+            .chain(triangles.iter().map(|t| Aabb::around(t.corners)))
+            .collect();
         let (tree, order) = Tree::build(&boxes);
         let cells = u32::try_from(pieces.cells.len()).expect("fewer cells than fit");
         let primitive = |&k: &u32| match k.checked_sub(cells) {
@@ -147,7 +170,13 @@ impl Plan {
             None => Primitive::Cell(k),
         };
         let primitives = order.iter().map(primitive).collect();
-        Cluster { pieces, triangles, primitives, tree, items }
+        Cluster {
+            pieces,
+            triangles,
+            primitives,
+            tree,
+            items,
+        }
     }
 
     /// Appends every place of every cluster, and counts what they show.
@@ -160,7 +189,9 @@ impl Plan {
     ) -> Counts {
         let mut stack = vec![(start, Counts::default())];
         while let Some(((node, world_from_parent), base)) = stack.pop() {
-            let Some(cluster) = self.cluster_of[node.index()] else { continue };
+            let Some(cluster) = self.cluster_of[node.index()] else {
+                continue;
+            };
             let world_from_cluster = world_from_parent * scene.node(node).parent_from_node;
             if !clusters[cluster as usize].primitives.is_empty() {
                 instances.push(Instance {
@@ -183,8 +214,14 @@ impl Plan {
 impl Counts {
     fn one(shape: ItemShape<'_>) -> Self {
         match shape {
-            ItemShape::Patch(_) => Self { patches: 1, meshes: 0 },
-            ItemShape::Mesh(_) => Self { patches: 0, meshes: 1 },
+            ItemShape::Patch(_) => Self {
+                patches: 1,
+                meshes: 0,
+            },
+            ItemShape::Mesh(_) => Self {
+                patches: 0,
+                meshes: 1,
+            },
         }
     }
 

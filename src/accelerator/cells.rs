@@ -45,7 +45,10 @@ impl Cell {
             let start = f64::from(self.place[axis]) * size;
             (start, start + size)
         };
-        Rect { u: side(0), v: side(1) }
+        Rect {
+            u: side(0),
+            v: side(1),
+        }
     }
 }
 
@@ -67,8 +70,14 @@ impl Pieces {
         if !(radius > 0.0) {
             return;
         }
-        let degrees = Degrees { p: piece.degree_u(), q: piece.degree_v() };
-        let heaviest = piece.homogeneous().iter().fold(0.0, |max: f64, h| max.max(h.w));
+        let degrees = Degrees {
+            p: piece.degree_u(),
+            q: piece.degree_v(),
+        };
+        let heaviest = piece
+            .homogeneous()
+            .iter()
+            .fold(0.0, |max: f64, h| max.max(h.w));
         // Into the units of the piece.
         let own = |h: &DVec4| {
             let numerator = (h.truncate() - center * h.w) / radius;
@@ -90,7 +99,11 @@ impl Pieces {
             u: (u.start, u.end - u.start),
             v: (v.start, v.end - v.start),
         });
-        let cell = Cell { piece: number, place: [0, 0], level: [0, 0] };
+        let cell = Cell {
+            piece: number,
+            place: [0, 0],
+            level: [0, 0],
+        };
         self.divide(piece, cell, boxes);
     }
 
@@ -98,13 +111,21 @@ impl Pieces {
     fn divide(&mut self, part: &BezierSurface, cell: Cell, boxes: &mut Vec<Aabb>) {
         let stray = stray(part);
         let axis = usize::from(stray[1] > stray[0]);
-        let axis = if cell.level[axis] < MAX_LEVEL { axis } else { 1 - axis };
+        let axis = if cell.level[axis] < MAX_LEVEL {
+            axis
+        } else {
+            1 - axis
+        };
         if stray[axis] <= FLAT || cell.level[axis] >= MAX_LEVEL {
             boxes.push(part.hull_bounds());
             self.cells.push(cell);
             return;
         }
-        let halves = if axis == 0 { part.split_u(0.5) } else { part.split_v(0.5) };
+        let halves = if axis == 0 {
+            part.split_u(0.5)
+        } else {
+            part.split_v(0.5)
+        };
         for (k, half) in halves.iter().enumerate() {
             let mut child = cell;
             child.level[axis] += 1;
@@ -117,7 +138,13 @@ impl Pieces {
     pub(crate) fn net(&self, piece: &Piece) -> PieceNet<'_> {
         let size = piece.degrees.len();
         let net = |k: usize| &self.nets[piece.first + k * size..piece.first + (k + 1) * size];
-        PieceNet { degrees: piece.degrees, x: net(0), y: net(1), z: net(2), w: net(3) }
+        PieceNet {
+            degrees: piece.degrees,
+            x: net(0),
+            y: net(1),
+            z: net(2),
+            w: net(3),
+        }
     }
 
     /// Memory in use.
@@ -131,9 +158,16 @@ impl Pieces {
 fn stray(part: &BezierSurface) -> [f64; 2] {
     let row = part.degree_v() + 1;
     let points: Vec<DVec3> = part.points().collect();
-    let along_u: Vec<_> = points.iter().zip(&points[row..]).map(|(a, b)| *b - *a).collect();
-    let along_v: Vec<_> =
-        points.chunks_exact(row).flat_map(|line| line.windows(2)).map(|w| w[1] - w[0]).collect();
+    let along_u: Vec<_> = points
+        .iter()
+        .zip(&points[row..])
+        .map(|(a, b)| *b - *a)
+        .collect();
+    let along_v: Vec<_> = points
+        .chunks_exact(row)
+        .flat_map(|line| line.windows(2))
+        .map(|w| w[1] - w[0])
+        .collect();
     let (columns, steps) = (part.degree_u(), part.degree_v());
     let [uu, uv] = spread(&along_u, columns, row);
     let [vu, vv] = spread(&along_v, columns + 1, steps);
@@ -147,14 +181,20 @@ fn spread(steps: &[DVec3], count_i: usize, count_j: usize) -> [f64; 2] {
     let worst = |line: &mut dyn Iterator<Item = DVec3>| {
         let line: Vec<DVec3> = line.collect();
         let mean = line.iter().sum::<DVec3>() / line.len() as f64;
-        line.iter().fold(0.0, |max: f64, s| max.max(s.distance(mean)))
+        line.iter()
+            .fold(0.0, |max: f64, s| max.max(s.distance(mean)))
     };
     let over = |lines: usize, line: &dyn Fn(usize) -> f64| {
         let most = (0..lines).map(line).fold(0.0, f64::max);
-        if most > f64::EPSILON * size { most / size } else { 0.0 }
+        if most > f64::EPSILON * size {
+            most / size
+        } else {
+            0.0
+        }
     };
-    let along_i =
-        over(count_j, &|j| worst(&mut steps.iter().skip(j).step_by(count_j).copied()));
+    let along_i = over(count_j, &|j| {
+        worst(&mut steps.iter().skip(j).step_by(count_j).copied())
+    });
     let along_j = over(count_i, &|i| {
         worst(&mut steps[i * count_j..(i + 1) * count_j].iter().copied())
     });

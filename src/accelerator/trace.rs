@@ -35,8 +35,16 @@ struct Candidate {
 
 #[derive(Clone, Copy, Debug)]
 enum CandidateKind {
-    Surface { piece: u32, u: f64, v: f64, tangential: bool },
-    Triangle { index: u32, barycentric: DVec2 },
+    Surface {
+        piece: u32,
+        u: f64,
+        v: f64,
+        tangential: bool,
+    },
+    Triangle {
+        index: u32,
+        barycentric: DVec2,
+    },
 }
 
 impl Accelerator<'_> {
@@ -118,7 +126,11 @@ impl Accelerator<'_> {
         if !(ray.direction.length_squared() > 0.0 && ray.origin.is_finite()) {
             return;
         }
-        let Workspace { top_stack, stack, scratch } = workspace;
+        let Workspace {
+            top_stack,
+            stack,
+            scratch,
+        } = workspace;
         self.top.traverse(ray, &mut range, top_stack, |run, range| {
             for number in run {
                 let instance = &self.instances[number];
@@ -133,7 +145,14 @@ impl Accelerator<'_> {
                             Primitive::Cell(k) => {
                                 let cell = &cluster.pieces.cells[k as usize];
                                 let mut offer = |t, kind, range: &mut Range<f64>| {
-                                    take(Candidate { t, instance: number, kind }, range)
+                                    take(
+                                        Candidate {
+                                            t,
+                                            instance: number,
+                                            kind,
+                                        },
+                                        range,
+                                    )
                                 };
                                 seen.meet_cell::<I>(cluster, cell, scratch, range, &mut offer)
                             }
@@ -144,9 +163,18 @@ impl Accelerator<'_> {
                                 );
                                 match hit {
                                     Some((t, barycentric)) if range.contains(&t) => {
-                                        let kind =
-                                            CandidateKind::Triangle { index: k, barycentric };
-                                        take(Candidate { t, instance: number, kind }, range)
+                                        let kind = CandidateKind::Triangle {
+                                            index: k,
+                                            barycentric,
+                                        };
+                                        take(
+                                            Candidate {
+                                                t,
+                                                instance: number,
+                                                kind,
+                                            },
+                                            range,
+                                        )
                                     }
                                     _ => true,
                                 }
@@ -171,9 +199,11 @@ impl Accelerator<'_> {
         let mut kept = 0;
         for k in 0..hits.len() {
             let hit = hits[k];
-            let known = hits[..kept].iter().rev().take(64).position(|other| {
-                other.shape == hit.shape && self.coincide(other, &hit)
-            });
+            let known = hits[..kept]
+                .iter()
+                .rev()
+                .take(64)
+                .position(|other| other.shape == hit.shape && self.coincide(other, &hit));
             match known {
                 Some(back) => {
                     let other = &mut hits[kept - 1 - back];
@@ -216,7 +246,9 @@ impl Accelerator<'_> {
     /// The material of what was hit, if it has one.
     pub(crate) fn material(&self, hit: &Hit) -> Option<&Material> {
         let cluster = &self.clusters[self.instances[hit.place.0 as usize].cluster as usize];
-        cluster.items[hit.place.1 as usize].material.map(|id| self.scene.material(id))
+        cluster.items[hit.place.1 as usize]
+            .material
+            .map(|id| self.scene.material(id))
     }
 
     /// Completes a candidate: point, normal, parameters and number in the world.
@@ -224,16 +256,31 @@ impl Accelerator<'_> {
         let instance = &self.instances[candidate.instance as usize];
         let cluster = &self.clusters[instance.cluster as usize];
         match candidate.kind {
-            CandidateKind::Surface { piece, u, v, tangential } => {
+            CandidateKind::Surface {
+                piece,
+                u,
+                v,
+                tangential,
+            } => {
                 let piece = &cluster.pieces.pieces[piece as usize];
                 let hit = self.surface_hit(instance, cluster, piece, DVec2::new(u, v));
-                Hit { t: candidate.t, tangential, place: (candidate.instance, piece.item), ..hit }
+                Hit {
+                    t: candidate.t,
+                    tangential,
+                    place: (candidate.instance, piece.item),
+                    ..hit
+                }
             }
             CandidateKind::Triangle { index, barycentric } => {
                 let triangle = &cluster.triangles[index as usize];
                 let hit = self.triangle_hit(instance, cluster, triangle, barycentric);
                 let place = (candidate.instance, triangle.item);
-                Hit { t: candidate.t, point: ray.at(candidate.t), place, ..hit }
+                Hit {
+                    t: candidate.t,
+                    point: ray.at(candidate.t),
+                    place,
+                    ..hit
+                }
             }
         }
     }
@@ -249,13 +296,25 @@ impl Accelerator<'_> {
         let world = &instance.world_from_cluster;
         let (du, dv) = (world.transform_vector3(du), world.transform_vector3(dv));
         let item = &cluster.items[piece.item as usize];
-        let uv = DVec2::new(piece.u.0 + piece.u.1 * local.x, piece.v.0 + piece.v.1 * local.y);
+        let uv = DVec2::new(
+            piece.u.0 + piece.u.1 * local.x,
+            piece.v.0 + piece.v.1 * local.y,
+        );
         let matrix = world.matrix3;
-        let stretch = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
+        let stretch = matrix
+            .x_axis
+            .length()
+            .max(matrix.y_axis.length())
+            .max(matrix.z_axis.length());
         let size = |degree: usize, extent: f64| degree as f64 * piece.radius * stretch / extent;
-        let sizes = [size(piece.degrees.p, piece.u.1), size(piece.degrees.q, piece.v.1)];
+        let sizes = [
+            size(piece.degrees.p, piece.u.1),
+            size(piece.degrees.q, piece.v.1),
+        ];
         let normal = kernel::regular_normal([du, dv], sizes).or_else(|| {
-            let ItemShape::Patch(surface) = item.shape else { return None };
+            let ItemShape::Patch(surface) = item.shape else {
+                return None;
+            };
             let placed = surface.transformed(&(*world * item.cluster_from_object));
             placed.normal(uv)
         });
@@ -296,10 +355,16 @@ impl Accelerator<'_> {
                     + c * barycentric.y;
                 let object = *world * item.cluster_from_object;
                 let turned = object.matrix3.inverse().transpose() * smooth;
-                normal = if turned.dot(flat) < 0.0 { -turned } else { turned };
+                normal = if turned.dot(flat) < 0.0 {
+                    -turned
+                } else {
+                    turned
+                };
             }
         }
-        let size = corners.iter().fold(0.0, |max: f64, c| max.max(c.abs().max_element()));
+        let size = corners
+            .iter()
+            .fold(0.0, |max: f64, c| max.max(c.abs().max_element()));
         Hit {
             t: 0.0,
             uv,
@@ -321,7 +386,11 @@ fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3;
     let [x, y, z, w] = [net.x, net.y, net.z, net.w].map(|c| evaluate(c, piece.degrees, &u, &v));
     let own = DVec3::new(x[0], y[0], z[0]) / w[0];
     let along = |k: usize| (DVec3::new(x[k], y[k], z[k]) - own * w[k]) / w[0] * piece.radius;
-    [piece.center + own * piece.radius, along(1) / piece.u.1, along(2) / piece.v.1]
+    [
+        piece.center + own * piece.radius,
+        along(1) / piece.u.1,
+        along(2) / piece.v.1,
+    ]
 }
 
 /// A ray in the coordinates of a cluster, with its origin next to the cluster so that far

@@ -60,10 +60,19 @@ impl Tree {
     /// Builds the hierarchy; the second result is the old number of each primitive.
     pub(crate) fn build(boxes: &[Aabb]) -> (Self, Vec<u32>) {
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-        let center = if bounds.is_empty() { DVec3::ZERO } else { bounds.center() };
+        let center = if bounds.is_empty() {
+            DVec3::ZERO
+        } else {
+            bounds.center()
+        };
         let radius = bounds.diagonal() * 0.5;
         let scale = if radius > 0.0 { radius.recip() } else { 1.0 };
-        let mut tree = Self { nodes: Vec::new(), bounds, center, scale };
+        let mut tree = Self {
+            nodes: Vec::new(),
+            bounds,
+            center,
+            scale,
+        };
         let count = u32::try_from(boxes.len()).expect("a scene has fewer than 2^32 cells");
         let mut builder = Builder {
             boxes,
@@ -144,13 +153,20 @@ impl Tree {
         let unit = (length * self.scale).recip();
         let local = LocalRay {
             origin: single((ray.at(shift) - self.center) * self.scale),
-            inverse: single(ray.direction / length)
-                .map(|d| if d.abs() < f32::MIN_POSITIVE { f32::MAX } else { d.recip() }),
+            inverse: single(ray.direction / length).map(|d| {
+                if d.abs() < f32::MIN_POSITIVE {
+                    f32::MAX
+                } else {
+                    d.recip()
+                }
+            }),
         };
         let base = stack.len();
         stack.push((0, f64::NEG_INFINITY));
         while stack.len() > base {
-            let Some((child, near)) = stack.pop() else { break };
+            let Some((child, near)) = stack.pop() else {
+                break;
+            };
             if near > range.end {
                 continue;
             }
@@ -212,7 +228,9 @@ struct Builder<'a> {
 
 impl Builder<'_> {
     fn bounds(&self, part: &Range<usize>) -> Aabb {
-        let boxes = self.order[part.clone()].iter().map(|&k| self.boxes[k as usize]);
+        let boxes = self.order[part.clone()]
+            .iter()
+            .map(|&k| self.boxes[k as usize]);
         boxes.fold(Aabb::EMPTY, Aabb::union)
     }
 
@@ -222,12 +240,18 @@ impl Builder<'_> {
 
     fn coincide(&self, part: &Range<usize>) -> bool {
         let first = self.centers[self.order[part.start] as usize];
-        self.order[part.clone()].iter().all(|&k| self.centers[k as usize] == first)
+        self.order[part.clone()]
+            .iter()
+            .all(|&k| self.centers[k as usize] == first)
     }
 
     /// Sorts a part into two by the surface area heuristic and returns the border.
     fn divide(&mut self, part: Range<usize>) -> usize {
-        let Self { boxes, centers, order } = self;
+        let Self {
+            boxes,
+            centers,
+            order,
+        } = self;
         let order = &mut order[part.clone()];
         let all = Aabb::around(order.iter().map(|&k| centers[k as usize]));
         let axis = all.size().max_position();
@@ -237,7 +261,10 @@ impl Builder<'_> {
         }
         let bin_of = |k: u32| {
             let place = (centers[k as usize][axis] - low) / width * BINS as f64;
-            (0..BINS - 1).rev().find(|&b| place >= (b + 1) as f64).map_or(0, |b| b + 1)
+            (0..BINS - 1)
+                .rev()
+                .find(|&b| place >= (b + 1) as f64)
+                .map_or(0, |b| b + 1)
         };
         let mut bins = [(0_usize, Aabb::EMPTY); BINS];
         for &k in order.iter() {
@@ -256,17 +283,27 @@ impl Builder<'_> {
                 costs[cut] += count as f64 * half_area(&bounds);
             }
         }
-        let cut = (1..BINS).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(1);
+        let cut = (1..BINS)
+            .min_by(|&a, &b| costs[a].total_cmp(&costs[b]))
+            .unwrap_or(1);
         order.sort_by_key(|&k| bin_of(k) >= cut);
         let left = order.partition_point(|&k| bin_of(k) < cut);
-        part.start + if left == 0 || left == part.len() { part.len() / 2 } else { left }
+        part.start
+            + if left == 0 || left == part.len() {
+                part.len() / 2
+            } else {
+                left
+            }
     }
 }
 
 fn leaf(part: &Range<usize>) -> u32 {
     let first = u32::try_from(part.start).expect("fewer cells than fit");
     let count = u32::try_from(part.len()).expect("leaves are small");
-    assert!(first < IS_LEAF >> LEAF_BITS, "a scene has fewer than 2^26 cells");
+    assert!(
+        first < IS_LEAF >> LEAF_BITS,
+        "a scene has fewer than 2^26 cells"
+    );
     IS_LEAF | first << LEAF_BITS | (count - 1)
 }
 
@@ -275,14 +312,24 @@ fn half_area(bounds: &Aabb) -> f64 {
     size.x * size.y + size.y * size.z + size.z * size.x
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rays are rounded; boxes are padded for it")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "rays are rounded; boxes are padded for it"
+)]
 fn single(v: DVec3) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
 }
 
 /// A single precision number that is not above `x`.
-#[expect(clippy::cast_possible_truncation, reason = "the next line looks after the rounding")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the next line looks after the rounding"
+)]
 fn below(x: f64) -> f32 {
     let near = x as f32;
-    if f64::from(near) > x { near.next_down() } else { near }
+    if f64::from(near) > x {
+        near.next_down()
+    } else {
+        near
+    }
 }

@@ -43,7 +43,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
                 eprintln!("nurbray: {error:#}");
                 if args.json {
                     let name = input::display(file);
-                    writeln!(out, "{}", json!({ "file": name, "error": format!("{error:#}") }))?;
+                    writeln!(
+                        out,
+                        "{}",
+                        json!({ "file": name, "error": format!("{error:#}") })
+                    )?;
                 }
             }
         }
@@ -86,14 +90,23 @@ fn kinds(scene: &Scene) -> BTreeMap<Kind, (usize, usize, usize)> {
 fn shown(scene: &Scene) -> (u64, u64) {
     let mut counts: Vec<(u64, u64)> = Vec::new();
     for node in scene.nodes() {
-        let sum = node.children.iter().fold((0, 0), |(p, m): (u64, u64), child| match child {
-            Child::Item(Item { shape: Shape::Patch(_), .. }) => (p + 1, m),
-            Child::Item(Item { shape: Shape::Mesh(_), .. }) => (p, m + 1),
-            Child::Node(id) => {
-                let (a, b) = counts[id.index()];
-                (p.saturating_add(a), m.saturating_add(b))
-            }
-        });
+        let sum = node
+            .children
+            .iter()
+            .fold((0, 0), |(p, m): (u64, u64), child| match child {
+                Child::Item(Item {
+                    shape: Shape::Patch(_),
+                    ..
+                }) => (p + 1, m),
+                Child::Item(Item {
+                    shape: Shape::Mesh(_),
+                    ..
+                }) => (p, m + 1),
+                Child::Node(id) => {
+                    let (a, b) = counts[id.index()];
+                    (p.saturating_add(a), m.saturating_add(b))
+                }
+            });
         counts.push(sum);
     }
     scene.root().map_or((0, 0), |root| counts[root.index()])
@@ -109,12 +122,26 @@ fn to_text(file: &Path, import: &Import) -> String {
 fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
     let scene = &import.scene;
     let (patches, meshes) = shown(scene);
-    writeln!(text, "  patches    {} stored, {patches} shown", scene.patches().len())?;
+    writeln!(
+        text,
+        "  patches    {} stored, {patches} shown",
+        scene.patches().len()
+    )?;
     for (kind, (count, least, most)) in kinds(scene) {
-        let rational = if kind.rational { "rational" } else { "polynomial" };
+        let rational = if kind.rational {
+            "rational"
+        } else {
+            "polynomial"
+        };
         let trimmed = if kind.trimmed { ", trimmed" } else { "" };
-        let points = if least == most { format!("{least}") } else { format!("{least} to {most}") };
-        let Kind { degree_u, degree_v, .. } = kind;
+        let points = if least == most {
+            format!("{least}")
+        } else {
+            format!("{least} to {most}")
+        };
+        let Kind {
+            degree_u, degree_v, ..
+        } = kind;
         writeln!(
             text,
             "    {count} of degree {degree_u} x {degree_v}, {rational}{trimmed}, {points} points"
@@ -123,11 +150,18 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
     if !scene.meshes().is_empty() {
         let triangles: usize = scene.meshes().iter().map(|m| m.triangles().len()).sum();
         let stored = scene.meshes().len();
-        writeln!(text, "  meshes     {stored} stored, {meshes} shown, {triangles} triangles")?;
+        writeln!(
+            text,
+            "  meshes     {stored} stored, {meshes} shown, {triangles} triangles"
+        )?;
     }
     let bounds = scene.hull_bounds();
     if !bounds.is_empty() {
-        writeln!(text, "  box        {} to {} (control points)", bounds.min, bounds.max)?;
+        writeln!(
+            text,
+            "  box        {} to {} (control points)",
+            bounds.min, bounds.max
+        )?;
     }
     match &scene.unit {
         Some(unit) => writeln!(text, "  unit       {} = {} m", unit.name, unit.metres)?,
@@ -149,12 +183,26 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
     }
     let warnings = import.warnings.as_slice();
     if !warnings.is_empty() {
-        writeln!(text, "  warnings   {}", warnings.iter().map(|w| w.count).sum::<usize>())?;
+        writeln!(
+            text,
+            "  warnings   {}",
+            warnings.iter().map(|w| w.count).sum::<usize>()
+        )?;
     }
     for warning in warnings {
-        writeln!(text, "    {} x {}: {}", warning.count, warning.problem.kind(), warning.problem)?;
+        writeln!(
+            text,
+            "    {} x {}: {}",
+            warning.count,
+            warning.problem.kind(),
+            warning.problem
+        )?;
         let places: Vec<_> = warning.places.iter().map(ToString::to_string).collect();
-        let more = if warning.count > places.len() { "; ..." } else { "" };
+        let more = if warning.count > places.len() {
+            "; ..."
+        } else {
+            ""
+        };
         writeln!(text, "      at {}{more}", places.join("; "))?;
     }
     Ok(())
@@ -170,8 +218,16 @@ fn tree(text: &mut String, scene: &Scene, root: NodeId) -> std::fmt::Result {
         if lines > TREE_LINES {
             return writeln!(text, "    ... more nodes; --json lists all");
         }
-        let items = node.children.iter().filter(|c| matches!(c, Child::Item(_))).count();
-        let count = if items > 0 { format!(" ({items} shapes)") } else { String::new() };
+        let items = node
+            .children
+            .iter()
+            .filter(|c| matches!(c, Child::Item(_)))
+            .count();
+        let count = if items > 0 {
+            format!(" ({items} shapes)")
+        } else {
+            String::new()
+        };
         let indent = "  ".repeat(depth.min(20));
         writeln!(text, "    {indent}{}{count}", named(&node.name))?;
         stack.extend(node.children.iter().rev().filter_map(|child| match child {
@@ -202,7 +258,10 @@ fn to_json(file: &Path, import: &Import) -> Value {
     let bounds = scene.hull_bounds();
     let bounds = (!bounds.is_empty())
         .then(|| json!({ "min": bounds.min.to_array(), "max": bounds.max.to_array() }));
-    let unit = scene.unit.as_ref().map(|u| json!({ "name": u.name, "metres": u.metres }));
+    let unit = scene
+        .unit
+        .as_ref()
+        .map(|u| json!({ "name": u.name, "metres": u.metres }));
     json!({
         "file": input::display(file),
         "format": import.format,
@@ -242,8 +301,14 @@ fn node_json(scene: &Scene, id: NodeId) -> Value {
     let node = scene.node(id);
     let child = |child: &Child| match child {
         Child::Node(id) => json!({ "node": id.index() }),
-        Child::Item(Item { shape: Shape::Patch(id), .. }) => json!({ "patch": id.index() }),
-        Child::Item(Item { shape: Shape::Mesh(id), .. }) => json!({ "mesh": id.index() }),
+        Child::Item(Item {
+            shape: Shape::Patch(id),
+            ..
+        }) => json!({ "patch": id.index() }),
+        Child::Item(Item {
+            shape: Shape::Mesh(id),
+            ..
+        }) => json!({ "mesh": id.index() }),
     };
     json!({
         "name": node.name,

@@ -35,7 +35,9 @@ impl ReadArgs {
             entities: limits.entities.saturating_mul(factor),
             nesting: limits.nesting.saturating_mul(factor),
             points: limits.points.saturating_mul(factor),
-            placements: limits.placements.saturating_mul(u64::from(self.relax_limits)),
+            placements: limits
+                .placements
+                .saturating_mul(u64::from(self.relax_limits)),
         }
     }
 
@@ -45,13 +47,22 @@ impl ReadArgs {
         let limits = self.limits();
         let import = if is_stdin(path) {
             let mut bytes = Vec::new();
-            std::io::stdin().lock().take(limits.bytes as u64).read_to_end(&mut bytes)?;
-            let options = ReadOptions { limits: &limits, resolver: &NoFiles };
+            std::io::stdin()
+                .lock()
+                .take(limits.bytes as u64)
+                .read_to_end(&mut bytes)?;
+            let options = ReadOptions {
+                limits: &limits,
+                resolver: &NoFiles,
+            };
             formats::read(&bytes, None, &options).context(display(path))?
         } else {
             formats::open(path, &limits).with_context(|| display(path))?
         };
-        Ok(Loaded { import, took: started.elapsed() })
+        Ok(Loaded {
+            import,
+            took: started.elapsed(),
+        })
     }
 }
 
@@ -61,7 +72,11 @@ fn is_stdin(path: &Path) -> bool {
 
 /// The name of a file in messages.
 pub(super) fn display(path: &Path) -> String {
-    if is_stdin(path) { "standard input".to_owned() } else { path.display().to_string() }
+    if is_stdin(path) {
+        "standard input".to_owned()
+    } else {
+        path.display().to_string()
+    }
 }
 
 /// The part of a file's name that `{stem}` stands for.
@@ -76,9 +91,17 @@ pub(super) fn stem(path: &Path) -> String {
 pub(super) fn report_warnings(path: &Path, import: &Import) {
     let warnings = import.warnings.as_slice();
     for warning in warnings.iter().take(WARNINGS_SHOWN) {
-        eprintln!("nurbray: {}: warning: {} {warning}", display(path), import.format);
+        eprintln!(
+            "nurbray: {}: warning: {} {warning}",
+            display(path),
+            import.format
+        );
     }
-    if let Some(more) = warnings.len().checked_sub(WARNINGS_SHOWN).filter(|&more| more > 0) {
+    if let Some(more) = warnings
+        .len()
+        .checked_sub(WARNINGS_SHOWN)
+        .filter(|&more| more > 0)
+    {
         eprintln!(
             "nurbray: {}: {more} more kinds of warnings; 'nurbray info' shows them",
             display(path)

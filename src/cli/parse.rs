@@ -13,7 +13,9 @@ pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
     let number = |text: &str| text.trim().parse::<u32>().ok().filter(|&n| n > 0);
     let (width, height) = number(width).zip(number(height)).ok_or_else(wrong)?;
     if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        return Err(format!("{width}x{height} is more than {MOST_PIXELS} pixels"));
+        return Err(format!(
+            "{width}x{height} is more than {MOST_PIXELS} pixels"
+        ));
     }
     Ok((width, height))
 }

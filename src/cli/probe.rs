@@ -62,30 +62,46 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     input::report_warnings(&args.file, &loaded.import);
     let scene = &loaded.import.scene;
     let names = Names::of(scene);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads)
+        .build()?;
     let mut out = BufWriter::new(std::io::stdout());
     pool.install(|| match (&args.rays, &args.uv) {
         (Some(rays), _) => {
             let accelerator = Accelerator::build(scene, &METHODS[0]);
-            let prober = Prober { accelerator: &accelerator, names: &names, args };
+            let prober = Prober {
+                accelerator: &accelerator,
+                names: &names,
+                args,
+            };
             if !args.json {
                 writeln!(out, "{}", Prober::HEADER)?;
             }
-            stream(rays, &mut out, |workspace: &mut Workspace, row, fields: [f64; 6]| {
-                let [ox, oy, oz, dx, dy, dz] = fields;
-                let (origin, direction) = (DVec3::new(ox, oy, oz), DVec3::new(dx, dy, dz));
-                if direction == DVec3::ZERO {
-                    bail!("the direction 0,0,0 has no length");
-                }
-                Ok(prober.shoot(&Ray { origin, direction }, row, workspace))
-            })
+            stream(
+                rays,
+                &mut out,
+                |workspace: &mut Workspace, row, fields: [f64; 6]| {
+                    let [ox, oy, oz, dx, dy, dz] = fields;
+                    let (origin, direction) = (DVec3::new(ox, oy, oz), DVec3::new(dx, dy, dz));
+                    if direction == DVec3::ZERO {
+                        bail!("the direction 0,0,0 has no length");
+                    }
+                    Ok(prober.shoot(&Ray { origin, direction }, row, workspace))
+                },
+            )
         }
         (None, Some(uv)) => {
-            let evaluator = Evaluator { scene, names: &names, json: args.json };
+            let evaluator = Evaluator {
+                scene,
+                names: &names,
+                json: args.json,
+            };
             if !args.json {
                 writeln!(out, "{}", Evaluator::HEADER)?;
             }
-            stream(uv, &mut out, |(): &mut (), _, fields| evaluator.evaluate(fields))
+            stream(uv, &mut out, |(): &mut (), _, fields| {
+                evaluator.evaluate(fields)
+            })
         }
         (None, None) => bail!("give --rays or --uv"),
     })?;
@@ -105,7 +121,9 @@ fn stream<const N: usize, S: Default + Send>(
     let source: Box<dyn BufRead> = if path == Path::new("-") {
         Box::new(std::io::stdin().lock())
     } else {
-        Box::new(BufReader::new(File::open(path).with_context(|| name.clone())?))
+        Box::new(BufReader::new(
+            File::open(path).with_context(|| name.clone())?,
+        ))
     };
     let mut lines = source.lines().enumerate();
     let mut row = 0;
@@ -145,7 +163,10 @@ fn fields<const N: usize>(line: &str) -> anyhow::Result<[f64; N]> {
     let mut fields = [0.0; N];
     let mut parts = line.split(',');
     for (k, field) in fields.iter_mut().enumerate() {
-        let part = parts.next().with_context(|| format!("{k} numbers; {N} are needed"))?.trim();
+        let part = parts
+            .next()
+            .with_context(|| format!("{k} numbers; {N} are needed"))?
+            .trim();
         let number = part.parse().ok().filter(|x: &f64| x.is_finite());
         *field = number.with_context(|| format!("'{part}' is not a finite number"))?;
     }
@@ -174,13 +195,18 @@ impl Names {
             Some(mesh) => self.meshes.get(mesh),
             None => self.patches.get(number),
         };
-        let Some(placement) = placement else { return "" };
+        let Some(placement) = placement else {
+            return "";
+        };
         let own = match placement.shape {
             Shape::Patch(id) => &scene.patch(id).name,
             Shape::Mesh(id) => &scene.mesh(id).name,
         };
         let above = placement.path.iter().rev().map(|&id| &scene.node(id).name);
-        std::iter::once(own).chain(above).find(|name| !name.is_empty()).map_or("", |name| name)
+        std::iter::once(own)
+            .chain(above)
+            .find(|name| !name.is_empty())
+            .map_or("", |name| name)
     }
 
     fn patch<'a>(&self, scene: &'a Scene, number: usize) -> Option<(&'a Patch, DAffine3)> {
@@ -214,7 +240,9 @@ impl Prober<'_> {
     }
 
     fn format(&self, row: u64, hit: &Hit) -> String {
-        let name = self.names.name(self.accelerator.scene(), hit.shape as usize);
+        let name = self
+            .names
+            .name(self.accelerator.scene(), hit.shape as usize);
         let (t, p, n, uv) = (hit.t.max(0.0), hit.point, hit.normal, hit.uv);
         if self.args.json {
             let hit = json!({
@@ -240,19 +268,35 @@ impl Evaluator<'_> {
     const HEADER: &'static str = "patch,u,v,x,y,z,dux,duy,duz,dvx,dvy,dvz,\
         duux,duuy,duuz,duvx,duvy,duvz,dvvx,dvvy,dvvz,nx,ny,nz";
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "checked above"
+    )]
     fn evaluate(&self, [number, u, v]: [f64; 3]) -> anyhow::Result<String> {
         let count = self.names.patches.len();
-        let number = if number >= 0.0 && number.fract() == 0.0 { number as usize } else { count };
+        let number = if number >= 0.0 && number.fract() == 0.0 {
+            number as usize
+        } else {
+            count
+        };
         let Some((patch, world)) = self.names.patch(self.scene, number) else {
-            bail!("no such patch; they are numbered from 0 to {}", count.saturating_sub(1));
+            bail!(
+                "no such patch; they are numbered from 0 to {}",
+                count.saturating_sub(1)
+            );
         };
         let surface = &patch.surface;
-        for (name, x, domain) in
-            [("u", u, surface.knots_u().domain()), ("v", v, surface.knots_v().domain())]
-        {
+        for (name, x, domain) in [
+            ("u", u, surface.knots_u().domain()),
+            ("v", v, surface.knots_v().domain()),
+        ] {
             if !(domain.start <= x && x <= domain.end) {
-                bail!("{name} = {x} lies outside {} to {}", domain.start, domain.end);
+                bail!(
+                    "{name} = {x} lies outside {} to {}",
+                    domain.start,
+                    domain.end
+                );
             }
         }
         let uv = DVec2::new(u, v);
@@ -260,7 +304,10 @@ impl Evaluator<'_> {
         let point = world.transform_point3(d.point);
         let [du, dv, duu, duv, dvv] =
             [d.du, d.dv, d.duu, d.duv, d.dvv].map(|x| world.transform_vector3(x));
-        let normal = surface.transformed(&world).normal(uv).unwrap_or(DVec3::ZERO);
+        let normal = surface
+            .transformed(&world)
+            .normal(uv)
+            .unwrap_or(DVec3::ZERO);
         if self.json {
             let row = json!({
                 "patch": number, "u": u, "v": v, "name": self.names.name(self.scene, number),
@@ -271,13 +318,21 @@ impl Evaluator<'_> {
             return Ok(format!("{row}\n"));
         }
         let vectors = [point, du, dv, duu, duv, dvv, normal].map(|x| x.to_array());
-        Ok(format!("{number},{},{}\n", csv(&[u, v]), csv(vectors.as_flattened())))
+        Ok(format!(
+            "{number},{},{}\n",
+            csv(&[u, v]),
+            csv(vectors.as_flattened())
+        ))
     }
 }
 
 /// Numbers with 17 significant digits.
 fn csv(numbers: &[f64]) -> String {
-    numbers.iter().map(|x| format!("{x:.16e}")).collect::<Vec<_>>().join(",")
+    numbers
+        .iter()
+        .map(|x| format!("{x:.16e}"))
+        .collect::<Vec<_>>()
+        .join(",")
 }
 
 /// A name as a CSV field.

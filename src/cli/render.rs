@@ -65,7 +65,12 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t = ShadingArg::Phong)]
     shading: ShadingArg,
     /// Data layers of EXR files: all, none, or a list of depth, normal, position, uv, patch
-    #[arg(long, value_name = "LAYERS", default_value = "all", value_delimiter = ',')]
+    #[arg(
+        long,
+        value_name = "LAYERS",
+        default_value = "all",
+        value_delimiter = ','
+    )]
     aov: Vec<String>,
     /// Bits per channel of PNG files
     #[arg(long, value_name = "8|16", default_value = "8", value_parser = ["8", "16"])]
@@ -108,7 +113,10 @@ impl From<ShadingArg> for Shading {
 
 fn method(name: &str) -> Result<&'static Method, String> {
     METHODS.iter().find(|m| m.name == name).ok_or_else(|| {
-        let known: Vec<_> = METHODS.iter().map(|m| format!("{} ({})", m.name, m.summary)).collect();
+        let known: Vec<_> = METHODS
+            .iter()
+            .map(|m| format!("{} ({})", m.name, m.summary))
+            .collect();
         format!("no such method; there are: {}", known.join(", "))
     })
 }
@@ -123,7 +131,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let targets = targets(args)?;
     let output = output_options(args, &targets)?;
     let mut stats = Stats::new(args.stats.as_deref());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads)
+        .build()?;
     let mut failed = 0;
     for (file, target) in args.files.iter().zip(&targets) {
         match pool.install(|| render_file(args, file, target, &output)) {
@@ -131,7 +141,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             Err(error) => {
                 failed += 1;
                 eprintln!("nurbray: {error:#}");
-                stats.add(&json!({ "file": input::display(file), "error": format!("{error:#}") }))?;
+                stats
+                    .add(&json!({ "file": input::display(file), "error": format!("{error:#}") }))?;
             }
         }
     }
@@ -154,7 +165,10 @@ fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
             );
         }
         if output::picture_format(&target).is_none() {
-            bail!("{}: the ending tells the format; use .png or .exr", target.display());
+            bail!(
+                "{}: the ending tells the format; use .png or .exr",
+                target.display()
+            );
         }
         targets.push(target);
     }
@@ -168,9 +182,16 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
         ref names => names
             .iter()
             .map(|&name| {
-                let known = || output::AOVS.iter().map(|a| a.name).collect::<Vec<_>>().join(", ");
+                let known = || {
+                    output::AOVS
+                        .iter()
+                        .map(|a| a.name)
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                };
                 let aov = output::AOVS.iter().find(|aov| aov.name == name);
-                aov.copied().with_context(|| format!("no layer '{name}'; there are: {}", known()))
+                aov.copied()
+                    .with_context(|| format!("no layer '{name}'; there are: {}", known()))
             })
             .collect::<Result<_, _>>()?,
     };
@@ -180,8 +201,16 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
     if !beauty && (aovs.is_empty() || !targets.iter().all(holds_data)) {
         bail!("--shading none leaves the data layers only; write them to an .exr file");
     }
-    let png_depth = if args.bits == "16" { PngDepth::Sixteen } else { PngDepth::Eight };
-    Ok(OutputOptions { png_depth, beauty, aovs })
+    let png_depth = if args.bits == "16" {
+        PngDepth::Sixteen
+    } else {
+        PngDepth::Eight
+    };
+    Ok(OutputOptions {
+        png_depth,
+        beauty,
+        aovs,
+    })
 }
 
 fn render_file(
@@ -214,7 +243,9 @@ fn render_file(
     bar.finish_and_clear();
     let render_time = started.elapsed();
     let background = args.background.unwrap_or_else(|| {
-        let color = scene.background.unwrap_or_else(|| linear_from_srgb(DEFAULT_BACKGROUND));
+        let color = scene
+            .background
+            .unwrap_or_else(|| linear_from_srgb(DEFAULT_BACKGROUND));
         Background::Color(color)
     });
     let film = match background {
@@ -226,7 +257,13 @@ fn render_file(
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     output::write(&film, target, output).with_context(|| target.display().to_string())?;
-    let report = Report { loaded: &loaded, accelerator: &accelerator, stats, build, render_time };
+    let report = Report {
+        loaded: &loaded,
+        accelerator: &accelerator,
+        stats,
+        build,
+        render_time,
+    };
     eprintln!("{}", report.sentence(file, target));
     Ok(report.json(file, target, started.elapsed()))
 }
@@ -237,27 +274,46 @@ fn camera(args: &Args, scene: &Scene, accelerator: &Accelerator<'_>) -> anyhow::
     let camera = if let Some(eye) = args.eye {
         let target = args.target.unwrap_or_else(|| bounds.center());
         let up = args.up.unwrap_or_else(|| scene.up.direction());
-        let projection = Projection::Perspective { vertical_fov: args.fov.to_radians() };
+        let projection = Projection::Perspective {
+            vertical_fov: args.fov.to_radians(),
+        };
         let camera = Camera::look_at(eye, target, up, projection)
             .context("--eye and --target are the same point, or --up has no length")?;
-        if args.ortho { camera.into_orthographic(eye.distance(target)) } else { camera }
+        if args.ortho {
+            camera.into_orthographic(eye.distance(target))
+        } else {
+            camera
+        }
     } else {
         let camera = match &args.camera {
             Some(name) => {
                 let known = || {
                     let names: Vec<_> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
-                    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+                    if names.is_empty() {
+                        "none".to_owned()
+                    } else {
+                        names.join(", ")
+                    }
                 };
                 let found = scene.cameras.iter().find(|camera| camera.name == *name);
-                found.with_context(|| format!("no camera '{name}'; there is: {}", known()))?.clone()
+                found
+                    .with_context(|| format!("no camera '{name}'; there is: {}", known()))?
+                    .clone()
             }
             None => match scene.cameras.first() {
                 Some(camera) => camera.clone(),
-                None => Camera::framing(&bounds, scene.up.direction()),
+                None => {
+                    let aspect = f64::from(args.size.0) / f64::from(args.size.1);
+                    Camera::framing(&bounds, scene.up.direction(), aspect)
+                }
             },
         };
         let distance = camera.eye().distance(bounds.center());
-        if args.ortho { camera.into_orthographic(distance) } else { camera }
+        if args.ortho {
+            camera.into_orthographic(distance)
+        } else {
+            camera
+        }
     };
     Ok(camera)
 }
@@ -294,7 +350,11 @@ impl Report<'_> {
         };
         let patches = self.accelerator.patch_count();
         let meshes = self.accelerator.shape_count() - patches;
-        let polygonal = if meshes > 0 { format!(" and {meshes} meshes") } else { String::new() };
+        let polygonal = if meshes > 0 {
+            format!(" and {meshes} meshes")
+        } else {
+            String::new()
+        };
         format!(
             "{} -> {}: {patches} patches{polygonal}, {:.2} s{warned}",
             input::display(file),
@@ -304,8 +364,14 @@ impl Report<'_> {
     }
 
     fn json(&self, file: &Path, target: &Path, write: Duration) -> Value {
-        let RenderStats { primary_rays, secondary_rays, hits, cells_examined, trace, shade } =
-            self.stats;
+        let RenderStats {
+            primary_rays,
+            secondary_rays,
+            hits,
+            cells_examined,
+            trace,
+            shade,
+        } = self.stats;
         json!({
             "file": input::display(file),
             "output": target.display().to_string(),
@@ -338,7 +404,10 @@ struct Stats<'a> {
 
 impl<'a> Stats<'a> {
     fn new(target: Option<&'a Path>) -> Self {
-        Self { target, lines: String::new() }
+        Self {
+            target,
+            lines: String::new(),
+        }
     }
 
     fn add(&mut self, report: &Value) -> anyhow::Result<()> {

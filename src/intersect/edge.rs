@@ -18,14 +18,12 @@ pub(crate) fn edge_roots(
 ) {
     let row = q + 1;
     let place = |(a, b): (f64, f64), t: f64| a + (b - a) * t;
-    for (first, stride, degree, fixed) in
-        [(0, 1, q, Side::U(0.0)), (p * row, 1, q, Side::U(1.0)), (0, row, p, Side::V(0.0)), (
-            q,
-            row,
-            p,
-            Side::V(1.0),
-        )]
-    {
+    for (first, stride, degree, fixed) in [
+        (0, 1, q, Side::U(0.0)),
+        (p * row, 1, q, Side::U(1.0)),
+        (0, row, p, Side::V(0.0)),
+        (q, row, p, Side::V(1.0)),
+    ] {
         let mut edge = [0.0; MAX_DEGREE + 1];
         for (k, c) in edge[..=degree].iter_mut().enumerate() {
             *c = net[first + k * stride];
@@ -35,7 +33,11 @@ pub(crate) fn edge_roots(
                 Side::U(u) => (u, t),
                 Side::V(v) => (t, v),
             };
-            roots.push(Root { u: place(rect.u, u), v: place(rect.v, v), tangential: true });
+            roots.push(Root {
+                u: place(rect.u, u),
+                v: place(rect.v, v),
+                tangential: true,
+            });
         });
     }
 }

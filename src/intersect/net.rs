@@ -114,13 +114,17 @@ pub(crate) fn restrict(
 /// Least and greatest coefficient.
 pub(crate) fn range(net: &[f64]) -> (f64, f64) {
     let start = (f64::INFINITY, f64::NEG_INFINITY);
-    net.iter().fold(start, |(min, max), &c| (min.min(c), max.max(c)))
+    net.iter()
+        .fold(start, |(min, max), &c| (min.min(c), max.max(c)))
 }
 
 /// The largest steps between neighbouring coefficients, along u and along v.
 pub(crate) fn variation(net: &[f64], degrees: Degrees) -> (f64, f64) {
     let row = degrees.q + 1;
-    let along_u = net.iter().zip(&net[row..]).fold(0.0, |max: f64, (a, b)| max.max((b - a).abs()));
+    let along_u = net
+        .iter()
+        .zip(&net[row..])
+        .fold(0.0, |max: f64, (a, b)| max.max((b - a).abs()));
     let along_v = net
         .chunks_exact(row)
         .flat_map(|line| line.windows(2))
@@ -132,12 +136,16 @@ pub(crate) fn variation(net: &[f64], degrees: Degrees) -> (f64, f64) {
 pub(crate) fn deviation(net: &[f64], degrees: Degrees, du: f64, dv: f64) -> f64 {
     let row = degrees.q + 1;
     let (p, q) = (degrees.p as f64, degrees.q as f64);
-    let along_u =
-        net.iter().zip(&net[row..]).fold(0.0, |max: f64, (a, b)| max.max((p * (b - a) - du).abs()));
+    let along_u = net
+        .iter()
+        .zip(&net[row..])
+        .fold(0.0, |max: f64, (a, b)| max.max((p * (b - a) - du).abs()));
     let along_v = net
         .chunks_exact(row)
         .flat_map(|line| line.windows(2))
-        .fold(0.0, |max: f64, pair| max.max((q * (pair[1] - pair[0]) - dv).abs()));
+        .fold(0.0, |max: f64, pair| {
+            max.max((q * (pair[1] - pair[0]) - dv).abs())
+        });
     along_u + along_v
 }
 
@@ -165,7 +173,13 @@ mod tests {
     fn restriction_keeps_the_values() {
         let whole: Vec<f64> = (0..9).map(|k| f64::from(k * k % 7) - 2.0).collect();
         let (mut part, mut spare) = (whole.clone(), whole.clone());
-        restrict(&mut part, &mut spare, BIQUADRATIC, (0.25, 0.75), (0.5, 0.625));
+        restrict(
+            &mut part,
+            &mut spare,
+            BIQUADRATIC,
+            (0.25, 0.75),
+            (0.5, 0.625),
+        );
         for (s, t) in [(0.0, 0.0), (0.3, 0.9), (1.0, 1.0)] {
             let expected = value(&whole, 0.25 + 0.5 * s, 0.5 + 0.125 * t)[0];
             assert!((value(&part, s, t)[0] - expected).abs() < 1e-14);

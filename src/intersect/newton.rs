@@ -73,7 +73,9 @@ impl Intersector for Newton {
                     examine(&mut scratch.spare, &scratch.net, degrees, &inverse, slack)
                 }
                 None => {
-                    let Scratch { net, spare, roots, .. } = &mut *scratch;
+                    let Scratch {
+                        net, spare, roots, ..
+                    } = &mut *scratch;
                     examine_flat(spare, net, degrees, jacobian, slack, rect, roots)
                 }
             };
@@ -128,7 +130,13 @@ fn excludes((min, max): (f64, f64), slack: f64) -> bool {
 fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) {
     let degrees = piece.degrees;
     let size = degrees.len();
-    let Scratch { stack, net, spare, roots, .. } = scratch;
+    let Scratch {
+        stack,
+        net,
+        spare,
+        roots,
+        ..
+    } = scratch;
     roots.clear();
     stack.clear();
     net.clear();
@@ -152,7 +160,10 @@ fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
     scratch.net.copy_from_slice(&frame[..2 * size]);
     let [u0, u1, v0, v1] = [0, 1, 2, 3].map(|k| frame[2 * size + k]);
     scratch.stack.truncate(rest);
-    Some(Rect { u: (u0, u1), v: (v0, v1) })
+    Some(Rect {
+        u: (u0, u1),
+        v: (v0, v1),
+    })
 }
 
 /// Pushes both halves of the cell, cut across the direction of the larger variation.
@@ -168,10 +179,28 @@ fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
     let middle = |(a, b): (f64, f64)| f64::midpoint(a, b);
     let (first, second) = if across_u {
         let m = middle(rect.u);
-        (Rect { u: (rect.u.0, m), ..rect }, Rect { u: (m, rect.u.1), ..rect })
+        (
+            Rect {
+                u: (rect.u.0, m),
+                ..rect
+            },
+            Rect {
+                u: (m, rect.u.1),
+                ..rect
+            },
+        )
     } else {
         let m = middle(rect.v);
-        (Rect { v: (rect.v.0, m), ..rect }, Rect { v: (m, rect.v.1), ..rect })
+        (
+            Rect {
+                v: (rect.v.0, m),
+                ..rect
+            },
+            Rect {
+                v: (m, rect.v.1),
+                ..rect
+            },
+        )
     };
     for rect in [first, second] {
         stack.extend_from_slice(net);
@@ -225,7 +254,10 @@ fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
     let at = |x: f64, y: f64| {
         let u = bernstein(degrees.p, 0.5 * (x + 1.0));
         let v = bernstein(degrees.q, 0.5 * (y + 1.0));
-        (net::evaluate(g1, degrees, &u, &v), net::evaluate(g2, degrees, &u, &v))
+        (
+            net::evaluate(g1, degrees, &u, &v),
+            net::evaluate(g2, degrees, &u, &v),
+        )
     };
     let clamp = |x: f64| x.clamp(-WIDENED, WIDENED);
     let (mut x, mut y) = (0.0_f64, 0.0_f64);
@@ -256,7 +288,11 @@ fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
     }
     // Settled: a root within the widened cell leaves no more than rounding errors.
     let settled = f1[0].abs().max(f2[0].abs()) <= 4.0 * slack + 1e-12;
-    if settled { Verdict::One(x, y) } else { Verdict::Empty }
+    if settled {
+        Verdict::One(x, y)
+    } else {
+        Verdict::Empty
+    }
 }
 
 /// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
@@ -304,7 +340,13 @@ fn examine_flat(
 /// along it.
 fn unresolved_roots(roots: &mut Vec<Root>, rect: Rect) {
     let middle = |(a, b): (f64, f64)| f64::midpoint(a, b);
-    let mut add = |u, v| roots.push(Root { u, v, tangential: true });
+    let mut add = |u, v| {
+        roots.push(Root {
+            u,
+            v,
+            tangential: true,
+        })
+    };
     let small = 1e-6;
     let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < small, rect.v.1 - rect.v.0 < small);
     if thin_u && thin_v {

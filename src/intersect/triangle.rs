@@ -42,7 +42,10 @@ mod tests {
     #[test]
     fn hit_inside_and_on_the_edge_but_not_beside() {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let down = |x, y| Ray { origin: DVec3::new(x, y, 2.0), direction: -DVec3::Z * 2.0 };
+        let down = |x, y| Ray {
+            origin: DVec3::new(x, y, 2.0),
+            direction: -DVec3::Z * 2.0,
+        };
         let (t, uv) = intersect(&down(0.25, 0.5), &corners).unwrap();
         assert_eq!((t, uv), (1.0, DVec2::new(0.25, 0.5)));
         assert!(intersect(&down(0.5, 0.0), &corners).is_some());

@@ -27,7 +27,11 @@ impl Reader<'_> {
             problem: Problem::Geometry(problem),
         })?;
         let warnings = self.warnings;
-        Ok(Import { scene, warnings, ..Import::default() })
+        Ok(Import {
+            scene,
+            warnings,
+            ..Import::default()
+        })
     }
 
     /// Nothing can be shown: fine if the file just holds nothing else than curves or points.
@@ -56,7 +60,11 @@ impl Reader<'_> {
                 let text = format!("{points} vertices, no surface and no polygon to show");
                 warnings.unsupported(Place::default(), text);
                 let scene = Scene::default();
-                Ok(Import { scene, warnings, ..Import::default() })
+                Ok(Import {
+                    scene,
+                    warnings,
+                    ..Import::default()
+                })
             }
         }
     }
