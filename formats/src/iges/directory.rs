@@ -205,7 +205,7 @@ impl<'a> File<'a> {
             .or_else(|| self.owned(entry.number).filter(is_ours));
         let Some(start) = start else {
             let text = match pointed.map(|start| self.kind_at(start)) {
-                None => format!("there is no parameter card {}", entry.data),
+                None => "its parameters are missing".to_owned(),
                 Some(None) => format!("the parameters at card {} are not readable", entry.data),
                 Some(Some(kind)) => format!(
                     "the parameters at card {} are of type {kind}, not {}",

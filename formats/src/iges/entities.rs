@@ -7,12 +7,12 @@ use super::curves::Boundary;
 use super::directory::{File, SHORT, WHOLE};
 use super::parameters::Parameters;
 use super::types;
-use crate::{Place, Problem};
+use crate::Problem;
 
 /// An entity that can be shown.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entity {
-    /// Its name, or empty.
+    /// Its name, or empty; without its label.
     pub name: String,
     /// What it is.
     pub content: Content,
@@ -75,10 +75,9 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         514 => Content::Members(with_flags(&mut parameters, |_| Ok(Vec::new()))?),
         kind => face(kind, &mut parameters)?,
     };
-    for better in [trailing_name(file, &mut parameters), entry.label.clone()] {
-        if name.is_empty() {
-            name = better;
-        }
+    let better = trailing_name(file, &mut parameters);
+    if !better.is_empty() {
+        name = better;
     }
     Ok(Some(Entity { name, content }))
 }
@@ -214,21 +213,20 @@ const COLORS: [(&str, DVec3); 8] = [
 ];
 
 /// The material of a colour number or of a negative pointer to a colour (type 314).
-pub(super) fn material(file: &File<'_>, color: i64) -> Result<Option<Material>, (Place, Problem)> {
-    let nowhere = |problem| (Place::default(), problem);
+pub(super) fn material(file: &File<'_>, color: i64) -> Result<Option<Material>, Problem> {
     let (name, srgb) = match usize::try_from(color) {
         Ok(0) => return Ok(None),
         Ok(number) => match COLORS.get(number - 1) {
             Some(&(name, srgb)) => (name.to_owned(), srgb),
             None => {
                 let text = format!("colour {color}; there are colours 0 to 8");
-                return Err(nowhere(Problem::Invalid(text)));
+                return Err(Problem::Invalid(text));
             }
         },
         Err(_) => {
             let pointer = color.saturating_neg();
-            let index = file.follow(pointer, "a colour").map_err(nowhere)?;
-            defined_color(file, index).map_err(|problem| (file.place(index), problem))?
+            let index = file.follow(pointer, "a colour")?;
+            defined_color(file, index)?
         }
     };
     let linear = linear_from_srgb(srgb);

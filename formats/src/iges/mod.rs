@@ -14,6 +14,8 @@ mod records;
 mod surface;
 #[cfg(test)]
 mod testing;
+#[cfg(test)]
+mod tests;
 mod transform;
 mod tree;
 mod types;
@@ -55,7 +57,10 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     }
     let mut warnings = Warnings::default();
     if let Some((line, count)) = sections.stray {
-        let text = format!("{count} lines without a section letter are skipped");
+        let text = match count {
+            1 => "a line without a section letter is skipped".to_owned(),
+            _ => format!("{count} lines without a section letter are skipped"),
+        };
         warnings.invalid(Place::line(line), text);
     }
     if !sections.terminated {

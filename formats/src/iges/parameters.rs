@@ -137,7 +137,8 @@ impl<'a> Parameters<'a> {
     pub(super) fn text(&mut self) -> String {
         match self.token() {
             Token::Text(text) | Token::Plain(text) => {
-                String::from_utf8_lossy(text).trim().to_owned()
+                let text = String::from_utf8_lossy(text).replace(char::is_control, " ");
+                text.trim().to_owned()
             }
             Token::End => String::new(),
         }

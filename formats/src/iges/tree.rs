@@ -21,10 +21,16 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     let Links { owners, is_base } = links(file);
     let mut tree = Tree::new(file, limits, warnings, is_base);
     let mut children = Vec::new();
-    for index in 0..file.entries.len() {
-        if tree.stands_alone(index, &owners) {
-            children.extend(tree.child(index, 0, 0));
+    for (index, entry) in file.entries.iter().enumerate() {
+        if !is_shown(entry) || owners[index].is_some() || entry.blanked {
+            continue;
         }
+        let child = tree.child(index, 0, 0);
+        if child.is_some() && entry.dependent {
+            let text = "marked as part of another entity, but none names it; it is shown";
+            tree.problem(index, Problem::Invalid(text.to_owned()));
+        }
+        children.extend(child);
     }
     for index in cycles(&owners) {
         let entry = &file.entries[index];
@@ -46,6 +52,10 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
         mut warnings,
         ..
     } = tree;
+    if scene.patches().is_empty() {
+        let text = "there is no surface to show";
+        warnings.unsupported(Place::default(), text);
+    }
     scene.unit.clone_from(&file.global.unit);
     scene.up = UpAxis::Z;
     let scale = file.global.scale;
@@ -159,17 +169,6 @@ impl<'a, 'b> Tree<'a, 'b> {
         }
     }
 
-    /// Whether an entity is shown for its own sake.
-    fn stands_alone(&mut self, index: usize, owners: &[Option<usize>]) -> bool {
-        let entry = &self.file.entries[index];
-        let alone = is_shown(entry) && owners[index].is_none() && !entry.blanked;
-        if alone && entry.dependent {
-            let text = "marked as part of another entity, but none names it; it is shown";
-            self.warnings.invalid(self.file.place(index), text);
-        }
-        alone
-    }
-
     /// What an entity becomes below a node; `inherited` is the colour of its parents.
     fn child(&mut self, index: usize, inherited: i64, depth: usize) -> Option<Child> {
         let entry = &self.file.entries[index];
@@ -219,14 +218,18 @@ impl<'a, 'b> Tree<'a, 'b> {
         } else {
             entry.color
         };
+        let name = match entity.name.as_str() {
+            "" => entry.label.clone(),
+            name => name.to_owned(),
+        };
         let mut node = Node {
-            name: entity.name.clone(),
+            name,
             ..Node::default()
         };
         match &entity.content {
             Content::Surface => {
                 let patches = self.patches(index, index, &entity, &Boundary::Natural)?;
-                node.children = self.items(&patches, inherited);
+                node.children = self.items(index, &patches, inherited);
             }
             Content::Face { surface, boundary } => {
                 let Some(base) = self.base(index, *surface)? else {
@@ -235,7 +238,7 @@ impl<'a, 'b> Tree<'a, 'b> {
                 let transform = file.entries[base].transform;
                 place *= self.transforms.follow(file, transform)?;
                 let patches = self.patches(index, base, &entity, boundary)?;
-                node.children = self.items(&patches, inherited);
+                node.children = self.items(index, &patches, inherited);
             }
             Content::Members(members) => {
                 for &member in members {
@@ -330,8 +333,10 @@ impl<'a, 'b> Tree<'a, 'b> {
         for repair in repairs {
             self.problem(base, repair);
         }
-        let name = [&entity.name, &base_name, &file.entries[base].label]
+        let labels = [index, base].map(|index| &file.entries[index].label);
+        let name = [&entity.name, &base_name]
             .into_iter()
+            .chain(labels)
             .find(|name| !name.is_empty())
             .cloned()
             .unwrap_or_default();
@@ -339,7 +344,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             0 => file.entries[base].color,
             color => color,
         };
-        let material = self.material(color);
+        let material = self.material(index, color);
         let mut patches = Vec::new();
         for surface in surfaces {
             self.points_left = self.points_left.saturating_sub(surface.homogeneous().len());
@@ -384,8 +389,8 @@ impl<'a, 'b> Tree<'a, 'b> {
     }
 
     /// Items that show patches; the inherited colour counts where a patch has none.
-    fn items(&mut self, patches: &[PatchId], inherited: i64) -> Vec<Child> {
-        let inherited = self.material(inherited);
+    fn items(&mut self, index: usize, patches: &[PatchId], inherited: i64) -> Vec<Child> {
+        let inherited = self.material(index, inherited);
         let item = |&id: &PatchId| {
             let own = self.scene.patch(id).material;
             Child::Item(Item {
@@ -396,15 +401,16 @@ impl<'a, 'b> Tree<'a, 'b> {
         patches.iter().map(item).collect()
     }
 
-    /// The material of a colour number or a pointer to a colour; zero is no colour.
-    fn material(&mut self, color: i64) -> Option<MaterialId> {
+    /// The material of a colour number or a pointer to a colour; zero is no colour. `index`
+    /// is the entity that has it.
+    fn material(&mut self, index: usize, color: i64) -> Option<MaterialId> {
         if let Some(known) = self.materials.get(&color) {
             return *known;
         }
         let material = match entities::material(self.file, color) {
             Ok(material) => material.map(|material| self.scene.add_material(material)),
-            Err((place, problem)) => {
-                self.warnings.add(place, problem);
+            Err(problem) => {
+                self.problem(index, problem);
                 None
             }
         };
@@ -435,12 +441,10 @@ impl<'a, 'b> Tree<'a, 'b> {
         for (index, entry) in file.entries.iter().enumerate() {
             let Entry { kind, form, .. } = *entry;
             let noun = types::noun(kind);
-            let is_free = owners[index].is_none()
-                && !entry.dependent
-                && !matches!(
-                    entry.entity_use,
-                    entity_use::DEFINITION | entity_use::PARAMETRIC
-                );
+            let is_free = match owners[index] {
+                None => !entry.dependent && is_geometry(entry),
+                Some(owner) => matches!(file.entries[owner].kind, 308 | 402),
+            };
             let text = match types::class(kind) {
                 Class::Shown if kind != 402 || types::is_group(kind, form) => {
                     match (self.tried[index], entry.blanked) {
@@ -478,10 +482,14 @@ impl<'a, 'b> Tree<'a, 'b> {
 
 /// Whether an entity can be shown for its own sake.
 fn is_shown(entry: &Entry) -> bool {
-    let is_geometry = !matches!(
+    let is_group = entry.kind != 402 || types::is_group(entry.kind, entry.form);
+    types::class(entry.kind) == Class::Shown && is_geometry(entry) && is_group
+}
+
+/// Whether an entity is neither a definition nor of a parameter domain.
+fn is_geometry(entry: &Entry) -> bool {
+    !matches!(
         entry.entity_use,
         entity_use::DEFINITION | entity_use::PARAMETRIC
-    );
-    let is_group = entry.kind != 402 || types::is_group(entry.kind, entry.form);
-    types::class(entry.kind) == Class::Shown && is_geometry && is_group
+    )
 }
