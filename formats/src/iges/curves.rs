@@ -11,8 +11,12 @@ use super::parameters::Parameters;
 use super::transform::Transforms;
 use crate::Problem;
 
-/// Largest gap between two curves of a loop, relative to the diagonal of the domain.
+/// Gap between two curves of a loop that is taken for rounding, relative to the diagonal of
+/// the domain.
 const GAP: f64 = 1e-3;
+
+/// Largest gap that is bridged, in the same measure.
+const WIDE_GAP: f64 = 1e-2;
 
 /// The boundaries of a face.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,14 +31,16 @@ pub(super) enum Boundary {
     Edges,
 }
 
-/// The trim loops of a face, as far as they lie in the parameter domain.
+/// The trim loops of a face, as far as they lie in the parameter domain. What had to be
+/// repaired goes to `repairs`.
 pub(super) fn loops(
     file: &File<'_>,
     transforms: &mut Transforms,
     boundary: &Boundary,
     [u, v]: [Range<f64>; 2],
+    repairs: &mut Vec<Problem>,
 ) -> Result<Vec<TrimLoop>, Problem> {
-    let tolerance = DVec2::new(u.end - u.start, v.end - v.start).length() * GAP;
+    let diagonal = DVec2::new(u.end - u.start, v.end - v.start).length();
     let mut loops = Vec::new();
     let pointers = match boundary {
         Boundary::Natural => return Ok(loops),
@@ -62,14 +68,33 @@ pub(super) fn loops(
         for curve in boundary_curves(file, pointer)? {
             reader.add(curve, 0)?;
         }
-        let curves = aligned(reader.curves, tolerance);
-        loops.push(TrimLoop::new(curves, tolerance).map_err(Problem::Geometry)?);
+        loops.push(joined(reader.curves, diagonal, repairs)?);
     }
     Ok(loops)
 }
 
 fn unsupported(text: &str) -> Problem {
     Problem::Unsupported(text.to_owned())
+}
+
+/// The loop of some curves; wide gaps are bridged and told.
+fn joined(
+    curves: Vec<Curve<DVec2>>,
+    diagonal: f64,
+    repairs: &mut Vec<Problem>,
+) -> Result<TrimLoop, Problem> {
+    let tolerance = diagonal * GAP;
+    let tight = TrimLoop::new(aligned(curves.clone(), tolerance), tolerance);
+    if let Err(kernel::Error::LoopGap { .. }) = tight {
+        let tolerance = diagonal * WIDE_GAP;
+        let wide = TrimLoop::new(aligned(curves, tolerance), tolerance);
+        if wide.is_ok() {
+            let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
+            repairs.push(Problem::Invalid(text.to_owned()));
+        }
+        return wide.map_err(Problem::Geometry);
+    }
+    tight.map_err(Problem::Geometry)
 }
 
 /// The pointers to the parameter-space curves of a boundary, in order.
@@ -217,10 +242,9 @@ fn arc(parameters: &mut Parameters<'_>) -> Result<Curve<DVec2>, Problem> {
     let radius = start.distance(center);
     let from = (start - center).to_angle().rem_euclid(TAU);
     let to = (end - center).to_angle().rem_euclid(TAU);
-    let sweep = if start == end || to == from {
-        TAU
-    } else {
-        (to - from).rem_euclid(TAU)
+    let sweep = match (to - from).rem_euclid(TAU) {
+        sweep if start != end && sweep > 0.0 => sweep,
+        _ => TAU,
     };
     let pieces = match sweep / FRAC_PI_2 {
         quarters if quarters <= 1.0 => 1,

@@ -1,7 +1,9 @@
 //! IGES, in its fixed form of 80-column cards.
 //!
 //! `records` finds the cards, `directory` the entities, `parameters` their numbers; `surface`
-//! and `curves` make geometry of them, and `tree` the scene.
+//! and `curves` make geometry of them, `tree` the scene, and `leftovers` tells what is not in
+//! it. Entities are found by the positions of their cards, not by the counts that go with
+//! them, because programs write the former right and the latter not always.
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 
@@ -9,6 +11,7 @@ mod curves;
 mod directory;
 mod entities;
 mod global;
+mod leftovers;
 mod parameters;
 mod records;
 mod surface;

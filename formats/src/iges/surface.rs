@@ -14,6 +14,9 @@ const KNOT_SLACK: f64 = 1e-3;
 /// Largest distance of two parameters that are taken for equal, relative to the domain.
 const PARAMETER_SLACK: f64 = 1e-9;
 
+/// How many control points may be copied to cut a surface.
+const TEARING: usize = 20_000_000;
+
 /// The numbers of one surface while they are put in order.
 #[derive(Clone, Debug)]
 struct Net {
@@ -46,6 +49,11 @@ pub(super) fn read(
             net.weights[index]
         )));
         net.weights.fill(1.0);
+    }
+    let tears = net.tears(0) + net.tears(1);
+    if tears.saturating_mul(net.points.len()) > TEARING {
+        let text = format!("the surface is torn in {tears} places");
+        return Err(Problem::Unsupported(text));
     }
     let mut surfaces = Vec::new();
     for strip in net.untorn(0, repairs) {
@@ -150,7 +158,7 @@ impl Net {
         let knots = &self.knots[direction];
         let mut surplus = Vec::new();
         let mut start = 0;
-        for run in knots.chunk_by(|a, b| a == b) {
+        for run in knots.chunk_by(|a, b| a - b == 0.0) {
             if run.len() > allowed {
                 surplus.push(start..start + run.len() - allowed);
                 repairs.push(Problem::Invalid(format!(
@@ -174,6 +182,13 @@ impl Net {
         let knots = knots.iter().enumerate().filter(|(k, _)| keep(*k));
         let knots = knots.map(|(_, &knot)| knot).collect();
         *self = self.select(direction, knots, keep);
+    }
+
+    /// An upper bound on the places where the net has to be cut.
+    fn tears(&self, direction: usize) -> usize {
+        let runs = self.knots[direction].chunk_by(|a, b| a - b == 0.0);
+        let torn = runs.filter(|run| run.len() > self.degrees[direction]);
+        torn.count().saturating_sub(2)
     }
 
     /// Cuts the net where an inner knot stands degree + 1 times; there the surface is torn.
@@ -216,8 +231,7 @@ impl Net {
         }
     }
 
-    /// Whether the rows on both sides of a tear are the same.
-    #[expect(clippy::float_cmp, reason = "rows that only come near are kept apart")]
+    /// Whether the rows on both sides of a tear are the same, to the last bit.
     fn meets(&self, direction: usize, at: usize) -> bool {
         let row = |wanted: usize| {
             let chosen = self
@@ -300,6 +314,10 @@ fn part(
     domain: Range<f64>,
     repairs: &mut Vec<Problem>,
 ) -> Option<Range<f64>> {
+    if wanted == (0.0..0.0) {
+        // Left empty.
+        return None;
+    }
     let slack = (domain.end - domain.start) * PARAMETER_SLACK;
     let near = |a: f64, b: f64| (a - b).abs() <= slack;
     let start = if near(wanted.start, domain.start) {
@@ -312,7 +330,7 @@ fn part(
     } else {
         wanted.end
     };
-    if start == domain.start && end == domain.end {
+    if (start..end) == domain {
         return None;
     }
     if domain.start <= start && start < end && end <= domain.end {
@@ -373,7 +391,8 @@ mod tests {
         );
         assert_eq!(repairs, [""; 0]);
         // The range at the end may be missing.
-        let (surface, _) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", ""));
+        let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", ""));
+        assert_eq!(repairs, [""; 0]);
         assert_eq!(surface.knots_u().domain(), 0.0..1.0);
     }
 

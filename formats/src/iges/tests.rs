@@ -275,6 +275,24 @@ fn loops_that_cannot_be_read_are_told() {
 }
 
 #[test]
+fn small_gaps_in_loops_are_bridged() {
+    let mut entities = border();
+    entities[0].parameters = "0.,0.,0.,0.995,0.,0.".to_owned();
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);
+    assert_eq!(
+        warnings[1],
+        "line 17, trimmed surface D15 (type 144): the curves of a trim loop do not quite meet; \
+         the gaps are bridged"
+    );
+}
+
+#[test]
 fn faces_of_solids_are_found() {
     let mut entities = vec![
         square(1.0),

@@ -3,14 +3,15 @@
 //! Each entity is built once and shared by all that refer to it. What an entity may refer to
 //! is collected first, because only entities to which nothing refers stand for themselves.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
 use kernel::{Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, Surface, UpAxis};
 
 use super::curves::{self, Boundary};
-use super::directory::{Entry, File, WHOLE, entity_use};
+use super::directory::{Entry, File, WHOLE};
 use super::entities::{self, Content, Entity};
+use super::leftovers::{self, is_geometry};
 use super::surface;
 use super::transform::Transforms;
 use super::types::{self, Class};
@@ -41,7 +42,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     if let Some(error) = tree.fatal {
         return Err(error);
     }
-    tree.tell_unused(&owners);
+    leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
     if tree.scene.patches().is_empty()
         && let Some(failure) = tree.failure
     {
@@ -373,7 +374,14 @@ impl<'a, 'b> Tree<'a, 'b> {
             return Vec::new();
         }
         let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
-        let loops = curves::loops(self.file, &mut self.transforms, boundary, domain);
+        let mut repairs = Vec::new();
+        let loops = curves::loops(
+            self.file,
+            &mut self.transforms,
+            boundary,
+            domain,
+            &mut repairs,
+        );
         let why = match &loops {
             Ok(_) => "its trim loops are read, but the renderer does not use them yet".to_owned(),
             // Without the numbers, so that such warnings are counted as one.
@@ -385,6 +393,9 @@ impl<'a, 'b> Tree<'a, 'b> {
         let noun = types::noun(self.file.entries[face].kind);
         let text = format!("{noun} is shown untrimmed: {why}");
         self.problem(face, Problem::Unsupported(text));
+        for repair in repairs {
+            self.problem(face, repair);
+        }
         loops.unwrap_or_default()
     }
 
@@ -432,64 +443,10 @@ impl<'a, 'b> Tree<'a, 'b> {
         self.failure.get_or_insert(error);
         self.problem(index, problem);
     }
-
-    /// Counts what is not in the picture.
-    fn tell_unused(&mut self, owners: &[Option<usize>]) {
-        let file = self.file;
-        let mut annotation: BTreeMap<i64, usize> = BTreeMap::new();
-        let mut first = None;
-        for (index, entry) in file.entries.iter().enumerate() {
-            let Entry { kind, form, .. } = *entry;
-            let noun = types::noun(kind);
-            let is_free = match owners[index] {
-                None => !entry.dependent && is_geometry(entry),
-                Some(owner) => matches!(file.entries[owner].kind, 308 | 402),
-            };
-            let text = match types::class(kind) {
-                Class::Shown if kind != 402 || types::is_group(kind, form) => {
-                    match (self.tried[index], entry.blanked) {
-                        (true, _) => continue,
-                        (_, true) => "blanked entities are not shown".to_owned(),
-                        _ => format!("{noun} is not shown, because its owner is not"),
-                    }
-                }
-                Class::Curve if is_free && !entry.blanked => {
-                    format!("{noun} (type {kind}) has no area and is kept out of the picture")
-                }
-                Class::Missing => format!("{noun} (type {kind}) is not read yet"),
-                Class::Shown | Class::Annotation if (kind, form) != (406, 15) => {
-                    *annotation.entry(kind).or_default() += 1;
-                    first.get_or_insert(index);
-                    continue;
-                }
-                _ => continue,
-            };
-            self.problem(index, Problem::Unsupported(text));
-        }
-        if let Some(first) = first {
-            let counts: Vec<_> = annotation
-                .iter()
-                .map(|(kind, count)| format!("{count} of type {kind}"))
-                .collect();
-            let text = format!(
-                "annotation, properties and views are not shown: {}",
-                counts.join(", ")
-            );
-            self.problem(first, Problem::Unsupported(text));
-        }
-    }
 }
 
 /// Whether an entity can be shown for its own sake.
 fn is_shown(entry: &Entry) -> bool {
     let is_group = entry.kind != 402 || types::is_group(entry.kind, entry.form);
     types::class(entry.kind) == Class::Shown && is_geometry(entry) && is_group
-}
-
-/// Whether an entity is neither a definition nor of a parameter domain.
-fn is_geometry(entry: &Entry) -> bool {
-    !matches!(
-        entry.entity_use,
-        entity_use::DEFINITION | entity_use::PARAMETRIC
-    )
 }
