@@ -95,20 +95,25 @@ pub(super) fn sections(bytes: &[u8]) -> Sections<'_> {
 
 /// Whether the first lines look like the start of a file in fixed or compressed form.
 pub(super) fn looks_like_iges(bytes: &[u8]) -> bool {
-    let first = lines(bytes)
-        .take(4)
-        .find(|line| !line.trim_ascii().is_empty());
-    first.and_then(split).is_some_and(|split| {
-        matches!(split.letter, b'S' | b'C') && split.number <= 1 && split.data.end >= PARAMETERS
+    first_card(bytes).is_some_and(|split| {
+        matches!(split.letter, b'S' | b'C') && split.number == 1 && split.data.end >= PARAMETERS
     })
 }
 
 /// Whether the first card is the flag of the compressed form.
 pub(super) fn is_compressed(bytes: &[u8]) -> bool {
-    let first = lines(bytes).find(|line| !line.trim_ascii().is_empty());
-    first
+    first_card(bytes).is_some_and(|split| split.letter == b'C')
+}
+
+/// How many bytes are looked at to know a file.
+const HEAD: usize = 4096;
+
+/// The first line that is not blank, if it is a card.
+fn first_card(bytes: &[u8]) -> Option<Split> {
+    let head = &bytes[..bytes.len().min(HEAD)];
+    lines(head)
+        .find(|line| !line.trim_ascii().is_empty())
         .and_then(split)
-        .is_some_and(|split| split.letter == b'C')
 }
 
 /// Replaces numbers that do not rise from 1 on by positions.
@@ -135,8 +140,7 @@ struct Split {
 fn split(line: &[u8]) -> Option<Split> {
     let in_columns = || {
         let number = line.get(DATA + 1..line.len().min(CARD))?.trim_ascii();
-        let number = (!number.is_empty()).then(|| digits(number)).flatten()?;
-        Some((DATA, number))
+        Some((DATA, digits(number)?))
     };
     let at_the_end = || {
         let text = line.trim_ascii_end();
@@ -165,7 +169,7 @@ fn split(line: &[u8]) -> Option<Split> {
     })
 }
 
-/// A number of digits only.
+/// A number of digits only; zero if there are none.
 fn digits(text: &[u8]) -> Option<usize> {
     text.iter().try_fold(0_usize, |value, &b| {
         let digit = b.is_ascii_digit().then(|| usize::from(b - b'0'))?;
@@ -261,6 +265,8 @@ mod tests {
         assert_eq!(split(long.as_bytes()).unwrap().number, 3);
         let zeros = format!("{:<71}S0000003", "text");
         assert_eq!(split(zeros.as_bytes()).unwrap().number, 3);
+        let unnumbered = split(&card("abc", 'D', 0).as_bytes()[..73]).unwrap();
+        assert_eq!((unnumbered.letter, unnumbered.number), (b'D', 0));
         assert_eq!(split(b"no letter here 5"), None);
         assert_eq!(split(b""), None);
         assert!(!looks_like_iges(b"S 1"));
