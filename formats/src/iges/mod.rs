@@ -1,19 +1,84 @@
-//! IGES.
+//! IGES, in its fixed form of 80-column cards.
+//!
+//! `records` finds the cards, `directory` the entities, `parameters` their numbers; `surface`
+//! and `curves` make geometry of them, `tree` the scene, and `leftovers` tells what is not in
+//! it. Entities are found by the positions of their cards, not by the counts that go with
+//! them, because programs write the former right and the latter not always.
 
-use crate::{Error, Format, Import, ReadOptions};
+use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
+
+mod curves;
+mod directory;
+mod entities;
+mod global;
+mod leftovers;
+mod parameters;
+mod records;
+mod surface;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+mod transform;
+mod tree;
+mod types;
 
 /// The row of this format.
 pub(crate) const FORMAT: Format = Format {
     name: "IGES",
     extensions: &["igs", "iges"],
-    sniff,
+    sniff: records::looks_like_iges,
     read,
 };
 
-fn sniff(_: &[u8]) -> bool {
-    false
+/// An error of this format.
+fn error(place: Place, problem: Problem) -> Error {
+    Error {
+        format: FORMAT.name,
+        place,
+        problem,
+    }
 }
 
-fn read(_: &[u8], _: &ReadOptions<'_>) -> Result<Import, Error> {
-    Ok(Import::default())
+fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
+    let refuse = |text: &str| Err(error(Place::line(1), Problem::Unsupported(text.to_owned())));
+    if bytes.first() == Some(&b'B') && bytes.iter().take(64).any(|&b| b == 0) {
+        return refuse("the binary form of IGES is not read; save the file in fixed form");
+    }
+    if records::is_compressed(bytes) {
+        return refuse("the compressed form of IGES is not read; save the file in fixed form");
+    }
+    let sections = records::sections(bytes);
+    if sections.directory.is_empty() {
+        let text = "no directory section; IGES files have section letters in column 73";
+        return Err(error(Place::default(), Problem::Invalid(text.to_owned())));
+    }
+    let (cards, limit) = (sections.directory.len(), options.limits.entities);
+    if cards / 2 > limit {
+        let text = format!("{} entities; the limit is {limit}", cards / 2);
+        return Err(error(Place::default(), Problem::TooLarge(text)));
+    }
+    let mut warnings = Warnings::default();
+    if let Some((line, count)) = sections.stray {
+        let text = match count {
+            1 => "a line without a section letter is skipped".to_owned(),
+            _ => format!("{count} lines without a section letter are skipped"),
+        };
+        warnings.invalid(Place::line(line), text);
+    }
+    if !sections.terminated {
+        let text = "the terminating line is missing; the file may be cut short";
+        warnings.invalid(Place::default(), text);
+    }
+    let mut problems = Vec::new();
+    let global = global::read(&sections.global, &mut problems);
+    for problem in problems {
+        warnings.add(Place::item(0, "the global section"), problem);
+    }
+    let entries = directory::entries(&sections.directory, |place| {
+        let text = "one of the two lines of a directory entry is missing; it is skipped";
+        warnings.invalid(place, text);
+    });
+    let file = directory::File::new(global, entries, sections.parameters);
+    tree::read(&file, options.limits, warnings)
 }

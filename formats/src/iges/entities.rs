@@ -1,0 +1,252 @@
+//! What entities refer to: members, surfaces, instances, colours, names.
+
+use glam::DVec3;
+use kernel::{Material, linear_from_srgb};
+
+use super::curves::Boundary;
+use super::directory::{File, SHORT, WHOLE};
+use super::parameters::Parameters;
+use super::types;
+use crate::Problem;
+
+/// An entity that can be shown.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Entity {
+    /// Its name, or empty; without its label.
+    pub name: String,
+    /// What it is.
+    pub content: Content,
+}
+
+/// What an entity is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Content {
+    /// A surface on its own.
+    Surface,
+    /// A surface with boundaries.
+    Face {
+        /// Pointer to the surface.
+        surface: i64,
+        /// Its boundaries.
+        boundary: Boundary,
+    },
+    /// Pointers to the members of a group, a definition or a solid.
+    Members(Vec<i64>),
+    /// A definition, placed.
+    Instance {
+        /// Pointer to the definition.
+        definition: i64,
+        /// Where its origin is placed.
+        translation: DVec3,
+        /// How much larger it is shown.
+        scale: f64,
+    },
+}
+
+/// Reads an entity; `None` if it is none that can be shown.
+///
+/// The numbers of a surface are left to others.
+pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Problem> {
+    let entry = &file.entries[index];
+    let mut buffer = Vec::new();
+    if entry.kind == 128 {
+        let (name, content) = (String::new(), Content::Surface);
+        return Ok(Some(Entity { name, content }));
+    }
+    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 408 | 510 | 514)
+        || types::is_group(entry.kind, entry.form);
+    if !is_readable {
+        return Ok(None);
+    }
+    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    let mut name = String::new();
+    let content = match entry.kind {
+        186 => Content::Members(with_flags(&mut parameters, |p| {
+            let shell = [p.integer()?, p.integer()?][0];
+            Ok(vec![shell])
+        })?),
+        308 => {
+            parameters.integer()?;
+            name = parameters.text();
+            Content::Members(parameters.pointers("members")?)
+        }
+        402 => Content::Members(parameters.pointers("members")?),
+        408 => instance(&mut parameters)?,
+        514 => Content::Members(with_flags(&mut parameters, |_| Ok(Vec::new()))?),
+        kind => face(kind, &mut parameters)?,
+    };
+    let better = trailing_name(file, &mut parameters);
+    if !better.is_empty() {
+        name = better;
+    }
+    Ok(Some(Entity { name, content }))
+}
+
+/// The entities that belong to another one, as pointers; what is not readable is left out.
+pub(super) fn references(file: &File<'_>, index: usize) -> Vec<i64> {
+    let mut buffer = Vec::new();
+    let skipped = match file.entries[index].kind {
+        128 => return Vec::new(),
+        140 => 4,
+        141 => 2,
+        142 => 1,
+        _ => {
+            return match read(file, index) {
+                Ok(Some(Entity { content, .. })) => match content {
+                    Content::Face { surface, .. } => vec![surface],
+                    Content::Members(members) => members,
+                    Content::Instance { .. } | Content::Surface => Vec::new(),
+                },
+                _ => Vec::new(),
+            };
+        }
+    };
+    let Ok(mut parameters) = file.parameters(index, SHORT, &mut buffer) else {
+        return Vec::new();
+    };
+    for _ in 0..skipped {
+        parameters.text();
+    }
+    parameters.integer().into_iter().collect()
+}
+
+/// A list of pointers that are each followed by a flag, after some others.
+fn with_flags(
+    parameters: &mut Parameters<'_>,
+    first: impl Fn(&mut Parameters<'_>) -> Result<Vec<i64>, Problem>,
+) -> Result<Vec<i64>, Problem> {
+    let mut pointers = first(parameters)?;
+    let count = parameters.count()?;
+    for _ in 0..parameters.expect(count, "members")? {
+        pointers.push(parameters.integer()?);
+        parameters.integer_or(1)?;
+    }
+    Ok(pointers)
+}
+
+/// A subfigure instance (type 408).
+fn instance(parameters: &mut Parameters<'_>) -> Result<Content, Problem> {
+    let definition = parameters.integer()?;
+    let mut length = || parameters.real_or(0.0);
+    let translation = DVec3::new(length()?, length()?, length()?);
+    let scale = parameters.real_or(1.0)?;
+    if !scale.is_normal() {
+        let text = format!("the scale is {scale}; it must not be zero");
+        return Err(Problem::Invalid(text));
+    }
+    Ok(Content::Instance {
+        definition,
+        translation,
+        scale,
+    })
+}
+
+/// A face: bounded surface (143), trimmed surface (144) or face of a solid (510).
+fn face(kind: i64, parameters: &mut Parameters<'_>) -> Result<Content, Problem> {
+    if kind == 143 {
+        parameters.integer()?;
+    }
+    let surface = parameters.integer()?;
+    let boundary = match kind {
+        143 => match parameters.pointers("boundaries")? {
+            loops if loops.is_empty() => Boundary::Natural,
+            loops => Boundary::Loops(loops),
+        },
+        144 => {
+            let outer = parameters.integer()?;
+            let count = parameters.count()?;
+            let first = parameters.integer_or(0)?;
+            let count = parameters.expect(count, "holes")?;
+            let holes: Result<Vec<_>, _> = (0..count).map(|_| parameters.integer()).collect();
+            match (outer != 0 && first != 0, holes?) {
+                (true, holes) => Boundary::Loops([vec![first], holes].concat()),
+                (false, holes) if holes.is_empty() => Boundary::Natural,
+                (false, holes) => Boundary::Holes(holes),
+            }
+        }
+        _ => {
+            let count = parameters.count()?;
+            parameters.integer()?;
+            for _ in 0..parameters.expect(count, "loops")? {
+                parameters.integer()?;
+            }
+            Boundary::Edges
+        }
+    };
+    Ok(Content::Face { surface, boundary })
+}
+
+/// The name among the properties that follow the parameters of an entity, or nothing.
+pub(super) fn trailing_name(file: &File<'_>, parameters: &mut Parameters<'_>) -> String {
+    let mut name = || -> Result<Option<String>, Problem> {
+        if parameters.at_most() == 0 {
+            return Ok(None);
+        }
+        parameters.pointers("associativities")?;
+        for property in parameters.pointers("properties")? {
+            let Some(index) = file.find(property) else {
+                continue;
+            };
+            let entry = &file.entries[index];
+            if (entry.kind, entry.form) == (406, 15) {
+                let mut buffer = Vec::new();
+                let mut parameters = file.parameters(index, SHORT, &mut buffer)?;
+                parameters.integer()?;
+                return Ok(Some(parameters.text()));
+            }
+        }
+        Ok(None)
+    };
+    name().ok().flatten().unwrap_or_default()
+}
+
+/// The colours with a number.
+const COLORS: [(&str, DVec3); 8] = [
+    ("black", DVec3::new(0.0, 0.0, 0.0)),
+    ("red", DVec3::new(1.0, 0.0, 0.0)),
+    ("green", DVec3::new(0.0, 1.0, 0.0)),
+    ("blue", DVec3::new(0.0, 0.0, 1.0)),
+    ("yellow", DVec3::new(1.0, 1.0, 0.0)),
+    ("magenta", DVec3::new(1.0, 0.0, 1.0)),
+    ("cyan", DVec3::new(0.0, 1.0, 1.0)),
+    ("white", DVec3::new(1.0, 1.0, 1.0)),
+];
+
+/// The material of a colour number or of a negative pointer to a colour (type 314).
+pub(super) fn material(file: &File<'_>, color: i64) -> Result<Option<Material>, Problem> {
+    let (name, srgb) = match usize::try_from(color) {
+        Ok(0) => return Ok(None),
+        Ok(number) => match COLORS.get(number - 1) {
+            Some(&(name, srgb)) => (name.to_owned(), srgb),
+            None => {
+                let text = format!("colour {color}; there are colours 0 to 8");
+                return Err(Problem::Invalid(text));
+            }
+        },
+        Err(_) => {
+            let pointer = color.saturating_neg();
+            let index = file.follow(pointer, "a colour")?;
+            defined_color(file, index)?
+        }
+    };
+    let linear = linear_from_srgb(srgb);
+    Ok(Some(Material {
+        name,
+        ambient: linear,
+        diffuse: linear,
+        ..Material::default()
+    }))
+}
+
+/// Name and colour of a colour definition.
+fn defined_color(file: &File<'_>, index: usize) -> Result<(String, DVec3), Problem> {
+    if file.entries[index].kind != 314 {
+        let text = format!("{} is no colour", file.source(index));
+        return Err(Problem::Invalid(text));
+    }
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, SHORT, &mut buffer)?;
+    let mut percent = || Ok::<_, Problem>(parameters.real_or(0.0)?.clamp(0.0, 100.0) / 100.0);
+    let srgb = DVec3::new(percent()?, percent()?, percent()?);
+    Ok((parameters.text(), srgb))
+}

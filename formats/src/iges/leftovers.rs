@@ -1,0 +1,65 @@
+//! What a file holds and the picture does not: told, and counted by type.
+
+use std::collections::BTreeMap;
+
+use super::directory::{Entry, File, entity_use};
+use super::types::{self, Class};
+use crate::Warnings;
+
+/// Counts what is not in the picture. `tried` are the entities of which all has been told.
+pub(super) fn tell(
+    file: &File<'_>,
+    owners: &[Option<usize>],
+    tried: &[bool],
+    warnings: &mut Warnings,
+) {
+    let mut annotation: BTreeMap<i64, usize> = BTreeMap::new();
+    let mut first = None;
+    for (index, entry) in file.entries.iter().enumerate() {
+        let Entry { kind, form, .. } = *entry;
+        let noun = types::noun(kind);
+        let is_free = match owners[index] {
+            None => !entry.dependent && is_geometry(entry),
+            Some(owner) => matches!(file.entries[owner].kind, 308 | 402),
+        };
+        let text = match types::class(kind) {
+            Class::Shown if kind != 402 || types::is_group(kind, form) => {
+                match (tried[index], entry.blanked) {
+                    (true, _) => continue,
+                    (_, true) => "blanked entities are not shown".to_owned(),
+                    _ => format!("{noun} is not shown, because its owner is not"),
+                }
+            }
+            Class::Curve if is_free && !entry.blanked => {
+                format!("{noun} (type {kind}) has no area and is kept out of the picture")
+            }
+            Class::Missing => format!("{noun} (type {kind}) is not read yet"),
+            Class::Shown | Class::Annotation if (kind, form) != (406, 15) => {
+                *annotation.entry(kind).or_default() += 1;
+                first.get_or_insert(index);
+                continue;
+            }
+            _ => continue,
+        };
+        warnings.unsupported(file.place(index), text);
+    }
+    if let Some(first) = first {
+        let counts: Vec<_> = annotation
+            .iter()
+            .map(|(kind, count)| format!("{count} of type {kind}"))
+            .collect();
+        let text = format!(
+            "annotation, properties and views are not shown: {}",
+            counts.join(", ")
+        );
+        warnings.unsupported(file.place(first), text);
+    }
+}
+
+/// Whether an entity is neither a definition nor of a parameter domain.
+pub(super) fn is_geometry(entry: &Entry) -> bool {
+    !matches!(
+        entry.entity_use,
+        entity_use::DEFINITION | entity_use::PARAMETRIC
+    )
+}

@@ -1,0 +1,495 @@
+//! Rational B-spline surfaces (type 128), with the repairs that real files need.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use kernel::{KnotVector, Surface};
+
+use super::parameters::Parameters;
+use crate::Problem;
+
+/// Largest step backwards of a knot that is taken for rounding, relative to all knots.
+const KNOT_SLACK: f64 = 1e-3;
+
+/// Largest distance of two parameters that are taken for equal, relative to the domain.
+const PARAMETER_SLACK: f64 = 1e-9;
+
+/// How many control points may be copied to cut a surface.
+const TEARING: usize = 20_000_000;
+
+/// The numbers of one surface while they are put in order.
+#[derive(Clone, Debug)]
+struct Net {
+    degrees: [usize; 2],
+    knots: [Vec<f64>; 2],
+    /// Points, u running fastest.
+    points: Vec<DVec3>,
+    weights: Vec<f64>,
+}
+
+/// Reads a surface from its parameters, in several pieces where it is torn. What had to be
+/// repaired goes to `repairs`; `limit` bounds the control points.
+pub(super) fn read(
+    parameters: &mut Parameters<'_>,
+    limit: usize,
+    repairs: &mut Vec<Problem>,
+) -> Result<Vec<Surface>, Problem> {
+    let mut net = Net::read(parameters, limit)?;
+    let mut domain = || -> Result<Range<f64>, Problem> {
+        Ok(parameters.real_or(0.0)?..parameters.real_or(0.0)?)
+    };
+    let wanted = [domain()?, domain()?];
+    for direction in 0..2 {
+        straighten(&mut net.knots[direction], direction, repairs);
+        net.drop_unused(direction, repairs);
+    }
+    if let Some(index) = net.weights.iter().position(|w| *w <= 0.0) {
+        repairs.push(Problem::Invalid(format!(
+            "weight {index} is {}; weights must be positive, all are set to 1",
+            net.weights[index]
+        )));
+        net.weights.fill(1.0);
+    }
+    let tears = net.tears(0) + net.tears(1);
+    if tears.saturating_mul(net.points.len()) > TEARING {
+        let text = format!("the surface is torn in {tears} places");
+        return Err(Problem::Unsupported(text));
+    }
+    let mut surfaces = Vec::new();
+    for strip in net.untorn(0, repairs) {
+        for piece in strip.untorn(1, repairs) {
+            surfaces.push(piece.into_surface()?);
+        }
+    }
+    match <[Surface; 1]>::try_from(surfaces) {
+        Ok([surface]) => Ok(vec![restricted(surface, wanted, repairs)?]),
+        Err(pieces) => Ok(pieces),
+    }
+}
+
+impl Net {
+    /// Reads counts, knots, weights and points.
+    fn read(parameters: &mut Parameters<'_>, limit: usize) -> Result<Self, Problem> {
+        let upper = [parameters.count()?, parameters.count()?];
+        let degrees = [parameters.count()?, parameters.count()?];
+        for _ in 0..5 {
+            parameters.integer()?;
+        }
+        let counts = upper.map(|k| k.saturating_add(1));
+        let net = counts[0].saturating_mul(counts[1]);
+        let knots = |d: usize| counts[d].saturating_add(degrees[d]).saturating_add(1);
+        // All that follows must be there before anything is stored.
+        let values = net
+            .saturating_mul(4)
+            .saturating_add(knots(0))
+            .saturating_add(knots(1));
+        parameters.expect(values, "knots, weights and coordinates")?;
+        let count = parameters.expect(net, "control points")?;
+        if count > limit {
+            return Err(Problem::TooLarge(format!(
+                "{count} control points; the limit leaves {limit}"
+            )));
+        }
+        for (d, name) in ["u", "v"].into_iter().enumerate() {
+            if degrees[d] > upper[d] {
+                return Err(Problem::Invalid(format!(
+                    "degree {} needs {} control points along {name}; there are {}",
+                    degrees[d],
+                    degrees[d].saturating_add(1),
+                    counts[d]
+                )));
+            }
+        }
+        let degrees = [
+            parameters.expect(degrees[0], "knots")?,
+            parameters.expect(degrees[1], "knots")?,
+        ];
+        let mut list = |count| {
+            let count = parameters.expect(count, "values")?;
+            parameters.reals(count, "values")
+        };
+        let knots = [list(knots(0))?, list(knots(1))?];
+        let weights = list(net)?;
+        let mut point = || {
+            Ok(DVec3::new(
+                parameters.real()?,
+                parameters.real()?,
+                parameters.real()?,
+            ))
+        };
+        let points = (0..count)
+            .map(|_| point())
+            .collect::<Result<_, Problem>>()?;
+        Ok(Self {
+            degrees,
+            knots,
+            points,
+            weights,
+        })
+    }
+
+    /// Number of control points along a direction.
+    fn count(&self, direction: usize) -> usize {
+        self.knots[direction].len() - self.degrees[direction] - 1
+    }
+
+    /// The positions in the net with their index along `direction`.
+    fn indices(&self, direction: usize) -> impl Iterator<Item = usize> + use<> {
+        let row = self.count(0);
+        (0..self.points.len()).map(move |k| if direction == 0 { k % row } else { k / row })
+    }
+
+    /// Keeps the control points whose index along `direction` is wanted.
+    fn select(&self, direction: usize, knots: Vec<f64>, keep: impl Fn(usize) -> bool) -> Self {
+        let kept = || self.indices(direction).map(&keep);
+        let mut result = self.clone();
+        let pick = |(wanted, &value)| Some(value).filter(|_| wanted);
+        result.points = kept().zip(&self.points).filter_map(pick).collect();
+        let pick = |(wanted, &value)| Some(value).filter(|_| wanted);
+        result.weights = kept().zip(&self.weights).filter_map(pick).collect();
+        result.knots[direction] = knots;
+        result
+    }
+
+    /// Drops knots that are repeated more than degree + 1 times, and the control points that
+    /// belong to them, which have no influence on the surface.
+    fn drop_unused(&mut self, direction: usize, repairs: &mut Vec<Problem>) {
+        let allowed = self.degrees[direction] + 1;
+        let knots = &self.knots[direction];
+        let mut surplus = Vec::new();
+        let mut start = 0;
+        for run in knots.chunk_by(|a, b| a - b == 0.0) {
+            if run.len() > allowed {
+                surplus.push(start..start + run.len() - allowed);
+                repairs.push(Problem::Invalid(format!(
+                    "{} knot {} stands {} times; {allowed} are kept",
+                    name(direction),
+                    run[0],
+                    run.len()
+                )));
+            }
+            start += run.len();
+        }
+        if surplus.is_empty() {
+            return;
+        }
+        let keep = |index: usize| {
+            let before = surplus.partition_point(|range| range.end <= index);
+            !surplus
+                .get(before)
+                .is_some_and(|range| range.contains(&index))
+        };
+        let knots = knots.iter().enumerate().filter(|(k, _)| keep(*k));
+        let knots = knots.map(|(_, &knot)| knot).collect();
+        *self = self.select(direction, knots, keep);
+    }
+
+    /// An upper bound on the places where the net has to be cut.
+    fn tears(&self, direction: usize) -> usize {
+        let runs = self.knots[direction].chunk_by(|a, b| a - b == 0.0);
+        let torn = runs.filter(|run| run.len() > self.degrees[direction]);
+        torn.count().saturating_sub(2)
+    }
+
+    /// Cuts the net where an inner knot stands degree + 1 times; there the surface is torn.
+    /// If both sides meet nevertheless, the knot and one of the equal rows are dropped.
+    fn untorn(self, direction: usize, repairs: &mut Vec<Problem>) -> Vec<Self> {
+        let degree = self.degrees[direction];
+        let mut parts = Vec::new();
+        let mut rest = self;
+        loop {
+            let knots = &rest.knots[direction];
+            let count = rest.count(direction);
+            let (first, last) = (knots[degree.min(knots.len() - 1)], knots[count]);
+            let torn = (degree + 1..count).find(|&k| {
+                let knot = knots[k];
+                knots[k + degree] <= knot && first < knot && knot < last && knots[k - 1] < knot
+            });
+            let Some(at) = torn else {
+                parts.push(rest);
+                return parts;
+            };
+            let knot = knots[at];
+            if rest.meets(direction, at) {
+                let mut fewer = knots.clone();
+                fewer.remove(at);
+                repairs.push(Problem::Invalid(format!(
+                    "{} knot {knot} stands {} times; {degree} are kept",
+                    name(direction),
+                    degree + 1
+                )));
+                rest = rest.select(direction, fewer, |index| index != at);
+            } else {
+                repairs.push(Problem::Invalid(format!(
+                    "the surface is torn at {} = {knot}; it is cut there",
+                    name(direction)
+                )));
+                let (left, right) = (knots[..=at + degree].to_vec(), knots[at..].to_vec());
+                parts.push(rest.select(direction, left, |index| index < at));
+                rest = rest.select(direction, right, |index| index >= at);
+            }
+        }
+    }
+
+    /// Whether the rows on both sides of a tear are the same, to the last bit.
+    fn meets(&self, direction: usize, at: usize) -> bool {
+        let row = |wanted: usize| {
+            let chosen = self
+                .indices(direction)
+                .zip(self.points.iter().zip(&self.weights));
+            chosen.filter_map(move |(index, pair)| (index == wanted).then_some(pair))
+        };
+        row(at - 1).eq(row(at))
+    }
+
+    /// The surface, if it can exist.
+    fn into_surface(self) -> Result<Surface, Problem> {
+        let [u, v] = self.knots;
+        let geometry = Problem::Geometry;
+        let u = KnotVector::new(self.degrees[0], u).map_err(geometry)?;
+        let v = KnotVector::new(self.degrees[1], v).map_err(geometry)?;
+        Surface::from_u_fastest(u, v, &self.points, Some(&self.weights)).map_err(geometry)
+    }
+}
+
+/// The name of a direction.
+fn name(direction: usize) -> &'static str {
+    if direction == 0 { "u" } else { "v" }
+}
+
+/// Replaces knots that step back a little by the largest knot before them.
+fn straighten(knots: &mut [f64], direction: usize, repairs: &mut Vec<Problem>) {
+    let (Some(&first), Some(&last)) = (knots.first(), knots.last()) else {
+        return;
+    };
+    let slack = (last - first).abs() * KNOT_SLACK;
+    let back = |pair: &[f64]| pair[0] - pair[1];
+    if !knots.windows(2).any(|pair| back(pair) > 0.0) {
+        return;
+    }
+    let mut largest = first;
+    let mut step = 0.0_f64;
+    for &knot in &*knots {
+        step = step.max(largest - knot);
+        largest = largest.max(knot);
+    }
+    if step > slack {
+        // Left to the check of all knot vectors.
+        return;
+    }
+    let mut largest = first;
+    for knot in knots {
+        largest = largest.max(*knot);
+        *knot = largest;
+    }
+    repairs.push(Problem::Invalid(format!(
+        "{} knots decrease by {step:e}; they are levelled",
+        name(direction)
+    )));
+}
+
+/// The part of a surface that a file asks for; all of it if that part is not a part.
+fn restricted(
+    surface: Surface,
+    wanted: [Range<f64>; 2],
+    repairs: &mut Vec<Problem>,
+) -> Result<Surface, Problem> {
+    let [u, v] = wanted;
+    let u = part("u", u, surface.knots_u().domain(), repairs);
+    let v = part("v", v, surface.knots_v().domain(), repairs);
+    let surface = match u {
+        Some(range) => surface.restricted_u(range).map_err(Problem::Geometry)?,
+        None => surface,
+    };
+    match v {
+        Some(range) => surface.restricted_v(range).map_err(Problem::Geometry),
+        None => Ok(surface),
+    }
+}
+
+/// The wanted range if it is a real part of the domain.
+fn part(
+    name: &str,
+    wanted: Range<f64>,
+    domain: Range<f64>,
+    repairs: &mut Vec<Problem>,
+) -> Option<Range<f64>> {
+    if wanted == (0.0..0.0) {
+        // Left empty.
+        return None;
+    }
+    let slack = (domain.end - domain.start) * PARAMETER_SLACK;
+    let near = |a: f64, b: f64| (a - b).abs() <= slack;
+    let start = if near(wanted.start, domain.start) {
+        domain.start
+    } else {
+        wanted.start
+    };
+    let end = if near(wanted.end, domain.end) {
+        domain.end
+    } else {
+        wanted.end
+    };
+    if (start..end) == domain {
+        return None;
+    }
+    if domain.start <= start && start < end && end <= domain.end {
+        return Some(start..end);
+    }
+    repairs.push(Problem::Invalid(format!(
+        "the wanted range of {name} from {} to {} is no part of the domain from {} to {}; \
+         the whole domain is used",
+        wanted.start, wanted.end, domain.start, domain.end
+    )));
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+    use crate::iges::parameters::Delimiters;
+
+    fn read_one(record: &str) -> (Result<Vec<Surface>, Problem>, Vec<String>) {
+        let mut repairs = Vec::new();
+        let mut parameters = Parameters::new(record.as_bytes(), Delimiters::default(), 1);
+        let result = read(&mut parameters, 1000, &mut repairs);
+        (result, repairs.iter().map(ToString::to_string).collect())
+    }
+
+    /// A flat surface of degree 1 over the points (i, j, 0).
+    fn flat(counts: [usize; 2], knots: [&str; 2], weights: &str, tail: &str) -> String {
+        let points: String = (0..counts[1])
+            .flat_map(|j| (0..counts[0]).map(move |i| format!("{i}.,{j}.,0.,")))
+            .collect();
+        let [k1, k2] = counts.map(|c| c - 1);
+        format!(
+            "{k1},{k2},1,1,0,0,1,0,0,{},{},{weights},{points}{tail};",
+            knots[0], knots[1]
+        )
+    }
+
+    const UNIT: &str = "0.,0.,1.,1.";
+
+    fn one(record: &str) -> (Surface, Vec<String>) {
+        let (result, repairs) = read_one(record);
+        (result.unwrap().remove(0), repairs)
+    }
+
+    #[test]
+    fn u_runs_fastest() {
+        let (surface, repairs) = one(&flat(
+            [3, 2],
+            ["0.,0.,1.,2.,2.", UNIT],
+            "1,1,1,1,1,1",
+            "0.,2.,0.,1.",
+        ));
+        assert_eq!(
+            surface.evaluate(DVec2::new(1.5, 0.25)),
+            DVec3::new(1.5, 0.25, 0.0)
+        );
+        assert_eq!(repairs, [""; 0]);
+        // The range at the end may be missing.
+        let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", ""));
+        assert_eq!(repairs, [""; 0]);
+        assert_eq!(surface.knots_u().domain(), 0.0..1.0);
+    }
+
+    #[test]
+    fn ranges_restrict() {
+        let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", "0.25,0.5,0.,1."));
+        assert_eq!(surface.knots_u().domain(), 0.25..0.5);
+        assert_eq!(repairs, [""; 0]);
+        let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", "0.5,0.25,0.,7."));
+        assert_eq!(surface.knots_u().domain(), 0.0..1.0);
+        assert_eq!(repairs.len(), 2);
+    }
+
+    #[test]
+    fn small_steps_back_are_levelled_and_large_ones_refused() {
+        let (surface, repairs) = one(&flat(
+            [3, 2],
+            ["0.,0.,1.,2.,1.9999999", UNIT],
+            "1,1,1,1,1,1",
+            "0.,2.,0.,1.",
+        ));
+        assert_eq!(surface.knots_u().as_slice(), [0.0, 0.0, 1.0, 2.0, 2.0]);
+        assert_eq!(repairs.len(), 1);
+        let (result, _) = read_one(&flat([3, 2], ["0.,0.,1.,0.5,2.", UNIT], "1,1,1,1,1,1", ""));
+        assert!(matches!(
+            result,
+            Err(Problem::Geometry(kernel::Error::KnotsDecrease { .. }))
+        ));
+    }
+
+    #[test]
+    fn weights_that_are_not_positive_are_all_set_to_one() {
+        let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,-0.3,2,1", "0.,1.,0.,1."));
+        assert!(!surface.is_rational());
+        assert_eq!(
+            repairs,
+            ["weight 1 is -0.3; weights must be positive, all are set to 1"]
+        );
+    }
+
+    #[test]
+    fn surplus_knots_go_with_their_points() {
+        // The first column has no influence.
+        let (surface, repairs) = one(&flat(
+            [3, 2],
+            ["0.,0.,0.,1.,1.", UNIT],
+            "1,1,1,1,1,1",
+            "0.,1.,0.,1.",
+        ));
+        assert_eq!(surface.knots_u().as_slice(), [0.0, 0.0, 1.0, 1.0]);
+        assert_eq!(surface.evaluate(DVec2::ZERO), DVec3::X);
+        assert_eq!(repairs, ["u knot 0 stands 3 times; 2 are kept"]);
+    }
+
+    #[test]
+    fn torn_surfaces_are_cut() {
+        let ones = "1,1,1,1,1,1,1,1";
+        let (result, repairs) = read_one(&flat(
+            [4, 2],
+            ["0.,0.,1.,1.,2.,2.", UNIT],
+            ones,
+            "0.,2.,0.,1.",
+        ));
+        let pieces = result.unwrap();
+        assert_eq!(pieces.len(), 2);
+        assert_eq!(pieces[0].evaluate(DVec2::new(1.0, 0.0)), DVec3::X);
+        assert_eq!(pieces[1].evaluate(DVec2::new(1.0, 0.0)), DVec3::X * 2.0);
+        assert_eq!(repairs, ["the surface is torn at u = 1; it is cut there"]);
+        // Equal rows hold it together.
+        let whole = flat([4, 2], ["0.,0.,1.,1.,2.,2.", UNIT], ones, "0.,2.,0.,1.");
+        let (surface, _) = one(&whole
+            .replace("2.,0.,0.,3.", "1.,0.,0.,3.")
+            .replace("2.,1.,0.,3.", "1.,1.,0.,3."));
+        assert_eq!(surface.knots_u().count(), 3);
+    }
+
+    #[test]
+    fn counts_are_checked_before_use() {
+        for record in [
+            "1000000000,1000000000,3,3,0,0,1,0,0,0.;",
+            "9223372036854775807,9223372036854775807,1,1,0,0,1,0,0;",
+            "1,1,30,1,0,0,1,0,0,0.,0.;",
+            "-1,1,1,1,0,0,1,0,0,0.,0.;",
+            "",
+        ] {
+            assert!(
+                matches!(read_one(record).0, Err(Problem::Invalid(_))),
+                "{record}"
+            );
+        }
+        let text = read_one("999999999,999999999,3,3,0,0,1,0,0,0.;")
+            .0
+            .unwrap_err();
+        assert_eq!(
+            text.to_string(),
+            "4000000002000000008 knots, weights and coordinates are announced; \
+             the record is too short for them"
+        );
+    }
+}

@@ -1,0 +1,98 @@
+//! Makes IGES files for tests.
+
+use std::fmt::Write as _;
+
+/// An entity of a file to be made: type and form, further directory fields, parameters.
+pub(super) struct Made {
+    /// Type number.
+    pub kind: i64,
+    /// Form number.
+    pub form: i64,
+    /// Transformation pointer.
+    pub transform: i64,
+    /// Status number.
+    pub status: &'static str,
+    /// Colour number or pointer.
+    pub color: i64,
+    /// Label.
+    pub label: &'static str,
+    /// Parameters after the type number, without the record delimiter.
+    pub parameters: String,
+}
+
+/// An entity of a type with parameters, all else being zero.
+pub(super) fn made(kind: i64, parameters: &str) -> Made {
+    Made {
+        kind,
+        form: 0,
+        transform: 0,
+        status: "00000000",
+        color: 0,
+        label: "",
+        parameters: parameters.to_owned(),
+    }
+}
+
+/// A flat square of degree 1 with its lower corner at (x, 0, 0).
+pub(super) fn square(x: f64) -> Made {
+    let end = x + 1.0;
+    made(
+        128,
+        &format!(
+            "1,1,1,1,0,0,1,0,0,0.,0.,1.,1.,0.,0.,1.,1.,1.,1.,1.,1.,\
+             {x:?},0.,0.,{end:?},0.,0.,{x:?},1.,0.,{end:?},1.,0.,0.,1.,0.,1."
+        ),
+    )
+}
+
+/// A file with these entities; the n-th one stands at D `2 n + 1`.
+pub(super) fn file(entities: &[Made]) -> String {
+    file_with("1H,,1H;,,,,,,,,,,,1.,2,2HMM;", entities)
+}
+
+/// As [`file`], with a global section.
+pub(super) fn file_with(global: &str, entities: &[Made]) -> String {
+    let mut text = format!("{:<72}S{:>7}\n{global:<72}G{:>7}\n", "test", 1, 1);
+    let (mut directory, mut data) = (String::new(), String::new());
+    let (mut d, mut p) = (0, 0);
+    for entity in entities {
+        let Made {
+            kind,
+            form,
+            transform,
+            status,
+            color,
+            label,
+            ..
+        } = entity;
+        let record = format!("{kind},{};", entity.parameters);
+        let owner = d + 1;
+        let start = p + 1;
+        for part in record.as_bytes().chunks(64) {
+            let part = String::from_utf8_lossy(part);
+            p += 1;
+            let _ = writeln!(data, "{part:<64}{owner:>8}P{p:>7}");
+        }
+        let count = p + 1 - start;
+        let zero = 0;
+        let _ = writeln!(
+            directory,
+            "{kind:>8}{start:>8}{zero:>8}{zero:>8}{zero:>8}{zero:>8}{transform:>8}{zero:>8}\
+             {status}D{:>7}",
+            d + 1
+        );
+        let _ = writeln!(
+            directory,
+            "{kind:>8}{zero:>8}{color:>8}{count:>8}{form:>8}{:>16}{label:>8}{:>8}D{:>7}",
+            "",
+            "",
+            d + 2
+        );
+        d += 2;
+    }
+    text += &directory;
+    text += &data;
+    let end = format!("S{:>7}G{:>7}D{d:>7}P{p:>7}", 1, 1);
+    let _ = writeln!(text, "{end:<72}T{:>7}", 1);
+    text
+}

@@ -1,0 +1,509 @@
+//! Whole files, from bytes to scene.
+
+use glam::{DVec2, DVec3};
+use kernel::{Aabb, Placement, Scene};
+
+use super::testing::{Made, file, file_with, made, square};
+use crate::{Error, Import, Limits, NoFiles, Problem, ReadOptions};
+
+fn try_read(bytes: &[u8]) -> Result<Import, Error> {
+    let limits = Limits::default();
+    let resolver = &NoFiles;
+    super::read(
+        bytes,
+        &ReadOptions {
+            limits: &limits,
+            resolver,
+        },
+    )
+}
+
+fn read(entities: &[Made]) -> (Scene, Vec<String>) {
+    let import = try_read(file(entities).as_bytes()).unwrap();
+    let warnings = import.warnings.as_slice().iter();
+    (import.scene, warnings.map(ToString::to_string).collect())
+}
+
+/// Where the lower corner of a placed square lands.
+fn corner(scene: &Scene, placement: &Placement) -> DVec3 {
+    let kernel::Shape::Patch(id) = placement.shape else {
+        panic!("a mesh")
+    };
+    let point = scene.patch(id).surface.evaluate(DVec2::ZERO);
+    placement.world_from_object.transform_point3(point)
+}
+
+fn corners(scene: &Scene) -> Vec<DVec3> {
+    let placements = scene.placements();
+    placements.iter().map(|p| corner(scene, p)).collect()
+}
+
+const NONE: [&str; 0] = [];
+
+#[test]
+fn a_named_coloured_surface() {
+    let mut surface = square(2.0);
+    surface.color = -5;
+    surface.label = "LABEL";
+    surface.parameters += ",0,1,3";
+    let mut name = made(406, "1,10HThe Square");
+    name.form = 15;
+    let color = made(314, "100.,0.,50.,4Hrose");
+    let (scene, warnings) = read(&[surface, name, color]);
+    assert_eq!(warnings, NONE);
+    let [patch] = scene.patches() else {
+        panic!("{:?}", scene.patches())
+    };
+    assert_eq!(patch.name, "The Square");
+    assert_eq!(patch.source, "surface D1 (type 128)");
+    let material = scene.material(patch.material.unwrap());
+    assert_eq!(material.name, "rose");
+    assert!((material.diffuse - DVec3::new(1.0, 0.0, 0.214_041)).length() < 1e-6);
+    assert_eq!(scene.unit.unwrap().name, "mm");
+    assert_eq!(scene.up, kernel::UpAxis::Z);
+}
+
+#[test]
+fn colours_are_shared_and_labels_are_names() {
+    let mut surfaces = [square(0.0), square(1.0), square(2.0)];
+    for (surface, color) in surfaces.iter_mut().zip([3, 3, 99]) {
+        surface.color = color;
+        surface.label = "A";
+    }
+    let (scene, warnings) = read(&surfaces);
+    assert_eq!(scene.materials().len(), 1);
+    assert_eq!(scene.materials()[0].diffuse, DVec3::Y);
+    assert_eq!(scene.patches()[2].material, None);
+    assert_eq!(scene.patches()[1].name, "A");
+    assert_eq!(
+        warnings,
+        ["line 7, surface D5 (type 128): colour 99; there are colours 0 to 8"]
+    );
+}
+
+#[test]
+fn transformations_follow_each_other() {
+    let mut surface = square(0.0);
+    surface.transform = 3;
+    let mut shift = made(124, "1.,0.,0.,10.,0.,1.,0.,0.,0.,0.,1.,0.");
+    // An even pointer means the entry it is the second line of.
+    shift.transform = 6;
+    let mirror = made(124, "-1.,0.,0.,1.,0.,1.,0.,0.,0.,0.,1.,0.");
+    let (scene, warnings) = read(&[surface, shift, mirror]);
+    assert_eq!(corners(&scene), [DVec3::new(-9.0, 0.0, 0.0)]);
+    assert_eq!(warnings, NONE);
+}
+
+#[test]
+fn transformations_in_a_cycle_or_without_inverse_are_told() {
+    let mut surface = square(0.0);
+    surface.transform = 3;
+    let mut first = made(124, "1.,0.,0.,10.,0.,1.,0.,0.,0.,0.,1.,0.");
+    first.transform = 3;
+    let flat = made(124, "0.;");
+    let mut other = square(0.0);
+    other.transform = 5;
+    let (scene, warnings) = read(&[surface, first, flat, other, square(7.0)]);
+    assert_eq!(corners(&scene), [DVec3::X * 7.0]);
+    assert_eq!(
+        warnings,
+        [
+            "line 3, surface D1 (type 128): transformations point to each other in a cycle",
+            "line 9, surface D7 (type 128): the transformation is not invertible",
+        ]
+    );
+}
+
+#[test]
+fn groups_show_their_members_once() {
+    let mut member = square(1.0);
+    member.status = "00020000";
+    let group = || {
+        let mut group = made(402, "2,1,3");
+        group.form = 7;
+        group.label = "G";
+        group
+    };
+    let mut hidden = square(5.0);
+    hidden.status = "01000000";
+    let (scene, warnings) = read(&[member, hidden, group(), group()]);
+    assert_eq!(corners(&scene), [DVec3::X]);
+    assert_eq!(scene.nodes()[0].name, "G");
+    assert_eq!(
+        warnings,
+        ["line 5, surface D3 (type 128): blanked entities are not shown"]
+    );
+}
+
+#[test]
+fn groups_that_contain_each_other_are_shown_and_told() {
+    let mut groups = [made(402, "2,1,5"), made(402, "1,3")];
+    for group in &mut groups {
+        group.form = 7;
+    }
+    let [first, second] = groups;
+    let (scene, warnings) = read(&[square(1.0), first, second]);
+    assert_eq!(corners(&scene), [DVec3::X]);
+    assert_eq!(
+        warnings,
+        ["line 5, group D3 (type 402): it contains itself"]
+    );
+}
+
+#[test]
+fn instances_share_their_definition() {
+    let mut member = square(1.0);
+    member.status = "00010000";
+    let mut definition = made(308, "0,4Hpart,1,1");
+    definition.status = "00000200";
+    let mut third = made(408, "3,0.,0.,0.");
+    third.color = 2;
+    let (scene, warnings) = read(&[
+        member,
+        definition,
+        made(408, "3,10.,0.,0.,2."),
+        made(408, "3,0.,5.,0.,1."),
+        third,
+    ]);
+    let expected = [[12.0, 0.0, 0.0], [1.0, 5.0, 0.0], [1.0, 0.0, 0.0]];
+    assert_eq!(corners(&scene), expected.map(DVec3::from));
+    assert_eq!(scene.patches().len(), 1);
+    assert_eq!(scene.nodes()[0].name, "part");
+    let materials: Vec<_> = scene.placements().iter().map(|p| p.material).collect();
+    assert_eq!(materials[0], None);
+    assert_eq!(scene.material(materials[2].unwrap()).name, "red");
+    assert_eq!(warnings, NONE);
+}
+
+#[test]
+fn a_subfigure_that_contains_itself_is_cut() {
+    let (scene, warnings) = read(&[
+        square(1.0),
+        made(308, "0,4Hself,2,1,5"),
+        made(408, "3,1.,0.,0.,1."),
+        made(408, "3,0.,0.,0.,1."),
+    ]);
+    assert_eq!(corners(&scene).len(), 1);
+    assert_eq!(
+        warnings,
+        ["line 5, subfigure definition D3 (type 308): it contains itself"]
+    );
+}
+
+#[test]
+fn deep_nesting_ends() {
+    let mut entities = vec![square(0.0)];
+    for depth in 0..300 {
+        let mut group = made(402, &format!("1,{}", 2 * depth + 1));
+        group.form = 7;
+        entities.push(group);
+    }
+    let error = try_read(file(&entities).as_bytes()).unwrap();
+    assert!(error.scene.patches().is_empty());
+    let text = error.warnings.as_slice()[0].to_string();
+    assert!(text.ends_with("nested more than 200 deep"), "{text}");
+}
+
+/// The border of the unit square as lines, at D `1`, and its composite curve at D 9.
+fn border() -> Vec<Made> {
+    let ends = [
+        "0.,0.,0.,1.,0.",
+        "1.,0.,0.,1.,1.",
+        "1.,1.,0.,0.,1.",
+        "0.,1.,0.,0.,0.",
+    ];
+    let mut made: Vec<_> = ends.map(|e| made(110, &format!("{e},0."))).into();
+    made.push(super::testing::made(102, "4,1,3,5,7"));
+    for curve in &mut made {
+        curve.status = "00010500";
+    }
+    made
+}
+
+#[test]
+fn trimmed_surfaces_have_loops_and_show_once() {
+    let mut entities = border();
+    let mut base = square(3.0);
+    // Invisible and dependent, as many programs write it.
+    base.status = "01010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    let mut half = square(4.0);
+    half.status = "00010000";
+    entities.push(half);
+    entities.push(made(144, "17,0,1,0,13"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(corners(&scene), [DVec3::X * 3.0, DVec3::X * 4.0]);
+    let loops: Vec<_> = scene.patches().iter().map(|p| p.loops.len()).collect();
+    assert_eq!(loops, [1, 2]);
+    assert_eq!(scene.patches()[0].loops[0].segments().len(), 4);
+    assert_eq!(
+        warnings,
+        [
+            "line 17, trimmed surface D15 (type 144): trimmed surface is shown untrimmed: \
+         its trim loops are read, but the renderer does not use them yet (and 1 more)"
+        ]
+    );
+}
+
+#[test]
+fn bounded_surfaces_have_loops() {
+    let mut entities = border();
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(141, "1,2,11,1,9,1,1,9"));
+    entities.push(made(143, "1,11,1,13"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops.len(), 1);
+    assert_eq!(warnings.len(), 1);
+}
+
+#[test]
+fn loops_that_cannot_be_read_are_told() {
+    let mut entities = border();
+    entities[0].parameters = "0.,0.,0.,0.5,0.,0.".to_owned();
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    let (scene, warnings) = read(&entities);
+    assert!(scene.patches()[0].loops.is_empty());
+    assert!(warnings[0].ends_with("shown untrimmed: a trim loop does not close"));
+}
+
+#[test]
+fn small_gaps_in_loops_are_bridged() {
+    let mut entities = border();
+    entities[0].parameters = "0.,0.,0.,0.995,0.,0.".to_owned();
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);
+    assert_eq!(
+        warnings[1],
+        "line 17, trimmed surface D15 (type 144): the curves of a trim loop do not quite meet; \
+         the gaps are bridged"
+    );
+}
+
+#[test]
+fn faces_of_solids_are_found() {
+    let mut entities = vec![
+        square(1.0),
+        made(510, "1,1,1,99"),
+        made(514, "1,3,1"),
+        made(186, "5,1,0"),
+    ];
+    for part in &mut entities[..3] {
+        part.status = "00010000";
+    }
+    let (scene, warnings) = read(&entities);
+    assert_eq!(corners(&scene), [DVec3::X]);
+    assert_eq!(
+        warnings,
+        ["line 5, face D3 (type 510): face is shown untrimmed: \
+         edges of solids are not read yet"]
+    );
+}
+
+#[test]
+fn what_is_not_shown_is_counted() {
+    let mut flat = made(106, "1,2,0.,0.,0.,1.,1.");
+    flat.form = 11;
+    let (scene, warnings) = read(&[
+        made(110, "0.,0.,0.,1.,1.,1."),
+        made(110, "0.,0.,0.,1.,1.,1."),
+        made(120, "1,3,0.,1."),
+        flat,
+        made(212, "1"),
+        made(404, "0"),
+    ]);
+    assert_eq!(scene.root(), None);
+    assert_eq!(
+        warnings,
+        [
+            "line 3, line D1 (type 110): line (type 110) has no area and is kept out of the \
+             picture (and 1 more)",
+            "line 7, surface of revolution D5 (type 120): surface of revolution (type 120) is \
+             not read yet",
+            "line 9, copious data D7 (type 106): copious data (type 106) has no area and is \
+             kept out of the picture",
+            "line 11, note D9 (type 212): annotation, properties and views are not shown: \
+             1 of type 212, 1 of type 404",
+            "the file: there is no surface to show",
+        ]
+    );
+}
+
+#[test]
+fn the_model_scale_is_undone() {
+    let text = file_with("1H,,1H;,,,,,,,,,,,0.5,6;", &[square(3.0)]);
+    let import = try_read(text.as_bytes()).unwrap();
+    assert_eq!(corners(&import.scene), [DVec3::X * 6.0]);
+    assert_eq!(import.scene.unit.unwrap().name, "m");
+    assert_eq!(import.warnings.as_slice().len(), 1);
+}
+
+#[test]
+fn other_delimiters_are_obeyed() {
+    let mut surface = square(3.0);
+    surface.parameters = surface.parameters.replace(',', "|");
+    let text = file_with("1H||1H/|||||||||||1.|2|2HMM/", &[surface]);
+    let text = text.replace("128,1|", "128|1|").replace(';', "/");
+    let import = try_read(text.as_bytes()).unwrap();
+    assert_eq!(corners(&import.scene), [DVec3::X * 3.0]);
+    assert_eq!(import.warnings.as_slice(), []);
+}
+
+#[test]
+fn wrong_parameter_pointers_are_mended_by_owner() {
+    let text = file(&[square(1.0), square(2.0)]);
+    let lines: Vec<_> = text.lines().collect();
+    let wrong = format!("     128{:>8}", 4000) + &lines[4][16..];
+    let text = text.replace(lines[4], &wrong);
+    let import = try_read(text.as_bytes()).unwrap();
+    assert_eq!(corners(&import.scene), [DVec3::X, DVec3::X * 2.0]);
+}
+
+#[test]
+fn records_without_end_do_not_run_on() {
+    let text = file(&[square(1.0), square(2.0)]).replacen(';', " ", 3);
+    let import = try_read(text.replacen("1H, 1H ", "1H,,1H;", 1).as_bytes()).unwrap();
+    let size = |bounds: Aabb| bounds.size();
+    let sizes = import
+        .scene
+        .patches()
+        .iter()
+        .map(|p| size(p.surface.hull_bounds()));
+    assert_eq!(sizes.collect::<Vec<_>>(), [DVec3::new(1.0, 1.0, 0.0); 2]);
+}
+
+#[test]
+fn files_without_surfaces_that_work_are_errors() {
+    let error = |text: &str| try_read(text.as_bytes()).unwrap_err().to_string();
+    assert_eq!(
+        error(&file(&[made(
+            128,
+            "1000000000,1000000000,3,3,0,0,1,0,0,0."
+        )])),
+        "IGES line 3, surface D1 (type 128): 4000000010000000014 knots, weights and \
+         coordinates are announced; the record is too short for them"
+    );
+    assert_eq!(
+        error("version 1\noid 7\n"),
+        "IGES the file: no directory section; IGES files have section letters in column 73"
+    );
+    assert_eq!(
+        error(&format!("{:72}C{:>7}\n", "", 1)),
+        "IGES line 1: the compressed form of IGES is not read; save the file in fixed form"
+    );
+    assert!(matches!(
+        try_read(b"B\0\0\0\x48").unwrap_err().problem,
+        Problem::Unsupported(_)
+    ));
+    assert!(try_read(b"").is_err());
+}
+
+#[test]
+fn shared_records_and_limits_are_bounded() {
+    // Many entities with one record: each is read, until it is too much.
+    let one = file(&[square(1.0)]);
+    let lines: Vec<_> = one.lines().collect();
+    let mut text = format!("{}\n{}\n", lines[0], lines[1]);
+    for k in 0..100_000 {
+        for line in 0..2 {
+            text += &format!("{}D{:>7}\n", &lines[2 + line][..72], 2 * k + line + 1);
+        }
+    }
+    let comment = format!("{:<64}{:>8}P", "comment", 1);
+    for line in &lines[4..lines.len() - 1] {
+        text += &format!("{line}\n");
+    }
+    for k in 0..1000 {
+        text += &format!("{comment}{:>7}\n", k + 10);
+    }
+    let error = try_read(text.as_bytes()).unwrap_err();
+    assert!(matches!(error.problem, Problem::TooLarge(_)), "{error}");
+
+    let limits = Limits {
+        points: 3,
+        ..Limits::default()
+    };
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &NoFiles,
+    };
+    let error = super::read(file(&[square(1.0)]).as_bytes(), &options).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "IGES line 3, surface D1 (type 128): 4 control points; the limit leaves 3"
+    );
+}
+
+/// The warnings about a broken sample, of which `count` surfaces are shown; or its error.
+fn broken(name: &str, count: usize) -> Vec<String> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../samples/broken/");
+    let bytes = std::fs::read(format!("{folder}iges_{name}.igs")).unwrap();
+    match try_read(&bytes) {
+        Ok(import) => {
+            assert_eq!(import.scene.placements().len(), count, "{name}");
+            let warnings = import.warnings.as_slice().iter();
+            warnings.map(ToString::to_string).collect()
+        }
+        Err(error) => vec![error.to_string()],
+    }
+}
+
+#[test]
+fn broken_samples_are_told() {
+    assert_eq!(
+        broken("knots_decreasing", 1),
+        [
+            "line 7, surface D1 (type 128): u knots decrease by 1.0000000050247593e-8; they are \
+             levelled",
+            "line 9, surface D3 (type 128): knot 4 is 0.2 after 1; knots must not decrease",
+        ]
+    );
+    assert_eq!(
+        broken("weight_negative", 1),
+        [
+            "line 7, surface D1 (type 128): weight 1 is -0.3; weights must be positive, all are \
+         set to 1"
+        ]
+    );
+    assert_eq!(
+        broken("cyclic_subfigure", 1),
+        ["line 9, subfigure definition D3 (type 308): it contains itself"]
+    );
+    assert_eq!(
+        broken("truncated", 1),
+        [
+            "line 14: a line without a section letter is skipped",
+            "the file: the terminating line is missing; the file may be cut short",
+            "line 8, surface D3 (type 128): the record ends before parameter 43; a number is \
+             needed",
+        ]
+    );
+    assert_eq!(
+        broken("pointer_out_of_range", 1),
+        [
+            "line 7, trimmed surface D1 (type 144): the pointer to the surface is 9999999; the \
+             directory has 2 entries",
+            "line 9, surface D3 (type 128): the pointer to a colour is 777; the directory has \
+             2 entries",
+        ]
+    );
+    assert_eq!(
+        broken("billion_counts", 0),
+        [
+            "IGES line 7, surface D1 (type 128): 4000000002000000008 knots, weights and \
+         coordinates are announced; the record is too short for them"
+        ]
+    );
+}

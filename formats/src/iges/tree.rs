@@ -1,0 +1,452 @@
+//! The scene: faces, groups and subfigures as a tree, with names, colours and places.
+//!
+//! Each entity is built once and shared by all that refer to it. What an entity may refer to
+//! is collected first, because only entities to which nothing refers stand for themselves.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DVec3};
+use kernel::{Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, Surface, UpAxis};
+
+use super::curves::{self, Boundary};
+use super::directory::{Entry, File, WHOLE};
+use super::entities::{self, Content, Entity};
+use super::leftovers::{self, is_geometry};
+use super::surface;
+use super::transform::Transforms;
+use super::types::{self, Class};
+use crate::{Error, Import, Limits, Place, Problem, Warnings};
+
+/// Makes the scene of a file.
+pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Result<Import, Error> {
+    let Links { owners, is_base } = links(file);
+    let mut tree = Tree::new(file, limits, warnings, is_base);
+    let mut children = Vec::new();
+    for (index, entry) in file.entries.iter().enumerate() {
+        if !is_shown(entry) || owners[index].is_some() || entry.blanked {
+            continue;
+        }
+        let child = tree.child(index, 0, 0);
+        if child.is_some() && entry.dependent {
+            let text = "marked as part of another entity, but none names it; it is shown";
+            tree.problem(index, Problem::Invalid(text.to_owned()));
+        }
+        children.extend(child);
+    }
+    for index in cycles(&owners) {
+        let entry = &file.entries[index];
+        if types::is_group(entry.kind, entry.form) && !entry.blanked && !tree.tried[index] {
+            children.extend(tree.child(index, 0, 0));
+        }
+    }
+    if let Some(error) = tree.fatal {
+        return Err(error);
+    }
+    leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
+    if tree.scene.patches().is_empty()
+        && let Some(failure) = tree.failure
+    {
+        return Err(failure);
+    }
+    let Tree {
+        mut scene,
+        mut warnings,
+        ..
+    } = tree;
+    if scene.patches().is_empty() {
+        let text = "there is no surface to show";
+        warnings.unsupported(Place::default(), text);
+    }
+    scene.unit.clone_from(&file.global.unit);
+    scene.up = UpAxis::Z;
+    let scale = file.global.scale;
+    let mut root = Node {
+        children,
+        ..Node::default()
+    };
+    if scale.to_bits() != 1.0_f64.to_bits() {
+        let text = format!("the model is drawn at the scale {scale} and shown at its real size");
+        warnings.invalid(Place::item(0, "the global section"), text);
+        root.parent_from_node = DAffine3::from_scale(DVec3::splat(scale.recip()));
+    }
+    let added = Some(root)
+        .filter(|root| !root.children.is_empty())
+        .map(|root| scene.add_node(root).and_then(|root| scene.set_root(root)));
+    if let Some(Err(problem)) = added {
+        return Err(super::error(Place::default(), Problem::Geometry(problem)));
+    }
+    Ok(Import { scene, warnings })
+}
+
+/// Who refers to whom.
+struct Links {
+    /// For each entity one that refers to it as its own.
+    owners: Vec<Option<usize>>,
+    /// Whether it is the surface of a face.
+    is_base: Vec<bool>,
+}
+
+/// Collects all references.
+fn links(file: &File<'_>) -> Links {
+    let count = file.entries.len();
+    let mut links = Links {
+        owners: vec![None; count],
+        is_base: vec![false; count],
+    };
+    for (index, entry) in file.entries.iter().enumerate() {
+        for pointer in entities::references(file, index) {
+            if let Some(owned) = file.find(pointer) {
+                links.owners[owned] = Some(index);
+                links.is_base[owned] |= matches!(entry.kind, 143 | 144 | 510);
+            }
+        }
+    }
+    links
+}
+
+/// One entity of each cycle of owners.
+fn cycles(owners: &[Option<usize>]) -> Vec<usize> {
+    let mut walks = vec![usize::MAX; owners.len()];
+    let mut found = Vec::new();
+    for start in 0..owners.len() {
+        let mut at = Some(start);
+        while let Some(index) = at
+            && walks[index] == usize::MAX
+        {
+            walks[index] = start;
+            at = owners[index];
+        }
+        found.extend(at.filter(|&index| walks[index] == start));
+    }
+    found
+}
+
+/// A scene that is being made.
+struct Tree<'a, 'b> {
+    file: &'a File<'b>,
+    limits: &'a Limits,
+    scene: Scene,
+    warnings: Warnings,
+    transforms: Transforms,
+    materials: HashMap<i64, Option<MaterialId>>,
+    /// Patches by surface or face.
+    patches: HashMap<usize, Vec<PatchId>>,
+    /// What entities became, by the colour they inherit.
+    known: HashMap<(usize, i64), Option<Child>>,
+    /// Entities that are being built.
+    busy: Vec<bool>,
+    /// Entities of which all that is wrong has been told.
+    tried: Vec<bool>,
+    /// Entities that are members of a group that is built, or surfaces of faces.
+    grouped: Vec<bool>,
+    points_left: usize,
+    /// How many more children may be stored twice for the sake of an inherited colour.
+    copies_left: usize,
+    /// The first surface that could not be read.
+    failure: Option<Error>,
+    /// A limit that was passed.
+    fatal: Option<Error>,
+}
+
+impl<'a, 'b> Tree<'a, 'b> {
+    fn new(file: &'a File<'b>, limits: &'a Limits, warnings: Warnings, is_base: Vec<bool>) -> Self {
+        let count = file.entries.len();
+        Self {
+            file,
+            limits,
+            scene: Scene::default(),
+            warnings,
+            transforms: Transforms::default(),
+            materials: HashMap::new(),
+            patches: HashMap::new(),
+            known: HashMap::new(),
+            busy: vec![false; count],
+            tried: vec![false; count],
+            grouped: is_base,
+            points_left: limits.points,
+            copies_left: count.saturating_mul(8),
+            failure: None,
+            fatal: None,
+        }
+    }
+
+    /// What an entity becomes below a node; `inherited` is the colour of its parents.
+    fn child(&mut self, index: usize, inherited: i64, depth: usize) -> Option<Child> {
+        let entry = &self.file.entries[index];
+        let inherited = if entry.color == 0 { inherited } else { 0 };
+        if let Some(known) = self.known.get(&(index, inherited)) {
+            return *known;
+        }
+        if self.fatal.is_some() {
+            return None;
+        }
+        self.tried[index] = true;
+        if self.busy[index] {
+            self.problem(index, Problem::Invalid("it contains itself".to_owned()));
+            return None;
+        }
+        if depth > self.limits.nesting {
+            let text = format!("nested more than {} deep", self.limits.nesting);
+            self.problem(index, Problem::TooLarge(text));
+            return None;
+        }
+        self.busy[index] = true;
+        let child = self
+            .build(index, inherited, depth)
+            .unwrap_or_else(|problem| {
+                self.fail(index, problem);
+                None
+            });
+        self.busy[index] = false;
+        self.known.insert((index, inherited), child);
+        child
+    }
+
+    fn build(
+        &mut self,
+        index: usize,
+        inherited: i64,
+        depth: usize,
+    ) -> Result<Option<Child>, Problem> {
+        let file = self.file;
+        let entry = &file.entries[index];
+        let Some(entity) = entities::read(file, index)? else {
+            return Ok(None);
+        };
+        let mut place = self.transforms.follow(file, entry.transform)?;
+        let color = if entry.color == 0 {
+            inherited
+        } else {
+            entry.color
+        };
+        let name = match entity.name.as_str() {
+            "" => entry.label.clone(),
+            name => name.to_owned(),
+        };
+        let mut node = Node {
+            name,
+            ..Node::default()
+        };
+        match &entity.content {
+            Content::Surface => {
+                let patches = self.patches(index, index, &entity, &Boundary::Natural)?;
+                node.children = self.items(index, &patches, inherited);
+            }
+            Content::Face { surface, boundary } => {
+                let Some(base) = self.base(index, *surface)? else {
+                    return Ok(None);
+                };
+                let transform = file.entries[base].transform;
+                place *= self.transforms.follow(file, transform)?;
+                let patches = self.patches(index, base, &entity, boundary)?;
+                node.children = self.items(index, &patches, inherited);
+            }
+            Content::Members(members) => {
+                for &member in members {
+                    node.children
+                        .extend(self.member(index, member, color, depth));
+                }
+            }
+            Content::Instance {
+                definition,
+                translation,
+                scale,
+            } => {
+                place *= DAffine3::from_translation(*translation)
+                    * DAffine3::from_scale(DVec3::splat(*scale));
+                node.children
+                    .extend(self.member(index, *definition, color, depth));
+            }
+        }
+        let is_leaf = matches!(entity.content, Content::Surface | Content::Face { .. });
+        match node.children.as_slice() {
+            [] => return Ok(None),
+            [one] if is_leaf && place == DAffine3::IDENTITY => return Ok(Some(*one)),
+            _ => {}
+        }
+        node.parent_from_node = place;
+        let node = self.scene.add_node(node).map_err(Problem::Geometry)?;
+        Ok(Some(Child::Node(node)))
+    }
+
+    /// A member of a group, definition or shell.
+    fn member(&mut self, parent: usize, pointer: i64, color: i64, depth: usize) -> Option<Child> {
+        let index = match self.file.follow(pointer, "a member") {
+            Ok(index) => index,
+            Err(problem) => {
+                self.problem(parent, problem);
+                return None;
+            }
+        };
+        let (entry, parent) = (&self.file.entries[index], &self.file.entries[parent]);
+        let is_definition = entry.kind == 308 && parent.kind == 408;
+        if !is_definition && (entry.blanked || types::class(entry.kind) != Class::Shown) {
+            return None;
+        }
+        // A member of several groups is shown once.
+        if parent.kind == 402 && std::mem::replace(&mut self.grouped[index], true) {
+            return None;
+        }
+        let mut inherited = if parent.kind == 402 { 0 } else { color };
+        if inherited != 0 {
+            match self.copies_left.checked_sub(1) {
+                Some(left) => self.copies_left = left,
+                None => inherited = 0,
+            }
+        }
+        self.child(index, inherited, depth + 1)
+    }
+
+    /// The surface below a face, if we read its type.
+    fn base(&mut self, face: usize, pointer: i64) -> Result<Option<usize>, Problem> {
+        let base = self.file.follow(pointer, "the surface")?;
+        let kind = self.file.entries[base].kind;
+        if kind == 128 {
+            self.tried[base] = true;
+            return Ok(Some(base));
+        }
+        let text = format!(
+            "faces on a {} (type {kind}) are not read yet; this one is not shown",
+            types::noun(kind)
+        );
+        self.problem(face, Problem::Unsupported(text));
+        Ok(None)
+    }
+
+    /// The patches of a surface or face; `base` is the entity with the control points.
+    fn patches(
+        &mut self,
+        index: usize,
+        base: usize,
+        entity: &Entity,
+        boundary: &Boundary,
+    ) -> Result<Vec<PatchId>, Problem> {
+        if let Some(patches) = self.patches.get(&index) {
+            return Ok(patches.clone());
+        }
+        let file = self.file;
+        let mut buffer = Vec::new();
+        let mut parameters = file.parameters(base, WHOLE, &mut buffer)?;
+        let mut repairs = Vec::new();
+        let surfaces = surface::read(&mut parameters, self.points_left, &mut repairs)?;
+        let base_name = entities::trailing_name(file, &mut parameters);
+        drop(buffer);
+        for repair in repairs {
+            self.problem(base, repair);
+        }
+        let labels = [index, base].map(|index| &file.entries[index].label);
+        let name = [&entity.name, &base_name]
+            .into_iter()
+            .chain(labels)
+            .find(|name| !name.is_empty())
+            .cloned()
+            .unwrap_or_default();
+        let color = match file.entries[index].color {
+            0 => file.entries[base].color,
+            color => color,
+        };
+        let material = self.material(index, color);
+        let mut patches = Vec::new();
+        for surface in surfaces {
+            self.points_left = self.points_left.saturating_sub(surface.homogeneous().len());
+            let loops = self.loops(index, boundary, &surface);
+            let patch = Patch {
+                name: name.clone(),
+                source: file.source(index),
+                loops,
+                material,
+                ..Patch::from(surface)
+            };
+            patches.push(self.scene.add_patch(patch).map_err(Problem::Geometry)?);
+        }
+        self.patches.insert(index, patches.clone());
+        Ok(patches)
+    }
+
+    /// The trim loops of a face, with a warning that they do not show yet.
+    fn loops(
+        &mut self,
+        face: usize,
+        boundary: &Boundary,
+        surface: &Surface,
+    ) -> Vec<kernel::TrimLoop> {
+        if *boundary == Boundary::Natural {
+            return Vec::new();
+        }
+        let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
+        let mut repairs = Vec::new();
+        let loops = curves::loops(
+            self.file,
+            &mut self.transforms,
+            boundary,
+            domain,
+            &mut repairs,
+        );
+        let why = match &loops {
+            Ok(_) => "its trim loops are read, but the renderer does not use them yet".to_owned(),
+            // Without the numbers, so that such warnings are counted as one.
+            Err(Problem::Geometry(kernel::Error::LoopGap { .. })) => {
+                "a trim loop does not close".to_owned()
+            }
+            Err(problem) => problem.to_string(),
+        };
+        let noun = types::noun(self.file.entries[face].kind);
+        let text = format!("{noun} is shown untrimmed: {why}");
+        self.problem(face, Problem::Unsupported(text));
+        for repair in repairs {
+            self.problem(face, repair);
+        }
+        loops.unwrap_or_default()
+    }
+
+    /// Items that show patches; the inherited colour counts where a patch has none.
+    fn items(&mut self, index: usize, patches: &[PatchId], inherited: i64) -> Vec<Child> {
+        let inherited = self.material(index, inherited);
+        let item = |&id: &PatchId| {
+            let own = self.scene.patch(id).material;
+            Child::Item(Item {
+                shape: Shape::Patch(id),
+                material: inherited.filter(|_| own.is_none()),
+            })
+        };
+        patches.iter().map(item).collect()
+    }
+
+    /// The material of a colour number or a pointer to a colour; zero is no colour. `index`
+    /// is the entity that has it.
+    fn material(&mut self, index: usize, color: i64) -> Option<MaterialId> {
+        if let Some(known) = self.materials.get(&color) {
+            return *known;
+        }
+        let material = match entities::material(self.file, color) {
+            Ok(material) => material.map(|material| self.scene.add_material(material)),
+            Err(problem) => {
+                self.problem(index, problem);
+                None
+            }
+        };
+        self.materials.insert(color, material);
+        material
+    }
+
+    fn problem(&mut self, index: usize, problem: Problem) {
+        self.warnings.add(self.file.place(index), problem);
+    }
+
+    /// Notes that an entity cannot be shown.
+    fn fail(&mut self, index: usize, problem: Problem) {
+        let error = super::error(self.file.place(index), problem.clone());
+        if let Problem::TooLarge(_) = problem {
+            self.fatal.get_or_insert(error);
+            return;
+        }
+        self.failure.get_or_insert(error);
+        self.problem(index, problem);
+    }
+}
+
+/// Whether an entity can be shown for its own sake.
+fn is_shown(entry: &Entry) -> bool {
+    let is_group = entry.kind != 402 || types::is_group(entry.kind, entry.form);
+    types::class(entry.kind) == Class::Shown && is_geometry(entry) && is_group
+}

@@ -1,0 +1,138 @@
+//! The names of the entity types, and what becomes of those that are not read.
+
+/// What an entity type is to a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Class {
+    /// Used where other entities point to it.
+    Helper,
+    /// Read and shown.
+    Shown,
+    /// Has no area.
+    Curve,
+    /// Has an area, and is not read yet.
+    Missing,
+    /// Annotation, properties, views.
+    Annotation,
+}
+
+use Class::{Annotation, Curve, Helper, Missing, Shown};
+
+/// Type number, name, class; in the order of the numbers.
+const TYPES: &[(i64, &str, Class)] = &[
+    (0, "null entity", Helper),
+    (100, "circular arc", Curve),
+    (102, "composite curve", Curve),
+    (104, "conic arc", Curve),
+    (106, "copious data", Curve),
+    (108, "plane", Missing),
+    (110, "line", Curve),
+    (112, "parametric spline curve", Curve),
+    (114, "parametric spline surface", Missing),
+    (116, "point", Curve),
+    (118, "ruled surface", Missing),
+    (120, "surface of revolution", Missing),
+    (122, "tabulated cylinder", Missing),
+    (123, "direction", Helper),
+    (124, "transformation", Helper),
+    (125, "flash", Missing),
+    (126, "curve", Curve),
+    (128, "surface", Shown),
+    (130, "offset curve", Curve),
+    (132, "connect point", Annotation),
+    (134, "finite element node", Annotation),
+    (136, "finite element", Missing),
+    (138, "nodal displacement", Annotation),
+    (140, "offset surface", Missing),
+    (141, "boundary", Helper),
+    (142, "curve on a surface", Helper),
+    (143, "bounded surface", Shown),
+    (144, "trimmed surface", Shown),
+    (146, "nodal results", Annotation),
+    (148, "element results", Annotation),
+    (150, "block", Missing),
+    (152, "wedge", Missing),
+    (154, "cylinder", Missing),
+    (156, "cone frustum", Missing),
+    (158, "sphere", Missing),
+    (160, "torus", Missing),
+    (162, "solid of revolution", Missing),
+    (164, "solid of extrusion", Missing),
+    (168, "ellipsoid", Missing),
+    (180, "boolean tree", Missing),
+    (182, "selected component", Missing),
+    (184, "solid assembly", Missing),
+    (186, "solid", Shown),
+    (190, "plane surface", Missing),
+    (192, "cylindrical surface", Missing),
+    (194, "conical surface", Missing),
+    (196, "spherical surface", Missing),
+    (198, "toroidal surface", Missing),
+    (202, "angular dimension", Annotation),
+    (206, "diameter dimension", Annotation),
+    (210, "general label", Annotation),
+    (212, "note", Annotation),
+    (214, "leader", Annotation),
+    (216, "linear dimension", Annotation),
+    (218, "ordinate dimension", Annotation),
+    (220, "point dimension", Annotation),
+    (222, "radius dimension", Annotation),
+    (228, "symbol", Annotation),
+    (230, "sectioned area", Annotation),
+    (304, "line font", Annotation),
+    (308, "subfigure definition", Helper),
+    (314, "colour", Helper),
+    (402, "group", Shown),
+    (404, "drawing", Annotation),
+    (406, "property", Annotation),
+    (408, "subfigure instance", Shown),
+    (410, "view", Annotation),
+    (412, "rectangular array", Missing),
+    (414, "circular array", Missing),
+    (416, "external reference", Missing),
+    (420, "network subfigure instance", Missing),
+    (430, "solid instance", Missing),
+    (502, "vertex list", Helper),
+    (504, "edge list", Helper),
+    (508, "loop", Helper),
+    (510, "face", Shown),
+    (514, "shell", Shown),
+];
+
+/// The row of a type number.
+fn row(kind: i64) -> Option<&'static (i64, &'static str, Class)> {
+    let index = TYPES.binary_search_by_key(&kind, |row| row.0).ok()?;
+    TYPES.get(index)
+}
+
+/// The name of a type.
+pub(super) fn noun(kind: i64) -> &'static str {
+    row(kind).map_or("entity", |row| row.1)
+}
+
+/// What a type is to a picture. Numbers without a row are annotation where the standard has
+/// only annotation; of others nothing is known.
+pub(super) fn class(kind: i64) -> Class {
+    match (row(kind), kind) {
+        (Some(row), _) => row.2,
+        (None, 200..=499) => Annotation,
+        (None, _) => Missing,
+    }
+}
+
+/// Whether this form of a group is a plain list of members.
+pub(super) fn is_group(kind: i64, form: i64) -> bool {
+    kind == 402 && matches!(form, 1 | 7 | 14 | 15)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn types_are_in_order() {
+        assert!(TYPES.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        assert_eq!(noun(128), "surface");
+        assert_eq!((noun(9999), class(9999)), ("entity", Missing));
+        assert_eq!(class(212), Annotation);
+    }
+}
