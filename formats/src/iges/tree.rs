@@ -75,7 +75,11 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     if let Some(Err(problem)) = added {
         return Err(super::error(Place::default(), Problem::Geometry(problem)));
     }
-    Ok(Import { scene, warnings })
+    Ok(Import {
+        scene,
+        warnings,
+        ..Import::default()
+    })
 }
 
 /// Who refers to whom.
