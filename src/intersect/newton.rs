@@ -14,9 +14,9 @@ use super::{Intersector, Root, Scratch, Target};
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Newton;
 
-/// Deviation from the identity below which a cell holds at most one root. One is enough for
-/// the proof; one half bounds the number of iterations.
-pub(super) const UNIQUE: f64 = 0.5;
+/// Deviation from the identity below which a cell is left to the iteration. One is enough for
+/// the proof that there is at most one root; less bounds the number of steps.
+pub(super) const UNIQUE: f64 = 0.85;
 
 /// A Jacobian with a relative determinant below this is not inverted.
 const SINGULAR: f64 = 1e-12;
@@ -38,10 +38,28 @@ impl Intersector for Newton {
         scratch.roots.clear();
         if target.stray < UNIQUE {
             scratch.cells += 1;
-            scratch.roots.extend(only_root(target));
+            match only_root(target) {
+                Decision::Root(root) => scratch.roots.push(root),
+                Decision::None => {}
+                Decision::Open => subdivide(scratch, target),
+            }
         } else {
             subdivide(scratch, target);
         }
+    }
+}
+
+/// What clamped iteration says of a cell with at most one root.
+enum Decision {
+    None,
+    Root(Root),
+    /// It was too slow to tell.
+    Open,
+}
+
+impl From<Option<Root>> for Decision {
+    fn from(root: Option<Root>) -> Self {
+        root.map_or(Self::None, Self::Root)
     }
 }
 
@@ -52,7 +70,7 @@ impl Intersector for Newton {
 /// `q / (1 - q) |G(x)|` of `x - G(x)`. So a cell without a root is often left after the first
 /// step. Newton's step is taken while it halves the residual, else `x - G(x)`.
 #[inline(always)]
-fn only_root(target: &Target<'_>) -> Option<Root> {
+fn only_root(target: &Target<'_>) -> Decision {
     let Target {
         piece,
         line,
@@ -83,7 +101,7 @@ fn only_root(target: &Target<'_>) -> Option<Root> {
         let target_1 = x - f1;
         let target_2 = y - f2;
         if target_1.abs().max(target_2.abs()) > WIDENED + reach * residual + slack {
-            return None;
+            return Decision::None;
         }
         if residual > 0.5 * before && !certain {
             // Newton did not help: go on from where it started with the sure step.
@@ -97,7 +115,7 @@ fn only_root(target: &Target<'_>) -> Option<Root> {
                 middle_u + half_u * (x - f1),
                 middle_v + half_v * (y - f2),
                 margin,
-            );
+            ).into();
         }
         (before, chord, certain) = (residual, (clamp(target_1), clamp(target_2)), false);
         let du = (hu.truncate() - point * hu.w) * (weight * half_u);
@@ -107,14 +125,18 @@ fn only_root(target: &Target<'_>) -> Option<Root> {
             (clamp(x - (a * f1 + b * f2)), clamp(y - (c * f1 + d * f2)))
         });
         if (next.0 - x).abs().max((next.1 - y).abs()) < 1e-15 {
-            break;
+            // Settled on the border, or as near to a root as rounding lets it come.
+            let settled = residual <= 4.0 * slack + 1e-12;
+            let margin = 1e-12 + 4.0 * slack * half_u.max(half_v);
+            let place = (middle_u + half_u * x, middle_v + half_v * y);
+            return settled
+                .then(|| within(place.0, place.1, margin))
+                .flatten()
+                .into();
         }
         (x, y) = next;
     }
-    let margin = 1e-12 + 4.0 * slack * half_u.max(half_v);
-    (before <= 4.0 * slack + 1e-12)
-        .then(|| within(middle_u + half_u * x, middle_v + half_v * y, margin))
-        .flatten()
+    Decision::Open
 }
 
 /// A proven root, unless it lies outside the piece by more than its error.

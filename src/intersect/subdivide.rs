@@ -3,7 +3,7 @@
 //! The distances of a piece from two planes through the ray form a planar net. A part is
 //! dropped when the hull of its net, or of the net preconditioned with the inverse of the
 //! Jacobian in its middle, does not contain zero. When the derivatives of the preconditioned
-//! net stray from the identity by less than one half there is at most one root, and clamped
+//! net stray from the identity by less than one there is at most one root, and clamped
 //! iteration finds it or proves that there is none. Otherwise the part is split.
 
 use glam::DVec3;
@@ -204,7 +204,7 @@ fn examine(
 /// Clamped iteration on a cell that holds at most one root.
 ///
 /// Newton's step is taken while it halves the residual; the chord step `x - G(x)` contracts
-/// by one half in any case. A border point where the residual stays is no root, and then
+/// by the deviation in any case. A border point where the residual stays is no root, and then
 /// there is none: it would have attracted the iteration.
 fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
     let at = |x: f64, y: f64| {
@@ -239,16 +239,16 @@ fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
         (x, y) = (nx, ny);
         (f1, f2) = next.unwrap_or_else(|| at(x, y));
         if moved < 1e-15 {
-            break;
+            // Settled: a root within the widened cell leaves no more than rounding errors.
+            let settled = f1[0].abs().max(f2[0].abs()) <= 4.0 * slack + 1e-12;
+            return if settled {
+                Verdict::One(x, y)
+            } else {
+                Verdict::Empty
+            };
         }
     }
-    // Settled: a root within the widened cell leaves no more than rounding errors.
-    let settled = f1[0].abs().max(f2[0].abs()) <= 4.0 * slack + 1e-12;
-    if settled {
-        Verdict::One(x, y)
-    } else {
-        Verdict::Empty
-    }
+    Verdict::Split
 }
 
 /// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
