@@ -67,7 +67,7 @@ impl Pieces {
     pub(crate) fn add(&mut self, piece: &BezierSurface, item: u32, boxes: &mut Vec<Aabb>) {
         let hull = piece.hull_bounds();
         let (center, radius) = (hull.center(), hull.diagonal() * 0.5);
-        if !(radius > 0.0) {
+        if radius <= 0.0 || radius.is_nan() {
             return;
         }
         let degrees = Degrees {

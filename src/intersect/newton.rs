@@ -345,7 +345,7 @@ fn unresolved_roots(roots: &mut Vec<Root>, rect: Rect) {
             u,
             v,
             tangential: true,
-        })
+        });
     };
     let small = 1e-6;
     let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < small, rect.v.1 - rect.v.0 < small);
