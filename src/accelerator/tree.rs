@@ -318,7 +318,7 @@ impl Builder<'_> {
         let all = Aabb::around(order.iter().map(|&k| centers[k as usize]));
         let axis = all.size().max_position();
         let (low, width) = (all.min[axis], all.size()[axis]);
-        if !(width > 0.0) {
+        if width <= 0.0 || width.is_nan() {
             return part.start + part.len() / 2;
         }
         let bin_of = |k: u32| {

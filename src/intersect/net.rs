@@ -191,11 +191,11 @@ pub(crate) fn split_u<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: 
 pub(crate) fn split_v<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: Degrees, t: f64) {
     let row = degrees.q + 1;
     for (left, right) in left.chunks_exact_mut(row).zip(right.chunks_exact_mut(row)) {
-        for level in 1..=degrees.q {
+        for (level, coefficient) in left.iter_mut().enumerate().skip(1) {
             for k in 0..=degrees.q - level {
                 right[k] = right[k].towards(right[k + 1], t);
             }
-            left[level] = right[0];
+            *coefficient = right[0];
         }
     }
 }
