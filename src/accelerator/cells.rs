@@ -1,7 +1,7 @@
 //! Bézier pieces in their own units, and the cells they are divided into.
 
 use glam::{DVec3, DVec4};
-use kernel::{Aabb, BezierSurface};
+use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
 use crate::intersect::net::Degrees;
 use crate::intersect::{PieceNet, Rect};
@@ -11,6 +11,9 @@ const MAX_LEVEL: u8 = 3;
 
 /// How far the derivatives of a cell may stray from those in its middle, relative to these.
 const FLAT: f64 = 0.6;
+
+/// Further halvings of cells through which a trim loop passes: two along each direction.
+const TRIM_HALVINGS: u8 = 4;
 
 /// A Bézier piece: the place of its nets, and where it belongs.
 #[derive(Clone, Debug)]
@@ -35,6 +38,8 @@ pub(crate) struct Cell {
     pub(crate) piece: u32,
     place: [u8; 2],
     level: [u8; 2],
+    /// Whether a trim loop passes through it, so that points have to be tested.
+    pub(crate) is_trimmed: bool,
 }
 
 impl Cell {
@@ -64,7 +69,14 @@ impl Pieces {
     /// Adds a piece of item number `item`, and the boxes of its cells to `boxes`.
     ///
     /// A piece that is no more than a point has nothing to hit and is left out.
-    pub(crate) fn add(&mut self, piece: &BezierSurface, item: u32, boxes: &mut Vec<Aabb>) {
+    /// Cells outside of `trims` are left out.
+    pub(crate) fn add(
+        &mut self,
+        piece: &BezierSurface,
+        item: u32,
+        trims: Option<&TrimRegion>,
+        boxes: &mut Vec<Aabb>,
+    ) {
         let hull = piece.hull_bounds();
         let (center, radius) = (hull.center(), hull.diagonal() * 0.5);
         if !(radius > 0.0) {
@@ -103,23 +115,46 @@ impl Pieces {
             piece: number,
             place: [0, 0],
             level: [0, 0],
+            is_trimmed: false,
         };
-        self.divide(piece, cell, boxes);
+        self.divide(piece, cell, trims.map(|t| (t, TRIM_HALVINGS)), boxes);
     }
 
-    /// Divides a cell until it is nearly flat and evenly parametrised.
-    fn divide(&mut self, part: &BezierSurface, cell: Cell, boxes: &mut Vec<Aabb>) {
+    /// Divides a cell until it is nearly flat and evenly parametrised, and further, by the
+    /// number beside `trims`, where a loop passes.
+    fn divide(
+        &mut self,
+        part: &BezierSurface,
+        mut cell: Cell,
+        trims: Option<(&TrimRegion, u8)>,
+        boxes: &mut Vec<Aabb>,
+    ) {
+        let classify = |(region, _): (&TrimRegion, _)| region.classify(part.u(), part.v());
+        let cover = trims.map_or(Cover::Inside, classify);
+        let mut trims = trims.filter(|_| cover == Cover::Mixed);
+        cell.is_trimmed = trims.is_some();
+        if cover == Cover::Outside {
+            return;
+        }
         let stray = stray(part);
         let axis = usize::from(stray[1] > stray[0]);
-        let axis = if cell.level[axis] < MAX_LEVEL {
+        let mut axis = if cell.level[axis] < MAX_LEVEL {
             axis
         } else {
             1 - axis
         };
         if stray[axis] <= FLAT || cell.level[axis] >= MAX_LEVEL {
-            boxes.push(part.hull_bounds());
-            self.cells.push(cell);
-            return;
+            match &mut trims {
+                Some((_, halvings @ 1..)) => {
+                    axis = usize::from(*halvings % 2 == 1);
+                    *halvings -= 1;
+                }
+                _ => {
+                    boxes.push(part.hull_bounds());
+                    self.cells.push(cell);
+                    return;
+                }
+            }
         }
         let halves = if axis == 0 {
             part.split_u(0.5)
@@ -130,7 +165,7 @@ impl Pieces {
             let mut child = cell;
             child.level[axis] += 1;
             child.place[axis] = 2 * cell.place[axis] + u8::from(k == 1);
-            self.divide(half, child, boxes);
+            self.divide(half, child, trims, boxes);
         }
     }
 

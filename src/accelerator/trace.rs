@@ -378,6 +378,16 @@ impl Accelerator<'_> {
     }
 }
 
+/// Whether a point of a piece belongs to its face.
+fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
+    let uv = DVec2::new(
+        piece.u.0 + piece.u.1 * local.x,
+        piece.v.0 + piece.v.1 * local.y,
+    );
+    let region = cluster.items[piece.item as usize].region;
+    region.is_none_or(|k| cluster.regions[k as usize].contains(uv))
+}
+
 /// Point and first derivatives by the patch's parameters, in the cluster.
 fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3; 3] {
     let net = cluster.pieces.net(piece);
@@ -447,6 +457,9 @@ impl ClusterRay {
         I::roots(scratch, &net, &line, &cell.rect());
         for k in 0..scratch.roots.len() {
             let root = scratch.roots[k];
+            if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
+                continue;
+            }
             let [point, ..] = evaluate_piece(cluster, piece, DVec2::new(root.u, root.v));
             let t = self.shift + (point - self.origin).dot(self.direction) * self.inverse_square;
             if range.contains(&t) {
