@@ -1,11 +1,10 @@
 //! Real IGES files, if they are there: all are read, and every surface of theirs is found.
 
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
-use kernel::{Aabb, Patch, Scene, Shape, TrimLoop};
+use kernel::{Aabb, Patch, Scene, Shape, TrimRegion};
 use nurbray_formats::{FORMATS, Limits, NoFiles, ReadOptions, read};
 
 /// Files that show fewer surfaces than their directory has, or none: how many, and why.
@@ -115,35 +114,15 @@ const AREAS: [(&str, f64); 5] = [
     ("pythonoccc_sunglasses_lens.igs", 1_885.703_861),
 ];
 
-/// Whether a point lies inside an odd number of loops.
-fn is_inside(loops: &[Vec<DVec2>], point: DVec2) -> bool {
-    let crosses = |a: DVec2, b: DVec2| {
-        let spans = (a.y > point.y) != (b.y > point.y);
-        spans && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x)
-    };
-    let edges = loops
-        .iter()
-        .flat_map(|l| (0..l.len()).map(|k| (l[k], l[(k + 1) % l.len()])));
-    loops.is_empty() || edges.filter(|&(a, b)| crosses(a, b)).count() % 2 == 1
-}
-
 /// The area of a trimmed patch, by sums over a grid.
 fn area(patch: &Patch) -> f64 {
     let surface = &patch.surface;
-    let polygon = |l: &TrimLoop| -> Vec<DVec2> {
-        let points = l.segments().iter().flat_map(|curve| {
-            let Range { start, end } = curve.domain();
-            let at = move |k| start + (end - start) * f64::from(k) / 24.0;
-            (0..24).map(move |k| curve.evaluate(at(k)))
-        });
-        points.collect()
-    };
-    let loops: Vec<_> = patch.loops.iter().map(polygon).collect();
+    let region = TrimRegion::of(patch);
     let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
     let size = DVec2::new(u.end - u.start, v.end - v.start);
     let cells = (0..60).flat_map(|i| (0..60).map(move |j| DVec2::new(f64::from(i), f64::from(j))));
     let points = cells.map(|cell| DVec2::new(u.start, v.start) + size * (cell + 0.5) / 60.0);
-    let parts = points.filter(|&uv| is_inside(&loops, uv)).map(|uv| {
+    let parts = points.filter(|&uv| region.contains(uv)).map(|uv| {
         let d = surface.derivatives(uv);
         d.du.cross(d.dv).length()
     });

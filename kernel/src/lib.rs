@@ -31,6 +31,7 @@ mod ray;
 mod scene;
 mod spline;
 mod surface;
+mod trim;
 
 pub use bezier::BezierSurface;
 pub use bounds::Aabb;
@@ -41,10 +42,11 @@ pub use knots::{KnotVector, MAX_DEGREE};
 pub use material::{Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb};
 pub use mesh::Mesh;
 pub use normal::regular as regular_normal;
-pub use patch::{Patch, TrimLoop};
+pub use patch::Patch;
 pub use ray::Ray;
 pub use scene::{
     Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Shape, Unit, UpAxis,
 };
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
+pub use trim::{Cover, TrimLoop, TrimRegion};

@@ -1,7 +1,7 @@
 //! From a scene to clusters and instances.
 
 use glam::DAffine3;
-use kernel::{Aabb, Child, NodeId, Scene};
+use kernel::{Aabb, Child, NodeId, Scene, Shape, TrimRegion};
 
 use super::block::Block;
 use super::cells::Pieces;
@@ -131,16 +131,18 @@ impl Plan {
         let mut pieces = Pieces::default();
         let mut triangles: Vec<Triangle> = Vec::new();
         let mut items: Vec<ClusterItem<'a>> = Vec::new();
+        let mut regions: Vec<TrimRegion> = Vec::new();
         let mut cells = Vec::new();
         self.walk(scene, root, |child, cluster_from_object, before| {
             let Child::Item(item) = child else { return };
             let number = u32::try_from(items.len()).expect("fewer items than fit");
             let shape = ItemShape::of(scene, item.shape);
+            let trims = trims(scene, item.shape);
             let offset = match shape {
                 ItemShape::Patch(surface) => {
                     let surface = surface.transformed(&cluster_from_object);
                     for piece in surface.bezier_pieces() {
-                        pieces.add(&piece, number, &mut cells);
+                        pieces.add(&piece, number, trims.as_ref(), &mut cells);
                     }
                     before.patches
                 }
@@ -157,11 +159,16 @@ impl Plan {
                 }
             };
             let material = scene.item_material(&item);
+            let region = trims.map(|trims| {
+                regions.push(trims);
+                u32::try_from(regions.len() - 1).expect("no more regions than items")
+            });
             items.push(ClusterItem {
                 shape,
                 offset,
                 material,
                 cluster_from_object,
+                region,
             });
         });
         let boxes: Vec<_> = cells.iter().map(|cell| cell.bounds).collect();
@@ -181,6 +188,7 @@ impl Plan {
             triangles,
             triangle_tree,
             items,
+            regions,
         }
     }
 
@@ -214,6 +222,16 @@ impl Plan {
         }
         self.counts[start.0.index()]
     }
+}
+
+/// What belongs to a face, unless that is all of its surface.
+fn trims(scene: &Scene, shape: Shape) -> Option<TrimRegion> {
+    let Shape::Patch(id) = shape else { return None };
+    let patch = scene.patch(id);
+    if patch.loops.is_empty() {
+        return None;
+    }
+    Some(TrimRegion::of(patch)).filter(|region| !region.is_whole())
 }
 
 impl Counts {

@@ -1,7 +1,9 @@
 //! Bézier pieces in their own units, and the cells they are divided into.
 
+use std::ops::Range;
+
 use glam::{DMat3, DVec3, DVec4};
-use kernel::{Aabb, BezierSurface};
+use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
@@ -16,6 +18,9 @@ const UNEVEN: f64 = 0.3;
 
 /// As [`UNEVEN`], across the surface: the tangent of the angle that the normals fill.
 const CURVED: f64 = 0.35;
+
+/// Further halvings of cells through which a trim loop passes: two along each direction.
+const TRIM_HALVINGS: u8 = 4;
 
 /// Below this sine two derivatives give no frame.
 const DEGENERATE: f64 = 1e-6;
@@ -43,6 +48,8 @@ pub(crate) struct Cell {
     pub(crate) piece: u32,
     place: [u8; 2],
     level: [u8; 2],
+    /// Whether a trim loop passes through it, so that points have to be tested.
+    pub(crate) is_trimmed: bool,
 }
 
 impl Cell {
@@ -99,8 +106,15 @@ pub(crate) struct NewCell {
 impl Pieces {
     /// Adds a piece of item number `item`, and its cells to `cells`.
     ///
-    /// A piece that is no more than a point has nothing to hit and is left out.
-    pub(crate) fn add(&mut self, piece: &BezierSurface, item: u32, cells: &mut Vec<NewCell>) {
+    /// A piece that is no more than a point has nothing to hit and is left out, and so are
+    /// cells outside of `trims`.
+    pub(crate) fn add(
+        &mut self,
+        piece: &BezierSurface,
+        item: u32,
+        trims: Option<&TrimRegion>,
+        cells: &mut Vec<NewCell>,
+    ) {
         let hull = piece.hull_bounds();
         let (center, radius) = (hull.center(), hull.diagonal() * 0.5);
         if radius <= 0.0 || radius.is_nan() {
@@ -137,8 +151,14 @@ impl Pieces {
             ..Cell::default()
         };
         let mut net = self.nets[first..].to_vec();
-        let place = |p: DVec3| p * radius + center;
-        divide(&mut net, degrees, cell, &place, radius, cells);
+        let divider = Divider {
+            degrees,
+            center,
+            radius,
+            u: piece.u(),
+            v: piece.v(),
+        };
+        divider.divide(&mut net, cell, trims.map(|t| (t, TRIM_HALVINGS)), cells);
     }
 
     /// The net of a piece.
@@ -155,50 +175,88 @@ impl Pieces {
     }
 }
 
-/// Divides a cell until it is nearly flat and evenly parametrised. `net` is the part of the
-/// piece in its own units; `place` and `radius` take these to the cluster.
-fn divide(
-    net: &mut [[f64; 4]],
+/// Divides a piece into cells.
+struct Divider {
     degrees: Degrees,
-    cell: Cell,
-    place: &impl Fn(DVec3) -> DVec3,
+    /// From the units of the piece to the cluster.
+    center: DVec3,
     radius: f64,
-    cells: &mut Vec<NewCell>,
-) {
-    let local = examine(net, degrees);
-    let axis = usize::from(local.cut_v);
-    let axis = if cell.level[axis] < MAX_LEVEL {
-        axis
-    } else {
-        1 - axis
-    };
-    let [k1, k2, k3] = local.frame.stray;
-    if k1.max(k2) <= UNEVEN && k3 <= CURVED || cell.level[axis] >= MAX_LEVEL {
+    /// The part of the patch's domain.
+    u: Range<f64>,
+    v: Range<f64>,
+}
+
+impl Divider {
+    /// Divides a cell until it is nearly flat and evenly parametrised, and further, by the
+    /// number beside `trims`, where a loop passes. `net` is the part of the piece in its own
+    /// units.
+    fn divide(
+        &self,
+        net: &mut [[f64; 4]],
+        mut cell: Cell,
+        trims: Option<(&TrimRegion, u8)>,
+        cells: &mut Vec<NewCell>,
+    ) {
+        let cover = trims.map_or(Cover::Inside, |(region, _)| {
+            let rect = cell.rect();
+            let part = |domain: &Range<f64>, (a, b): (f64, f64)| {
+                let length = domain.end - domain.start;
+                domain.start + length * a..domain.start + length * b
+            };
+            region.classify(part(&self.u, rect.u), part(&self.v, rect.v))
+        });
+        if cover == Cover::Outside {
+            return;
+        }
+        let mut trims = trims.filter(|_| cover == Cover::Mixed);
+        cell.is_trimmed = trims.is_some();
+        let local = examine(net, self.degrees);
+        let mut axis = usize::from(local.cut_v);
+        if cell.level[axis] >= MAX_LEVEL {
+            axis = 1 - axis;
+        }
+        let [k1, k2, k3] = local.frame.stray;
+        if k1.max(k2) <= UNEVEN && k3 <= CURVED || cell.level[axis] >= MAX_LEVEL {
+            match &mut trims {
+                Some((_, halvings @ 1..)) => {
+                    axis = usize::from(*halvings % 2 == 1);
+                    *halvings -= 1;
+                }
+                _ => {
+                    cells.push(self.finished(net, cell, &local.frame));
+                    return;
+                }
+            }
+        }
+        let mut behind = net.to_vec();
+        if axis == 0 {
+            net::split_u(net, &mut behind, self.degrees, 0.5);
+        } else {
+            net::split_v(net, &mut behind, self.degrees, 0.5);
+        }
+        for (half, net) in [(0, net), (1, &mut behind[..])] {
+            let mut child = cell;
+            child.level[axis] += 1;
+            child.place[axis] = 2 * cell.place[axis] + half;
+            self.divide(net, child, trims, cells);
+        }
+    }
+
+    /// A cell in the coordinates of the cluster.
+    fn finished(&self, net: &[[f64; 4]], cell: Cell, frame: &CellFrame) -> NewCell {
+        let place = |p: DVec3| p * self.radius + self.center;
         let points = net
             .iter()
             .map(|h| place(DVec3::new(h[0], h[1], h[2]) / h[3]));
-        cells.push(NewCell {
+        NewCell {
             cell,
             frame: CellFrame {
-                center: place(local.frame.center),
-                rows: local.frame.rows.map(|row| row / radius),
-                stray: local.frame.stray,
+                center: place(frame.center),
+                rows: frame.rows.map(|row| row / self.radius),
+                stray: frame.stray,
             },
             bounds: Aabb::around(points),
-        });
-        return;
-    }
-    let mut behind = net.to_vec();
-    if axis == 0 {
-        net::split_u(net, &mut behind, degrees, 0.5);
-    } else {
-        net::split_v(net, &mut behind, degrees, 0.5);
-    }
-    for (half, net) in [(0, net), (1, &mut behind[..])] {
-        let mut child = cell;
-        child.level[axis] += 1;
-        child.place[axis] = 2 * cell.place[axis] + half;
-        divide(net, degrees, child, place, radius, cells);
+        }
     }
 }
 

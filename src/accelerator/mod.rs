@@ -13,7 +13,7 @@ mod trace;
 mod tree;
 
 use glam::{DAffine3, DVec2, DVec3};
-use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface};
+use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
 
 use crate::intersect::{Method, Scratch};
 use block::Block;
@@ -52,6 +52,8 @@ struct Cluster<'a> {
     triangles: Vec<Triangle>,
     triangle_tree: Tree,
     items: Vec<ClusterItem<'a>>,
+    /// What belongs to the faces that do not show all of their surface.
+    regions: Vec<TrimRegion>,
 }
 
 impl Cluster<'_> {
@@ -75,6 +77,8 @@ struct ClusterItem<'a> {
     offset: u32,
     material: Option<MaterialId>,
     cluster_from_object: DAffine3,
+    /// Number of its trim region in the cluster, if it has one.
+    region: Option<u32>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -136,7 +140,9 @@ impl<'a> Accelerator<'a> {
                 + size_of_val(&c.triangles[..])
                 + size_of_val(&c.blocks[..])
                 + c.triangle_tree.bytes()
+                + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + size_of_val(&c.items[..])
+                + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + c.tree.bytes()
         });
         clusters.sum::<usize>() + size_of_val(&self.instances[..]) + self.top.bytes()

@@ -327,6 +327,16 @@ impl Accelerator<'_> {
     }
 }
 
+/// Whether a point of a piece belongs to its face.
+fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
+    let uv = DVec2::new(
+        piece.u.0 + piece.u.1 * local.x,
+        piece.v.0 + piece.v.1 * local.y,
+    );
+    let region = cluster.items[piece.item as usize].region;
+    region.is_none_or(|k| cluster.regions[k as usize].contains(uv))
+}
+
 /// Point and first derivatives by the patch's parameters, in the cluster.
 fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3; 3] {
     let [h, hu, hv] = evaluate_at(&cluster.pieces.net(piece), local.x, local.y);
@@ -480,6 +490,9 @@ impl<I: Intersector, C: Collector> ShapeVisitor<'_, I, C> {
         };
         I::roots(self.scratch, &target);
         for root in &self.scratch.roots {
+            if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
+                continue;
+            }
             let [h, ..] = evaluate_at(&target.piece, root.u, root.v);
             let point = piece.center + h.truncate() / h.w * piece.radius;
             let t = ray.shift + (point - ray.origin).dot(ray.direction) * ray.inverse_square;

@@ -115,7 +115,8 @@ fn only_root(target: &Target<'_>) -> Decision {
                 middle_u + half_u * (x - f1),
                 middle_v + half_v * (y - f2),
                 margin,
-            ).into();
+            )
+            .into();
         }
         (before, chord, certain) = (residual, (clamp(target_1), clamp(target_2)), false);
         let du = (hu.truncate() - point * hu.w) * (weight * half_u);

@@ -238,13 +238,7 @@ fn trimmed_surfaces_have_loops_and_show_once() {
     let loops: Vec<_> = scene.patches().iter().map(|p| p.loops.len()).collect();
     assert_eq!(loops, [1, 2]);
     assert_eq!(scene.patches()[0].loops[0].segments().len(), 4);
-    assert_eq!(
-        warnings,
-        [
-            "line 17, trimmed surface D15 (type 144): trimmed surface is shown untrimmed: \
-         its trim loops are read, but the renderer does not use them yet (and 1 more)"
-        ]
-    );
+    assert!(warnings.is_empty(), "{warnings:?}");
 }
 
 #[test]
@@ -257,7 +251,7 @@ fn bounded_surfaces_have_loops() {
     entities.push(made(143, "1,11,1,13"));
     let (scene, warnings) = read(&entities);
     assert_eq!(scene.patches()[0].loops.len(), 1);
-    assert_eq!(warnings.len(), 1);
+    assert!(warnings.is_empty(), "{warnings:?}");
 }
 
 #[test]
@@ -286,7 +280,7 @@ fn small_gaps_in_loops_are_bridged() {
     let (scene, warnings) = read(&entities);
     assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);
     assert_eq!(
-        warnings[1],
+        warnings[0],
         "line 17, trimmed surface D15 (type 144): the curves of a trim loop do not quite meet; \
          the gaps are bridged"
     );

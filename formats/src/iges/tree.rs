@@ -367,7 +367,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         Ok(patches)
     }
 
-    /// The trim loops of a face, with a warning that they do not show yet.
+    /// The trim loops of a face; none, with a warning, if one of them cannot be read.
     fn loops(
         &mut self,
         face: usize,
@@ -386,17 +386,18 @@ impl<'a, 'b> Tree<'a, 'b> {
             domain,
             &mut repairs,
         );
-        let why = match &loops {
-            Ok(_) => "its trim loops are read, but the renderer does not use them yet".to_owned(),
-            // Without the numbers, so that such warnings are counted as one.
-            Err(Problem::Geometry(kernel::Error::LoopGap { .. })) => {
-                "a trim loop does not close".to_owned()
-            }
-            Err(problem) => problem.to_string(),
-        };
-        let noun = types::noun(self.file.entries[face].kind);
-        let text = format!("{noun} is shown untrimmed: {why}");
-        self.problem(face, Problem::Unsupported(text));
+        if let Err(problem) = &loops {
+            let why = match problem {
+                // Without the numbers, so that such warnings are counted as one.
+                Problem::Geometry(kernel::Error::LoopGap { .. }) => {
+                    "a trim loop does not close".to_owned()
+                }
+                problem => problem.to_string(),
+            };
+            let noun = types::noun(self.file.entries[face].kind);
+            let text = format!("{noun} is shown untrimmed: {why}");
+            self.problem(face, Problem::Unsupported(text));
+        }
         for repair in repairs {
             self.problem(face, repair);
         }

@@ -23,10 +23,6 @@ impl Converter<'_> {
             Err(problem) => return Ok(Err(problem)),
         };
         let loops = self.trim_loops(node, &surface)?;
-        if !loops.is_empty() {
-            let text = "trimmed surface shown untrimmed";
-            self.warnings.unsupported(node.place(), text);
-        }
         let patch = Patch::from(surface);
         Ok(Ok(Patch { loops, ..patch }))
     }

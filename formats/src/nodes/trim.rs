@@ -40,7 +40,7 @@ impl Converter<'_> {
             match curves.and_then(|curves| TrimLoop::new(curves, gap)) {
                 Ok(trim) => loops.push(trim),
                 Err(problem) => {
-                    let text = format!("{problem}; no contour of this surface is used");
+                    let text = format!("{problem}; the surface is shown untrimmed");
                     self.warnings.invalid(contour.place(), text);
                     return Ok(Vec::new());
                 }

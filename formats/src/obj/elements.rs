@@ -232,8 +232,6 @@ impl Reader<'_> {
         if let Some((place, problem)) = bad {
             loops.clear();
             self.fail(place, problem);
-        }
-        if !element.loops.is_empty() || open.bad_loop.is_some() {
             let place = Place::item(open.line, open.what.as_str());
             self.warnings
                 .unsupported(place, "the surface is shown untrimmed");

@@ -247,7 +247,7 @@ fn trims_become_loops() {
     let (loops, found) = patch("trim 0 3 1\n");
     assert_eq!(loops.len(), 1);
     assert_eq!(loops[0].segments()[0].start(), DVec2::splat(0.25));
-    assert_eq!(found, ["line 15, surf 1: the surface is shown untrimmed"]);
+    assert!(found.is_empty(), "{found:?}");
     // The border surrounds a hole that no trim does.
     let (loops, _) = patch("hole 1 3 1 0 1 1\n");
     assert_eq!((loops.len(), loops[1].segments().len()), (2, 2));
@@ -275,6 +275,7 @@ fn trims_become_loops() {
             found[0].starts_with(&format!("line 18, trim: {message}")),
             "{found:?}"
         );
+        assert_eq!(found[1], "line 15, surf 1: the surface is shown untrimmed");
     }
 }
 

@@ -1,0 +1,64 @@
+//! Which part of a surface belongs to a face: loops in the parameter domain, and the
+//! question whether a point lies inside.
+//!
+//! A [`TrimLoop`] is what files hold, a [`TrimRegion`] is what rays ask.
+
+mod monotone;
+mod region;
+#[cfg(test)]
+mod tests;
+
+use glam::DVec2;
+
+pub use region::{Cover, TrimRegion};
+
+use crate::{Curve, Error};
+
+/// A closed curve in the parameter domain of a surface.
+///
+/// The end of each segment is the start of the next to the last bit, and the end of
+/// the last is the start of the first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrimLoop {
+    segments: Vec<Curve<DVec2>>,
+}
+
+impl TrimLoop {
+    /// Joins curves end to end into a loop.
+    ///
+    /// Gaps up to `tolerance`, in parameter units, are bridged by straight segments.
+    ///
+    /// # Errors
+    /// If there are no curves, or a gap is larger, or the tolerance is not a number.
+    pub fn new(curves: Vec<Curve<DVec2>>, tolerance: f64) -> Result<Self, Error> {
+        let starts: Vec<_> = curves.iter().map(Curve::start).collect();
+        let Some(&first) = starts.first() else {
+            return Err(Error::EmptyLoop);
+        };
+        let mut segments = Vec::new();
+        for (index, curve) in curves.into_iter().enumerate() {
+            let end = curve.end();
+            let next = starts.get(index + 1).copied().unwrap_or(first);
+            segments.push(curve);
+            let gap = end.distance(next);
+            // No gap passes a tolerance that is not a number.
+            let bridged = gap <= tolerance;
+            if !bridged {
+                return Err(Error::LoopGap {
+                    index,
+                    gap,
+                    allowed: tolerance,
+                });
+            }
+            if end != next {
+                segments.push(Curve::line(end, next, 0.0..1.0)?);
+            }
+        }
+        Ok(Self { segments })
+    }
+
+    /// The curves of the loop in order.
+    pub fn segments(&self) -> &[Curve<DVec2>] {
+        &self.segments
+    }
+}

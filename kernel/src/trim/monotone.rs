@@ -1,0 +1,326 @@
+//! Segments of trim loops along which both parameters go one way only.
+
+use glam::{DVec2, DVec3};
+
+/// Derivatives below this part of the size of a piece are rounding errors.
+const NOISE: f64 = 1e-14;
+
+/// How often an interval with several roots is halved. Between roots still closer a curve
+/// goes back by less than its rounding errors.
+const DEPTH: u32 = 24;
+
+/// Halvings that tell on which side of a curved segment a point lies.
+const STEPS: usize = 60;
+
+/// A box in the parameter domain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rect {
+    pub(super) min: DVec2,
+    pub(super) max: DVec2,
+}
+
+/// A part of a loop along which neither u nor v turns round. Its box has the ends as corners.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Segment {
+    /// The end with the smaller v.
+    pub(super) low: DVec2,
+    /// The end with the larger v.
+    pub(super) high: DVec2,
+    /// Parameters of both ends in the Bézier piece.
+    t: [f64; 2],
+    /// The coefficients of the Bézier piece: the first, and how many; none for lines.
+    first: u32,
+    count: u32,
+}
+
+/// All segments of the loops of a face, and the coefficients of their Bézier pieces.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Segments {
+    pub(super) list: Vec<Segment>,
+    /// Homogeneous control points times binomial coefficients.
+    coefficients: Vec<DVec3>,
+}
+
+impl Rect {
+    pub(super) fn meets(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
+    pub(super) fn center(&self) -> DVec2 {
+        (self.min + self.max) * 0.5
+    }
+
+    pub(super) fn grown(&self, margin: DVec2) -> Self {
+        Self {
+            min: self.min - margin,
+            max: self.max + margin,
+        }
+    }
+
+    pub(super) fn clipped(&self, other: &Self) -> Self {
+        Self {
+            min: self.min.max(other.min),
+            max: self.max.min(other.max),
+        }
+    }
+}
+
+impl Segment {
+    pub(super) fn bounds(&self) -> Rect {
+        Rect {
+            min: self.low.min(self.high),
+            max: self.low.max(self.high),
+        }
+    }
+
+    /// Whether a ray from `p` towards larger u crosses the segment. The upper end does not
+    /// belong to it, so that a ray through a common end counts one of two neighbours.
+    #[inline]
+    pub(super) fn is_crossed(&self, coefficients: &[DVec3], p: DVec2) -> bool {
+        self.low.y <= p.y && p.y < self.high.y && self.is_right_of(coefficients, p)
+    }
+
+    /// Whether at the height of `p`, which is one of its own, the segment has a larger u.
+    fn is_right_of(&self, coefficients: &[DVec3], p: DVec2) -> bool {
+        let (low, high) = (self.low, self.high);
+        if p.x < low.x.min(high.x) {
+            return true;
+        }
+        if p.x >= low.x.max(high.x) {
+            return false;
+        }
+        if self.count == 0 {
+            return (high - low).perp_dot(p - low) > 0.0;
+        }
+        let rises = low.x <= high.x;
+        let [mut below, mut above] = self.t;
+        for _ in 0..STEPS {
+            let t = 0.5 * (below + above);
+            let middle = self.point(coefficients, t);
+            let (is_higher, is_left) = (p.y >= middle.y, p.x < middle.x);
+            // Two of the four quadrants around the middle hold nothing of the curve.
+            if is_left == (is_higher == rises) {
+                return is_left;
+            }
+            if is_higher {
+                below = t;
+            } else {
+                above = t;
+            }
+        }
+        p.x < self.point(coefficients, 0.5 * (below + above)).x
+    }
+
+    /// Whether the segment may meet a box, borders included.
+    pub(super) fn touches(&self, coefficients: &[DVec3], rect: &Rect) -> bool {
+        let own = self.bounds();
+        if !own.meets(rect) {
+            return false;
+        }
+        if own.min.x >= own.max.x || own.min.y >= own.max.y {
+            return true;
+        }
+        let common = own.clipped(rect);
+        // The leftmost and the rightmost point within the heights of the box.
+        let (left, right) = if self.low.x <= self.high.x {
+            (common.min.y, common.max.y)
+        } else {
+            (common.max.y, common.min.y)
+        };
+        let far = DVec2::new(common.max.x, left);
+        let near = DVec2::new(common.min.x, right);
+        !self.is_right_of(coefficients, far) && !self.is_left_of(coefficients, near)
+    }
+
+    fn is_left_of(&self, coefficients: &[DVec3], p: DVec2) -> bool {
+        p.x > self.low.x.min(self.high.x) && !self.is_right_of(coefficients, p)
+    }
+
+    fn point(&self, coefficients: &[DVec3], t: f64) -> DVec2 {
+        let first = self.first as usize;
+        evaluate(&coefficients[first..first + self.count as usize], t)
+    }
+}
+
+impl Segments {
+    pub(super) fn coefficients(&self) -> &[DVec3] {
+        &self.coefficients
+    }
+
+    /// Cuts a Bézier piece from `start` to `end` where it turns round, and takes the parts.
+    /// The ends replace those of the piece, which are nearly the same; `snap` moves the
+    /// other points that are kept.
+    pub(super) fn add(
+        &mut self,
+        piece: &[DVec3],
+        [start, end]: [DVec2; 2],
+        snap: impl Fn(DVec2) -> DVec2,
+    ) {
+        let degree = piece.len() - 1;
+        let Ok(first) = u32::try_from(self.coefficients.len()) else {
+            return;
+        };
+        if degree < 2 {
+            self.push(start, end, [0.0, 1.0], first, 0);
+            return;
+        }
+        let binomials = binomials(degree);
+        let scaled = piece.iter().zip(&binomials).map(|(h, b)| *h * *b);
+        self.coefficients.extend(scaled);
+        let mut cuts = Vec::new();
+        for axis in 0..2 {
+            turns(piece, axis, &mut cuts);
+        }
+        cuts.retain(|t| 0.0 < *t && *t < 1.0);
+        cuts.sort_by(f64::total_cmp);
+        cuts.dedup();
+        let count = u32::try_from(piece.len()).unwrap_or(u32::MAX);
+        let (mut from, mut before) = (start, 0.0);
+        for t in cuts {
+            let to = snap(evaluate(&self.coefficients[first as usize..], t));
+            self.push(from, to, [before, t], first, count);
+            (from, before) = (to, t);
+        }
+        self.push(from, end, [before, 1.0], first, count);
+    }
+
+    fn push(&mut self, from: DVec2, to: DVec2, [a, b]: [f64; 2], first: u32, count: u32) {
+        let (low, high, t) = if from.y <= to.y {
+            (from, to, [a, b])
+        } else {
+            (to, from, [b, a])
+        };
+        if low != high {
+            self.list.push(Segment {
+                low,
+                high,
+                t,
+                first,
+                count,
+            });
+        }
+    }
+}
+
+/// The row of Pascal's triangle that belongs to a degree.
+fn binomials(degree: usize) -> Vec<f64> {
+    let step = |value: &mut f64, k: usize| {
+        let now = *value;
+        *value *= (degree - k) as f64 / (k + 1) as f64;
+        Some(now.round())
+    };
+    (0..=degree).scan(1.0, step).collect()
+}
+
+/// The point at `t` from control points times binomial coefficients, by Horner's scheme.
+#[inline]
+fn evaluate(scaled: &[DVec3], t: f64) -> DVec2 {
+    let s = 1.0 - t;
+    let mut power = 1.0;
+    let mut sum = DVec3::ZERO;
+    for h in scaled {
+        sum = sum * s + *h * power;
+        power *= t;
+    }
+    sum.truncate() / sum.z
+}
+
+/// Appends the parameters at which a coordinate of a Bézier piece turns round, and some
+/// more where that is uncertain.
+fn turns(piece: &[DVec3], axis: usize, cuts: &mut Vec<f64>) {
+    let degree = piece.len() - 1;
+    let (first, last) = (piece[0], piece[degree]);
+    let middle = 0.5 * (first[axis] / first.z + last[axis] / last.z);
+    let own: Vec<f64> = piece.iter().map(|h| h[axis] - middle * h.z).collect();
+    let weights: Vec<f64> = piece.iter().map(|h| h.z).collect();
+    let slope = |c: &[f64]| -> Vec<f64> { c.windows(2).map(|w| w[1] - w[0]).collect() };
+    let largest = |c: &[f64]| c.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
+    // The numerator of the derivative: X' W - X W'.
+    let mut numerator = product(&slope(&own), &weights);
+    let other = product(&own, &slope(&weights));
+    for (a, b) in numerator.iter_mut().zip(other) {
+        *a -= b;
+    }
+    let heaviest = largest(&weights);
+    let size = (largest(&own) + middle.abs() * heaviest) * heaviest;
+    for c in &mut numerator {
+        if c.abs() <= NOISE * size {
+            *c = 0.0;
+        }
+    }
+    roots(numerator, cuts);
+}
+
+/// The product of two polynomials in Bernstein form.
+fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let (p, q) = (a.len() - 1, b.len() - 1);
+    let (rows, all) = ([binomials(p), binomials(q)], binomials(p + q));
+    let mut product = vec![0.0; p + q + 1];
+    for (i, x) in a.iter().enumerate() {
+        for (j, y) in b.iter().enumerate() {
+            product[i + j] += x * rows[0][i] * y * rows[1][j] / all[i + j];
+        }
+    }
+    product
+}
+
+/// Appends every root in `0..1` at which a polynomial in Bernstein form changes its sign,
+/// and the middles of intervals that had to be halved.
+fn roots(polynomial: Vec<f64>, cuts: &mut Vec<f64>) {
+    let mut stack = vec![(polynomial, 0.0, 1.0, 0)];
+    while let Some((mut left, start, end, depth)) = stack.pop() {
+        let signs = left.iter().filter(|c| **c != 0.0).map(|c| *c > 0.0);
+        let signs: Vec<bool> = signs.collect();
+        let changes = signs.windows(2).filter(|w| w[0] != w[1]).count();
+        if changes == 0 || depth == DEPTH && changes > 1 {
+            continue;
+        }
+        if changes == 1 {
+            cuts.push(isolated(&left, signs[0], start, end));
+            continue;
+        }
+        let middle = 0.5 * (start + end);
+        cuts.push(middle);
+        let mut right = left.clone();
+        halve(&mut left, &mut right);
+        stack.push((left, start, middle, depth + 1));
+        stack.push((right, middle, end, depth + 1));
+    }
+}
+
+/// De Casteljau's algorithm in the middle; both hold the same before.
+fn halve(left: &mut [f64], right: &mut [f64]) {
+    let degree = left.len() - 1;
+    for level in 1..=degree {
+        for k in 0..=degree - level {
+            right[k] = 0.5 * (right[k] + right[k + 1]);
+        }
+        left[level] = right[0];
+    }
+}
+
+/// The only root of a polynomial over `start..end`, by halving; `positive` before it.
+fn isolated(polynomial: &[f64], positive: bool, start: f64, end: f64) -> f64 {
+    let degree = polynomial.len() - 1;
+    let scaled: Vec<f64> = polynomial
+        .iter()
+        .zip(binomials(degree))
+        .map(|(c, b)| c * b)
+        .collect();
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..STEPS {
+        let t = 0.5 * (low + high);
+        let mut power = 1.0;
+        let value = scaled.iter().fold(0.0, |sum, c| {
+            let next = sum * (1.0 - t) + c * power;
+            power *= t;
+            next
+        });
+        if (value > 0.0) == positive {
+            low = t;
+        } else {
+            high = t;
+        }
+    }
+    start + (end - start) * 0.5 * (low + high)
+}

@@ -1,0 +1,63 @@
+use super::*;
+use crate::KnotVector;
+
+fn line(from: [f64; 2], to: [f64; 2]) -> Curve<DVec2> {
+    Curve::line(from.into(), to.into(), 2.0..5.0).unwrap()
+}
+
+fn assert_closed(trim: &TrimLoop) {
+    let segments = trim.segments();
+    let next = segments.iter().cycle().skip(1);
+    for (segment, next) in segments.iter().zip(next) {
+        assert_eq!(segment.end(), next.start());
+    }
+}
+
+#[test]
+fn curves_that_meet_stay_as_they_are() {
+    let corners = [[0.1, 0.2], [0.7, 0.3], [0.3, 0.9]];
+    let sides = [0, 1, 2].map(|i| line(corners[i], corners[(i + 1) % 3]));
+    let trim = TrimLoop::new(sides.to_vec(), 0.0).unwrap();
+    assert_eq!(trim.segments(), sides);
+    assert_closed(&trim);
+}
+
+#[test]
+fn small_gaps_are_bridged_to_the_last_bit() {
+    let sides = vec![
+        line([0.0, 0.0], [1.0, 1e-9]),
+        line([1.0, 0.0], [0.3, 0.7]),
+        line([0.3, 0.7 + 1e-9], [1e-10, 1e-10]),
+    ];
+    let trim = TrimLoop::new(sides, 1e-8).unwrap();
+    assert_eq!(trim.segments().len(), 6);
+    assert_closed(&trim);
+}
+
+#[test]
+fn one_closed_curve_is_a_loop() {
+    let knots = KnotVector::clamped_uniform(2, 5, 0.0..1.0).unwrap();
+    let points = [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9], [0.1, 0.9], [0.1, 0.1]];
+    let weights = [0.3, 1.0, 2.0, 1.0, 0.7];
+    let closed = Curve::new(knots, &points.map(DVec2::from), Some(&weights)).unwrap();
+    let trim = TrimLoop::new(vec![closed], 1e-12).unwrap();
+    assert_closed(&trim);
+}
+
+#[test]
+fn large_gaps_are_refused() {
+    let sides = vec![line([0.0, 0.0], [1.0, 0.0]), line([1.0, 0.5], [0.0, 0.0])];
+    let refused = Error::LoopGap {
+        index: 0,
+        gap: 0.5,
+        allowed: 0.1,
+    };
+    assert_eq!(TrimLoop::new(sides.clone(), 0.1), Err(refused));
+    for tolerance in [f64::NAN, -1.0] {
+        let refused = TrimLoop::new(sides.clone(), tolerance);
+        assert!(matches!(refused, Err(Error::LoopGap { index: 0, .. })));
+    }
+    assert_eq!(TrimLoop::new(Vec::new(), 1.0), Err(Error::EmptyLoop));
+    let nowhere = Curve::line(DVec2::NAN, DVec2::ONE, 0.0..1.0);
+    assert_eq!(nowhere, Err(Error::NotFinite { index: 0 }));
+}
