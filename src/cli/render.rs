@@ -223,7 +223,16 @@ fn render_file(
     input::report_warnings(file, &loaded.import);
     let scene = &loaded.import.scene;
     if scene.placement_count() == 0 {
-        bail!("{}: there is no surface to render", input::display(file));
+        let import = &loaded.import;
+        let place = import.warnings.as_slice().first().map_or_else(
+            || "the file: nothing that can be shown".to_owned(),
+            ToString::to_string,
+        );
+        bail!(
+            "{}: there is no surface to render; {} {place}",
+            input::display(file),
+            import.format
+        );
     }
     let started = Instant::now();
     let accelerator = Accelerator::build(scene, args.method);
