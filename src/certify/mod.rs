@@ -134,7 +134,6 @@ pub(crate) enum Side {
     /// In the face as a whole.
     Inside,
     /// Out of the face as a whole.
-    #[expect(dead_code, reason = "loops are not looked at yet")]
     Outside,
     /// On both sides, or not known.
     #[expect(dead_code, reason = "loops are not looked at yet")]
