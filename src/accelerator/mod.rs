@@ -174,3 +174,6 @@ fn triangle_uv(mesh: &Mesh, index: u32, barycentric: DVec2) -> DVec2 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

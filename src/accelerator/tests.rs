@@ -1,0 +1,283 @@
+//! Laws of the search: every method, every instruction set, every scale.
+
+use glam::{DAffine3, DVec3};
+use kernel::modelling::{self, Frame};
+use kernel::{Child, Item, Node, NodeId, Patch, Ray, Scene, Shape};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use super::isa::Isa;
+use super::{Accelerator, Workspace};
+use crate::intersect::{Hit, METHODS};
+
+/// Pseudo-random numbers from -1 to 1, the same in every run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+}
+
+fn leaf_node(scene: &mut Scene, patches: Vec<Patch>, parent_from_node: DAffine3) -> NodeId {
+    let children = patches
+        .into_iter()
+        .map(|patch| {
+            let shape = Shape::Patch(scene.add_patch(patch).unwrap());
+            Child::Item(Item {
+                shape,
+                material: None,
+            })
+        })
+        .collect();
+    let node = Node {
+        parent_from_node,
+        children,
+        ..Node::default()
+    };
+    scene.add_node(node).unwrap()
+}
+
+fn ball(scale: f64, center: DVec3) -> Patch {
+    let frame = Frame::about(center * scale, DVec3::Z).unwrap();
+    let sphere = modelling::sphere(&frame, scale, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2).unwrap();
+    Patch::from(sphere)
+}
+
+fn scene_of(patches: Vec<Patch>) -> Scene {
+    let mut scene = Scene::default();
+    let root = leaf_node(&mut scene, patches, DAffine3::IDENTITY);
+    scene.set_root(root).unwrap();
+    scene
+}
+
+fn all_hits(accelerator: &Accelerator<'_>, ray: &Ray) -> Vec<Hit> {
+    let mut hits = Vec::new();
+    accelerator.all(
+        ray,
+        0.0..f64::INFINITY,
+        &mut Workspace::default(),
+        &mut hits,
+    );
+    hits
+}
+
+#[test]
+fn every_method_agrees_with_the_sphere_at_every_scale() {
+    for method in METHODS {
+        for scale in [1e-6, 1.0, 1e6] {
+            let scene = scene_of(vec![ball(scale, DVec3::ZERO)]);
+            let accelerator = Accelerator::build(&scene, method);
+            let mut numbers = Numbers(7);
+            let mut met = 0;
+            for _ in 0..500 {
+                let origin = numbers.vector().normalize() * 4.0;
+                let direction = numbers.vector() * 1.2 - origin;
+                let (b, c) = (origin.dot(direction), origin.length_squared() - 1.0);
+                let square = b * b - direction.length_squared() * c;
+                let ray = Ray {
+                    origin: origin * scale,
+                    direction: direction * scale,
+                };
+                let hits = all_hits(&accelerator, &ray);
+                if square.abs() < 1e-9 {
+                    continue;
+                }
+                assert_eq!(
+                    hits.len(),
+                    if square > 0.0 { 2 } else { 0 },
+                    "{ray:?} {hits:?}"
+                );
+                met += hits.len();
+                for (hit, sign) in hits.iter().zip([-1.0, 1.0]) {
+                    let t = (-b + sign * square.sqrt()) / direction.length_squared();
+                    assert!(
+                        (hit.t - t).abs() < 1e-12 / square.sqrt().min(1.0),
+                        "{} {t}",
+                        hit.t
+                    );
+                    assert!(hit.normal.distance(hit.point / scale) < 1e-12);
+                }
+            }
+            assert!(met > 400);
+        }
+    }
+}
+
+#[test]
+fn nothing_leaks_where_pieces_and_cells_meet() {
+    let scene = scene_of(vec![ball(1.0, DVec3::ZERO)]);
+    let accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let mut workspace = Workspace::default();
+    let mut numbers = Numbers(3);
+    for k in 0..2000 {
+        // On the borders of the quarters and eighths of the pieces, and at the poles.
+        let longitude = f64::from(k % 64) / 64.0 * TAU;
+        let latitude = numbers.next() * FRAC_PI_2 * if k % 5 == 0 { 0.0 } else { 1.0 };
+        let target = DVec3::new(
+            longitude.cos() * latitude.cos(),
+            longitude.sin() * latitude.cos(),
+            latitude.sin(),
+        );
+        let target = if k % 50 == 0 { DVec3::Z } else { target };
+        let direction = -target + numbers.vector() * 0.3;
+        let ray = Ray {
+            origin: target * 3.0,
+            direction: target * -2.0,
+        };
+        assert!(
+            accelerator
+                .nearest(&ray, 0.0..f64::INFINITY, &mut workspace)
+                .is_some(),
+            "{ray:?}"
+        );
+        assert!(
+            accelerator.any(&ray, 0.0..f64::INFINITY, &mut workspace),
+            "{ray:?}"
+        );
+        // From inside every ray must get out.
+        let inside = Ray {
+            origin: numbers.vector() * 0.5,
+            direction,
+        };
+        assert!(
+            accelerator
+                .nearest(&inside, 0.0..f64::INFINITY, &mut workspace)
+                .is_some()
+        );
+    }
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_hits() {
+    let torus = modelling::torus(&Frame::WORLD, 1.0, 0.35, 0.0..TAU, 0.0..TAU).unwrap();
+    let balls = [ball(1.0, DVec3::X * 1.5), ball(0.3, DVec3::Z)];
+    let scene = scene_of([Patch::from(torus)].into_iter().chain(balls).collect());
+    let mut accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let mut answers: Vec<Vec<Hit>> = Vec::new();
+    for isa in Isa::available() {
+        accelerator.isa = isa;
+        let mut numbers = Numbers(11);
+        let mut hits = Vec::new();
+        for _ in 0..1000 {
+            let origin = numbers.vector() * 3.0;
+            let ray = Ray {
+                origin,
+                direction: numbers.vector() - origin,
+            };
+            hits.extend(all_hits(&accelerator, &ray));
+        }
+        assert!(hits.len() > 1000);
+        answers.push(hits);
+    }
+    for answer in &answers[1..] {
+        assert_eq!(answer, &answers[0]);
+    }
+}
+
+#[test]
+fn instances_are_met_where_copies_would_be() {
+    let places = [
+        DAffine3::from_translation(DVec3::new(3.0, 0.0, 0.0)),
+        DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5)),
+        DAffine3::from_translation(DVec3::Y * 4.0)
+            * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
+    ];
+    let shapes = || vec![ball(1.0, DVec3::ZERO), ball(0.5, DVec3::Z * 2.0)];
+    // Shared: one definition below three places; and a shape of the root between them.
+    let mut shared = Scene::default();
+    let definition = leaf_node(&mut shared, shapes(), DAffine3::IDENTITY);
+    let mut children = Vec::new();
+    for (k, place) in places.into_iter().enumerate() {
+        let node = Node {
+            parent_from_node: place,
+            children: vec![Child::Node(definition)],
+            ..Node::default()
+        };
+        children.push(Child::Node(shared.add_node(node).unwrap()));
+        if k == 0 {
+            let lone = leaf_node(
+                &mut shared,
+                vec![ball(0.4, DVec3::X * -9.0)],
+                DAffine3::IDENTITY,
+            );
+            children.push(Child::Node(lone));
+        }
+    }
+    let root = shared
+        .add_node(Node {
+            children,
+            ..Node::default()
+        })
+        .unwrap();
+    shared.set_root(root).unwrap();
+    // The same as separate patches.
+    let mut copies = Vec::new();
+    for (k, place) in places.iter().enumerate() {
+        copies.extend(
+            shapes()
+                .into_iter()
+                .map(|p| Patch::from(p.surface.transformed(place))),
+        );
+        if k == 0 {
+            copies.push(ball(0.4, DVec3::X * -9.0));
+        }
+    }
+    let copies = scene_of(copies);
+    let (a, b) = (
+        Accelerator::build(&shared, &METHODS[0]),
+        Accelerator::build(&copies, &METHODS[0]),
+    );
+    assert!(a.cell_count() < b.cell_count());
+    assert_eq!((a.patch_count(), b.patch_count()), (7, 7));
+    let mut numbers = Numbers(5);
+    let mut met = 0;
+    for _ in 0..2000 {
+        let origin = numbers.vector() * 12.0;
+        let ray = Ray {
+            origin,
+            direction: numbers.vector() * 3.0 - origin,
+        };
+        let (first, second) = (all_hits(&a, &ray), all_hits(&b, &ray));
+        assert_eq!(first.len(), second.len(), "{ray:?}");
+        met += first.len();
+        for (x, y) in first.iter().zip(&second) {
+            assert_eq!(x.shape, y.shape);
+            assert!((x.t - y.t).abs() < 1e-9 && x.normal.distance(y.normal) < 1e-6);
+        }
+    }
+    assert!(met > 500, "{met}");
+}
+
+#[test]
+fn rays_that_are_none_meet_nothing() {
+    let scene = scene_of(vec![ball(1.0, DVec3::ZERO)]);
+    let accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let mut workspace = Workspace::default();
+    for (origin, direction) in [
+        (DVec3::Z * 3.0, DVec3::ZERO),
+        (DVec3::NAN, DVec3::X),
+        (DVec3::Z * 3.0, DVec3::new(f64::NAN, 0.0, -1.0)),
+        (DVec3::Z * 3.0, DVec3::NEG_Z * f64::INFINITY),
+    ] {
+        let ray = Ray { origin, direction };
+        assert_eq!(
+            accelerator.nearest(&ray, 0.0..f64::INFINITY, &mut workspace),
+            None
+        );
+    }
+    let empty = Scene::default();
+    let accelerator = Accelerator::build(&empty, &METHODS[0]);
+    let ray = Ray {
+        origin: DVec3::Z,
+        direction: DVec3::NEG_Z,
+    };
+    assert!(!accelerator.any(&ray, 0.0..f64::INFINITY, &mut workspace));
+}
