@@ -1,23 +1,33 @@
-//! All samples: read, and cut short at every hundredth byte without panic.
+//! All samples: read without warnings, known by their content, and without a panic when
+//! they are cut short or damaged. Broken ones say what `samples/broken/expected.txt` holds;
+//! `make bless` writes that file anew.
 
+use std::fmt::Write as _;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use nurbray_formats::{FORMATS, Limits, NoFiles, ReadOptions, read};
+use nurbray_formats::{FORMATS, Limits, NoFiles, ReadOptions, open, read};
 
-/// Endings that this test knows how to read from memory alone.
-const EXTENSIONS: [&str; 2] = ["igs", "iges"];
+/// Longest time for all the cuts of one sample.
+const PATIENCE: Duration = Duration::from_secs(30);
 
-fn samples(folder: &str) -> Vec<(PathBuf, String)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+fn folder(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../samples")
-        .join(folder);
-    let entries = std::fs::read_dir(folder).expect("a folder of samples");
+        .join(name)
+}
+
+/// The files of a folder that some format reads, with their endings.
+fn samples(name: &str) -> Vec<(PathBuf, String)> {
+    let entries = fs::read_dir(folder(name)).expect("a folder of samples");
     let mut files: Vec<_> = entries
         .map(|entry| entry.expect("a folder that can be listed").path())
         .filter_map(|path| {
             let extension = path.extension()?.to_str()?.to_owned();
-            let known = EXTENSIONS.contains(&extension.as_str());
+            let known = FORMATS
+                .iter()
+                .any(|format| format.extensions.contains(&extension.as_str()));
             known.then_some((path, extension))
         })
         .collect();
@@ -29,7 +39,7 @@ fn samples(folder: &str) -> Vec<(PathBuf, String)> {
 #[test]
 fn samples_are_read_without_warnings() {
     for (path, _) in samples("") {
-        let import = nurbray_formats::open(&path, &Limits::default()).unwrap();
+        let import = open(&path, &Limits::default()).unwrap();
         assert!(!import.scene.patches().is_empty(), "{}", path.display());
         assert_eq!(import.warnings.as_slice(), [], "{}", path.display());
     }
@@ -38,18 +48,53 @@ fn samples_are_read_without_warnings() {
 #[test]
 fn samples_are_known_by_their_content() {
     for (path, extension) in samples("") {
-        let bytes = std::fs::read(&path).unwrap();
-        let format = FORMATS
-            .iter()
-            .find(|format| (format.sniff)(&bytes))
-            .unwrap();
-        let extensions = format.extensions;
-        assert!(
-            extensions.contains(&extension.as_str()),
-            "{}",
-            path.display()
-        );
+        let bytes = fs::read(&path).unwrap();
+        let format = FORMATS.iter().find(|format| (format.sniff)(&bytes));
+        let extensions = format.map(|format| format.extensions).unwrap_or_default();
+        let known = extensions.contains(&extension.as_str());
+        assert!(known, "{}: {extensions:?}", path.display());
     }
+}
+
+#[test]
+fn broken_samples_say_what_is_wrong() {
+    let mut found = String::new();
+    for (path, _) in samples("broken") {
+        let name = path.file_name().unwrap_or_default().display();
+        writeln!(found, "{name}").unwrap();
+        match open(&path, &Limits::default()) {
+            Ok(import) => {
+                let warnings = import.warnings.as_slice();
+                assert!(!warnings.is_empty(), "{name} is not broken");
+                for warning in warnings {
+                    let kind = warning.problem.kind();
+                    writeln!(found, "  {kind}: {} {warning}", import.format).unwrap();
+                }
+                writeln!(found, "  {} patches", import.scene.patches().len()).unwrap();
+            }
+            Err(error) => writeln!(found, "  error: {error}").unwrap(),
+        }
+    }
+    let snapshot = folder("broken").join("expected.txt");
+    if std::env::var_os("BLESS").is_some() {
+        fs::write(&snapshot, &found).unwrap();
+    }
+    let expected = fs::read_to_string(&snapshot).unwrap_or_default();
+    assert!(
+        found == expected,
+        "{} differs; see whether this is right, then run `make bless`\n{}",
+        snapshot.display(),
+        difference(&expected, &found)
+    );
+}
+
+/// The lines that only one of the texts has.
+fn difference(expected: &str, found: &str) -> String {
+    let only = |sign: char, a: &str, b: &str| -> String {
+        let missing = a.lines().filter(|line| !b.lines().any(|l| l == *line));
+        missing.map(|line| format!("{sign} {line}\n")).collect()
+    };
+    only('-', expected, found) + &only('+', found, expected)
 }
 
 #[test]
@@ -60,18 +105,28 @@ fn cut_samples_do_not_panic() {
         resolver: &NoFiles,
     };
     for (path, extension) in [samples(""), samples("broken")].concat() {
-        let bytes = std::fs::read(&path).unwrap();
+        let bytes = fs::read(&path).unwrap();
         let start = Instant::now();
         for end in (0..bytes.len()).step_by(100) {
             let _ = read(&bytes[..end], Some(&extension), &options);
         }
-        let elapsed = start.elapsed();
-        assert!(elapsed < Duration::from_secs(10), "{}", path.display());
+        assert!(start.elapsed() < PATIENCE, "{}", path.display());
     }
 }
 
 #[test]
 fn damaged_samples_do_not_panic() {
+    damage(50);
+}
+
+#[test]
+#[ignore = "takes minutes; `make soak` runs it"]
+fn heavily_damaged_samples_do_not_panic() {
+    damage(5000);
+}
+
+/// Reads every sample `rounds` times, each time with a few random bytes changed or lost.
+fn damage(rounds: usize) {
     let limits = Limits::default();
     let options = ReadOptions {
         limits: &limits,
@@ -85,8 +140,8 @@ fn damaged_samples_do_not_panic() {
         usize::try_from(state >> 33).expect("31 bits") % below
     };
     for (path, extension) in [samples(""), samples("broken")].concat() {
-        let bytes = std::fs::read(&path).unwrap();
-        for _ in 0..1000 {
+        let bytes = fs::read(&path).expect("a sample that can be read");
+        for _ in 0..rounds {
             let mut damaged = bytes.clone();
             for _ in 0..=random(8) {
                 let at = random(damaged.len());

@@ -62,6 +62,10 @@ Examples:
 
 /// Answers every row.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    let question = args.rays.as_ref().or(args.uv.as_ref());
+    if args.file == Path::new("-") && question == Some(&args.file) {
+        bail!("standard input holds the file or the rows, not both; name one of them");
+    }
     let loaded = args.read.load(&args.file)?;
     input::report_warnings(&args.file, &loaded.import);
     let scene = &loaded.import.scene;
