@@ -15,6 +15,9 @@ pub struct PixelData {
     pub uv: [f32; 2],
     /// Number of the patch or mesh; -1 for a miss.
     pub shape: f32,
+    /// What was proven about the pixel, by [`crate::Certificate::code`]; -1 if nothing was
+    /// tried.
+    pub status: f32,
 }
 
 impl PixelData {
@@ -28,6 +31,7 @@ impl PixelData {
         position: [0.0; 3],
         uv: [0.0; 2],
         shape: -1.0,
+        status: -1.0,
     };
 }
 
@@ -78,6 +82,11 @@ impl Film {
     /// The data channels.
     pub fn data(&self) -> &[PixelData] {
         &self.data
+    }
+
+    /// The data channels, to be completed.
+    pub(crate) fn data_mut(&mut self) -> &mut [PixelData] {
+        &mut self.data
     }
 
     /// Puts an opaque linear colour behind everything.

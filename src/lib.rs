@@ -25,6 +25,7 @@ pub use formats;
 pub use kernel;
 
 mod accelerator;
+mod certify;
 mod film;
 mod integrator;
 mod intersect;
@@ -32,6 +33,7 @@ pub mod output;
 mod render;
 
 pub use accelerator::{Accelerator, Workspace};
+pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film};
 pub use film::{Film, PixelData};
 pub use integrator::Shading;
 pub use intersect::{Hit, METHODS, Method};

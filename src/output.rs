@@ -73,6 +73,13 @@ pub const AOVS: &[Aov] = &[
     },
 ];
 
+/// The status of certified pixels; not one of [`AOVS`], as it holds something only after
+/// [`crate::certify_film`].
+pub const STATUS: Aov = Aov {
+    name: "status",
+    channels: &[("exact.status", |d| d.status)],
+};
+
 /// What goes into a file.
 #[derive(Clone, Debug)]
 pub struct OutputOptions {

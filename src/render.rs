@@ -211,9 +211,7 @@ impl Painter<'_> {
             f64::from(self.options.width),
             f64::from(self.options.height),
         );
-        let film = place / size * 2.0 - 1.0;
-        self.camera
-            .ray(DVec2::new(film.x, -film.y), size.x / size.y)
+        film_ray(self.camera, size, place)
     }
 
     /// Colour and data of a pixel from its rays and hits.
@@ -259,7 +257,14 @@ fn pixel_data(camera: &Camera, hit: &Hit) -> PixelData {
         position: single(hit.point),
         uv: hit.uv.as_vec2().to_array(),
         shape: hit.shape as f32,
+        ..PixelData::MISS
     }
+}
+
+/// The ray through a place on a film of the given size, both in pixels from the upper left.
+pub(crate) fn film_ray(camera: &Camera, size: DVec2, place: DVec2) -> Ray {
+    let film = place / size * 2.0 - 1.0;
+    camera.ray(DVec2::new(film.x, -film.y), size.x / size.y)
 }
 
 /// A place in the unit square that depends on the pixel and sample alone

@@ -1,6 +1,7 @@
 //! Every hit of the high-precision ray references is found, and no other.
 //!
 //! The references lie beside the project; without them the test is skipped.
+#![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
 use glam::DVec3;
 use kernel::{Child, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface};

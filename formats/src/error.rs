@@ -1,5 +1,6 @@
 //! What can be wrong with a file, for the four people who can fix it, and where.
 
+use std::collections::HashMap;
 use std::fmt;
 
 /// A place in a file, in the format's own words.
@@ -127,10 +128,18 @@ impl fmt::Display for Warning {
     }
 }
 
-/// The warnings of one file; equal problems are one warning with a count.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// The warnings of one file; problems that read the same are one warning with a count.
+#[derive(Clone, Debug, Default)]
 pub struct Warnings {
     list: Vec<Warning>,
+    /// Where in the list a problem stands, by its kind and text.
+    index: HashMap<(&'static str, String), usize>,
+}
+
+impl PartialEq for Warnings {
+    fn eq(&self, other: &Self) -> bool {
+        self.list == other.list
+    }
 }
 
 /// How many different warnings are kept apart; further ones are summed up in the last.
@@ -140,11 +149,15 @@ impl Warnings {
     /// Notes a problem at a place.
     pub fn add(&mut self, place: Place, problem: impl Into<Problem>) {
         let mut problem = problem.into();
-        if self.list.len() >= WARNINGS_KEPT && !self.list.iter().any(|w| w.problem == problem) {
+        let key = |problem: &Problem| (problem.kind(), problem.to_string());
+        let mut name = key(&problem);
+        if self.list.len() >= WARNINGS_KEPT && !self.index.contains_key(&name) {
             problem = Problem::Invalid("further problems of other kinds".to_owned());
+            name = key(&problem);
         }
-        let known = self.list.iter_mut().find(|w| w.problem == problem);
-        match known {
+        let next = self.list.len();
+        let at = *self.index.entry(name).or_insert(next);
+        match self.list.get_mut(at) {
             Some(warning) => {
                 warning.count += 1;
                 if warning.places.len() < PLACES_KEPT {
@@ -172,5 +185,48 @@ impl Warnings {
     /// The warnings in the order of their first places.
     pub fn as_slice(&self) -> &[Warning] {
         &self.list
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_problems_are_counted_where_they_first_stood() {
+        let mut warnings = Warnings::default();
+        for line in 1..=20 {
+            warnings.invalid(
+                Place::line(line),
+                if line % 2 == 0 { "even" } else { "odd" },
+            );
+        }
+        // The same words of another kind are another problem.
+        warnings.unsupported(Place::line(21), "odd");
+        let found: Vec<_> = warnings
+            .as_slice()
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        let expected = [
+            "line 1: odd (and 9 more)",
+            "line 2: even (and 9 more)",
+            "line 21: odd",
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(warnings.as_slice()[0].places.len(), PLACES_KEPT);
+    }
+
+    #[test]
+    fn too_many_kinds_are_summed_up_in_the_last() {
+        let mut warnings = Warnings::default();
+        for line in 1..=2 * WARNINGS_KEPT {
+            warnings.invalid(Place::line(line), format!("problem {line}"));
+        }
+        warnings.invalid(Place::line(1), "problem 1");
+        let list = warnings.as_slice();
+        assert_eq!(list.len(), WARNINGS_KEPT + 1);
+        assert_eq!(list[WARNINGS_KEPT].count, WARNINGS_KEPT);
+        assert_eq!(list[0].count, 2);
     }
 }

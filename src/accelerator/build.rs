@@ -3,10 +3,15 @@
 use glam::DAffine3;
 use kernel::{Aabb, Child, NodeId, Scene, Shape, TrimRegion};
 
+use super::block::Block;
 use super::cells::Pieces;
-use super::tree::Tree;
-use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Primitive, Triangle};
+use super::isa::Isa;
+use super::tree::{Tree, WIDTH};
+use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
 use crate::intersect::Method;
+
+/// Triangles that are not divided further.
+const TRIANGLES_OF_A_LEAF: usize = 4;
 
 impl<'a> Accelerator<'a> {
     /// Prepares `scene` for rays that are to be intersected with `method`.
@@ -27,12 +32,11 @@ impl<'a> Accelerator<'a> {
             .iter()
             .map(|i| {
                 clusters[i.cluster as usize]
-                    .tree
                     .bounds()
                     .transformed(&i.world_from_cluster)
             })
             .collect();
-        let (top, order) = Tree::build(&boxes);
+        let (top, order) = Tree::build(&boxes, 1);
         let instances = order.iter().map(|&k| instances[k as usize]).collect();
         Self {
             scene,
@@ -41,6 +45,7 @@ impl<'a> Accelerator<'a> {
             top,
             counts,
             method,
+            isa: Isa::detect(),
         }
     }
 }
@@ -127,7 +132,7 @@ impl Plan {
         let mut triangles: Vec<Triangle> = Vec::new();
         let mut items: Vec<ClusterItem<'a>> = Vec::new();
         let mut regions: Vec<TrimRegion> = Vec::new();
-        let mut cell_boxes = Vec::new();
+        let mut cells = Vec::new();
         self.walk(scene, root, |child, cluster_from_object, before| {
             let Child::Item(item) = child else { return };
             let number = u32::try_from(items.len()).expect("fewer items than fit");
@@ -137,7 +142,7 @@ impl Plan {
                 ItemShape::Patch(surface) => {
                     let surface = surface.transformed(&cluster_from_object);
                     for piece in surface.bezier_pieces() {
-                        pieces.add(&piece, number, trims.as_ref(), &mut cell_boxes);
+                        pieces.add(&piece, number, trims.as_ref(), &mut cells);
                     }
                     before.patches
                 }
@@ -166,22 +171,22 @@ impl Plan {
                 region,
             });
         });
-        let boxes: Vec<_> = cell_boxes
-            .into_iter()
-            .chain(triangles.iter().map(|t| Aabb::around(t.corners)))
+        let boxes: Vec<_> = cells.iter().map(|cell| cell.bounds).collect();
+        let (tree, order) = Tree::build(&boxes, WIDTH);
+        let cells: Vec<_> = order.iter().map(|&k| cells[k as usize]).collect();
+        let blocks = (0..tree.leaf_count())
+            .map(|leaf| Block::new(&cells[tree.leaf(leaf)], &tree))
             .collect();
-        let (tree, order) = Tree::build(&boxes);
-        let cells = u32::try_from(pieces.cells.len()).expect("fewer cells than fit");
-        let primitive = |&k: &u32| match k.checked_sub(cells) {
-            Some(triangle) => Primitive::Triangle(triangle),
-            None => Primitive::Cell(k),
-        };
-        let primitives = order.iter().map(primitive).collect();
+        let boxes: Vec<_> = triangles.iter().map(|t| Aabb::around(t.corners)).collect();
+        let (triangle_tree, order) = Tree::build(&boxes, TRIANGLES_OF_A_LEAF);
+        let triangles = order.iter().map(|&k| triangles[k as usize]).collect();
         Cluster {
             pieces,
-            triangles,
-            primitives,
+            blocks,
+            cell_count: cells.len(),
             tree,
+            triangles,
+            triangle_tree,
             items,
             regions,
         }
@@ -201,7 +206,7 @@ impl Plan {
                 continue;
             };
             let world_from_cluster = world_from_parent * scene.node(node).parent_from_node;
-            if !clusters[cluster as usize].primitives.is_empty() {
+            if !clusters[cluster as usize].bounds().is_empty() {
                 instances.push(Instance {
                     cluster,
                     before: base,

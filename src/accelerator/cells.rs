@@ -1,24 +1,34 @@
 //! Bézier pieces in their own units, and the cells they are divided into.
 
-use glam::{DVec3, DVec4};
+use std::ops::Range;
+
+use glam::{DMat3, DVec3, DVec4};
 use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
-use crate::intersect::net::Degrees;
-use crate::intersect::{PieceNet, Rect};
+use crate::intersect::PieceNet;
+use crate::intersect::Rect;
+use crate::intersect::net::{self, Degrees};
 
 /// Halvings of a piece along one direction at most: cells are eighths of eighths.
 const MAX_LEVEL: u8 = 3;
 
-/// How far the derivatives of a cell may stray from those in its middle, relative to these.
-const FLAT: f64 = 0.6;
+/// A cell is divided while its derivatives stray from those in its middle by more than this,
+/// along the surface; then two cells or three share the rays of a piece.
+const UNEVEN: f64 = 0.3;
+
+/// As [`UNEVEN`], across the surface: the tangent of the angle that the normals fill.
+const CURVED: f64 = 0.35;
 
 /// Further halvings of cells through which a trim loop passes: two along each direction.
 const TRIM_HALVINGS: u8 = 4;
 
-/// A Bézier piece: the place of its nets, and where it belongs.
+/// Below this sine two derivatives give no frame.
+const DEGENERATE: f64 = 1e-6;
+
+/// A Bézier piece: the place of its net, and where it belongs.
 #[derive(Clone, Debug)]
 pub(crate) struct Piece {
-    /// First coefficient of its four nets.
+    /// First point of its net.
     first: usize,
     pub(crate) degrees: Degrees,
     /// The item of the cluster that it is part of.
@@ -33,7 +43,7 @@ pub(crate) struct Piece {
 }
 
 /// A dyadic part of a piece: numerators and halvings along u and v.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Cell {
     pub(crate) piece: u32,
     place: [u8; 2],
@@ -57,29 +67,57 @@ impl Cell {
     }
 }
 
+/// The surface of a cell seen from its middle: `S(s, t) = center + a s + b t + rest` with `s`
+/// and `t` from -1 to 1, in the coordinates of the cluster.
+///
+/// `rows` invert the matrix of `a`, `b` and a normal; `stray` bounds the sums of the
+/// derivatives of the rest along each of these three.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CellFrame {
+    pub(crate) center: DVec3,
+    pub(crate) rows: [DVec3; 3],
+    pub(crate) stray: [f64; 3],
+}
+
+impl CellFrame {
+    /// A frame that says nothing: every test against it passes.
+    const UNKNOWN: Self = Self {
+        center: DVec3::ZERO,
+        rows: [DVec3::ZERO; 3],
+        stray: [f64::INFINITY; 3],
+    };
+}
+
 /// All pieces and cells of a cluster.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
     pub(crate) pieces: Vec<Piece>,
-    pub(crate) cells: Vec<Cell>,
-    nets: Vec<f64>,
+    nets: Vec<[f64; 4]>,
+}
+
+/// A cell while the hierarchy is built.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NewCell {
+    pub(crate) cell: Cell,
+    pub(crate) frame: CellFrame,
+    pub(crate) bounds: Aabb,
 }
 
 impl Pieces {
-    /// Adds a piece of item number `item`, and the boxes of its cells to `boxes`.
+    /// Adds a piece of item number `item`, and its cells to `cells`.
     ///
-    /// A piece that is no more than a point has nothing to hit and is left out.
-    /// Cells outside of `trims` are left out.
+    /// A piece that is no more than a point has nothing to hit and is left out, and so are
+    /// cells outside of `trims`.
     pub(crate) fn add(
         &mut self,
         piece: &BezierSurface,
         item: u32,
         trims: Option<&TrimRegion>,
-        boxes: &mut Vec<Aabb>,
+        cells: &mut Vec<NewCell>,
     ) {
         let hull = piece.hull_bounds();
         let (center, radius) = (hull.center(), hull.diagonal() * 0.5);
-        if !(radius > 0.0) {
+        if radius <= 0.0 || radius.is_nan() {
             return;
         }
         let degrees = Degrees {
@@ -93,13 +131,10 @@ impl Pieces {
         // Into the units of the piece.
         let own = |h: &DVec4| {
             let numerator = (h.truncate() - center * h.w) / radius;
-            numerator.extend(h.w) / heaviest
+            (numerator.extend(h.w) / heaviest).to_array()
         };
-        let net: Vec<DVec4> = piece.homogeneous().iter().map(own).collect();
         let first = self.nets.len();
-        for axis in 0..4 {
-            self.nets.extend(net.iter().map(|h| h[axis]));
-        }
+        self.nets.extend(piece.homogeneous().iter().map(own));
         let number = u32::try_from(self.pieces.len()).expect("fewer pieces than fit");
         let (u, v) = (piece.u(), piece.v());
         self.pieces.push(Piece {
@@ -113,125 +148,294 @@ impl Pieces {
         });
         let cell = Cell {
             piece: number,
-            place: [0, 0],
-            level: [0, 0],
-            is_trimmed: false,
+            ..Cell::default()
         };
-        self.divide(piece, cell, trims.map(|t| (t, TRIM_HALVINGS)), boxes);
+        let mut net = self.nets[first..].to_vec();
+        let divider = Divider {
+            degrees,
+            center,
+            radius,
+            u: piece.u(),
+            v: piece.v(),
+        };
+        divider.divide(&mut net, cell, trims.map(|t| (t, TRIM_HALVINGS)), cells);
     }
 
+    /// The net of a piece.
+    pub(crate) fn net(&self, piece: &Piece) -> PieceNet<'_> {
+        PieceNet {
+            degrees: piece.degrees,
+            points: &self.nets[piece.first..piece.first + piece.degrees.len()],
+        }
+    }
+
+    /// Memory in use.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.pieces[..]) + size_of_val(&self.nets[..])
+    }
+}
+
+/// Divides a piece into cells.
+struct Divider {
+    degrees: Degrees,
+    /// From the units of the piece to the cluster.
+    center: DVec3,
+    radius: f64,
+    /// The part of the patch's domain.
+    u: Range<f64>,
+    v: Range<f64>,
+}
+
+impl Divider {
     /// Divides a cell until it is nearly flat and evenly parametrised, and further, by the
-    /// number beside `trims`, where a loop passes.
+    /// number beside `trims`, where a loop passes. `net` is the part of the piece in its own
+    /// units.
     fn divide(
-        &mut self,
-        part: &BezierSurface,
+        &self,
+        net: &mut [[f64; 4]],
         mut cell: Cell,
         trims: Option<(&TrimRegion, u8)>,
-        boxes: &mut Vec<Aabb>,
+        cells: &mut Vec<NewCell>,
     ) {
-        let classify = |(region, _): (&TrimRegion, _)| region.classify(part.u(), part.v());
-        let cover = trims.map_or(Cover::Inside, classify);
-        let mut trims = trims.filter(|_| cover == Cover::Mixed);
-        cell.is_trimmed = trims.is_some();
+        let cover = trims.map_or(Cover::Inside, |(region, _)| {
+            let rect = cell.rect();
+            let part = |domain: &Range<f64>, (a, b): (f64, f64)| {
+                let length = domain.end - domain.start;
+                domain.start + length * a..domain.start + length * b
+            };
+            region.classify(part(&self.u, rect.u), part(&self.v, rect.v))
+        });
         if cover == Cover::Outside {
             return;
         }
-        let stray = stray(part);
-        let axis = usize::from(stray[1] > stray[0]);
-        let mut axis = if cell.level[axis] < MAX_LEVEL {
-            axis
-        } else {
-            1 - axis
-        };
-        if stray[axis] <= FLAT || cell.level[axis] >= MAX_LEVEL {
+        let mut trims = trims.filter(|_| cover == Cover::Mixed);
+        cell.is_trimmed = trims.is_some();
+        let local = examine(net, self.degrees);
+        let mut axis = usize::from(local.cut_v);
+        if cell.level[axis] >= MAX_LEVEL {
+            axis = 1 - axis;
+        }
+        let [k1, k2, k3] = local.frame.stray;
+        if k1.max(k2) <= UNEVEN && k3 <= CURVED || cell.level[axis] >= MAX_LEVEL {
             match &mut trims {
                 Some((_, halvings @ 1..)) => {
                     axis = usize::from(*halvings % 2 == 1);
                     *halvings -= 1;
                 }
                 _ => {
-                    boxes.push(part.hull_bounds());
-                    self.cells.push(cell);
+                    cells.push(self.finished(net, cell, &local.frame));
                     return;
                 }
             }
         }
-        let halves = if axis == 0 {
-            part.split_u(0.5)
+        let mut behind = net.to_vec();
+        if axis == 0 {
+            net::split_u(net, &mut behind, self.degrees, 0.5);
         } else {
-            part.split_v(0.5)
-        };
-        for (k, half) in halves.iter().enumerate() {
+            net::split_v(net, &mut behind, self.degrees, 0.5);
+        }
+        for (half, net) in [(0, net), (1, &mut behind[..])] {
             let mut child = cell;
             child.level[axis] += 1;
-            child.place[axis] = 2 * cell.place[axis] + u8::from(k == 1);
-            self.divide(half, child, trims, boxes);
+            child.place[axis] = 2 * cell.place[axis] + half;
+            self.divide(net, child, trims, cells);
         }
     }
 
-    /// The nets of a piece.
-    pub(crate) fn net(&self, piece: &Piece) -> PieceNet<'_> {
-        let size = piece.degrees.len();
-        let net = |k: usize| &self.nets[piece.first + k * size..piece.first + (k + 1) * size];
-        PieceNet {
-            degrees: piece.degrees,
-            x: net(0),
-            y: net(1),
-            z: net(2),
-            w: net(3),
+    /// A cell in the coordinates of the cluster.
+    fn finished(&self, net: &[[f64; 4]], cell: Cell, frame: &CellFrame) -> NewCell {
+        let place = |p: DVec3| p * self.radius + self.center;
+        let points = net
+            .iter()
+            .map(|h| place(DVec3::new(h[0], h[1], h[2]) / h[3]));
+        NewCell {
+            cell,
+            frame: CellFrame {
+                center: place(frame.center),
+                rows: frame.rows.map(|row| row / self.radius),
+                stray: frame.stray,
+            },
+            bounds: Aabb::around(points),
         }
-    }
-
-    /// Memory in use.
-    pub(crate) fn bytes(&self) -> usize {
-        size_of_val(&self.pieces[..]) + size_of_val(&self.cells[..]) + size_of_val(&self.nets[..])
     }
 }
 
-/// How far the derivatives of a part stray from even ones, relative to its size: what a cut
-/// along u would lessen, and what a cut along v would.
-fn stray(part: &BezierSurface) -> [f64; 2] {
-    let row = part.degree_v() + 1;
-    let points: Vec<DVec3> = part.points().collect();
-    let along_u: Vec<_> = points
-        .iter()
-        .zip(&points[row..])
-        .map(|(a, b)| *b - *a)
-        .collect();
-    let along_v: Vec<_> = points
-        .chunks_exact(row)
-        .flat_map(|line| line.windows(2))
-        .map(|w| w[1] - w[0])
-        .collect();
-    let (columns, steps) = (part.degree_u(), part.degree_v());
-    let [uu, uv] = spread(&along_u, columns, row);
-    let [vu, vv] = spread(&along_v, columns + 1, steps);
-    [uu.max(vu), uv.max(vv)]
+/// What is known about a part of a piece.
+struct Examined {
+    frame: CellFrame,
+    /// Whether a cut along v would make it more even than one along u.
+    cut_v: bool,
 }
 
-/// The largest distance of a step from the mean of its line, relative to the mean length of
-/// all: for lines along the first index, and along the second.
-fn spread(steps: &[DVec3], count_i: usize, count_j: usize) -> [f64; 2] {
-    let size = steps.iter().map(|s| s.length()).sum::<f64>() / steps.len() as f64;
-    let worst = |line: &mut dyn Iterator<Item = DVec3>| {
-        let line: Vec<DVec3> = line.collect();
-        let mean = line.iter().sum::<DVec3>() / line.len() as f64;
-        line.iter()
-            .fold(0.0, |max: f64, s| max.max(s.distance(mean)))
-    };
-    let over = |lines: usize, line: &dyn Fn(usize) -> f64| {
-        let most = (0..lines).map(line).fold(0.0, f64::max);
-        if most > f64::EPSILON * size {
-            most / size
-        } else {
-            0.0
+/// Derives the frame of a part, and bounds how far the part strays from it.
+fn examine(net: &[[f64; 4]], degrees: Degrees) -> Examined {
+    let half_u = net::bernstein(degrees.p, 0.5);
+    let half_v = net::bernstein(degrees.q, 0.5);
+    let [x, xu, xv] = net::evaluate4(net, degrees, &half_u, &half_v);
+    let center = x.truncate() / x.w;
+    let along = |d: DVec4| (d.truncate() - center * d.w) / x.w * 0.5;
+    let (a, b) = (along(xu), along(xv));
+    let (length_a, length_b) = (a.length(), b.length());
+    let normal = a.cross(b);
+    let steps = Steps::of(net, degrees, center);
+    if normal.length() <= DEGENERATE * length_a * length_b || length_a * length_b <= 0.0 {
+        let [u, v] = steps.sizes();
+        return Examined {
+            frame: CellFrame {
+                center,
+                ..CellFrame::UNKNOWN
+            },
+            cut_v: v > u,
+        };
+    }
+    let normal = normal.normalize() * (0.5 * (length_a + length_b));
+    let inverse = DMat3::from_cols(a, b, normal).inverse().transpose();
+    // The rows are kept in single precision; the bounds hold for what is kept.
+    let rows = [inverse.x_axis, inverse.y_axis, inverse.z_axis].map(|r| r.as_vec3().as_dvec3());
+    let strays = [0, 1, 2].map(|k| {
+        let along = |axis: usize| if axis == k { 1.0 } else { 0.0 };
+        steps.stray(rows[k], [along(0), along(1)])
+    });
+    let stray = strays.map(|s| s.along_u + s.along_v);
+    let cut_u = strays.iter().fold(0.0, |max: f64, s| max.max(s.less_by_u));
+    let cut_v = strays.iter().fold(0.0, |max: f64, s| max.max(s.less_by_v));
+    Examined {
+        frame: CellFrame {
+            center,
+            rows,
+            stray,
+        },
+        cut_v: cut_v > cut_u,
+    }
+}
+
+/// Derivative nets of a part, by parameters from -1 to 1.
+struct Steps {
+    degrees: Degrees,
+    along_u: Vec<DVec4>,
+    along_v: Vec<DVec4>,
+    /// Control points relative to the middle, and their weights.
+    points: Vec<DVec4>,
+    least_weight: f64,
+    rational: bool,
+}
+
+/// How far the derivatives along one row of the frame stray.
+#[derive(Clone, Copy)]
+struct Stray {
+    along_u: f64,
+    along_v: f64,
+    /// What changes along u, and along v: a cut there lessens it.
+    less_by_u: f64,
+    less_by_v: f64,
+}
+
+impl Steps {
+    fn of(net: &[[f64; 4]], degrees: Degrees, center: DVec3) -> Self {
+        let row = degrees.q + 1;
+        let relative = |h: &[f64; 4]| {
+            let h = DVec4::from_array(*h);
+            (h.truncate() - center * h.w).extend(h.w)
+        };
+        let points: Vec<DVec4> = net.iter().map(relative).collect();
+        let (p, q) = (degrees.p as f64 * 0.5, degrees.q as f64 * 0.5);
+        let along_u = points
+            .iter()
+            .zip(&points[row..])
+            .map(|(a, b)| (*b - *a) * p)
+            .collect();
+        let along_v = points
+            .chunks_exact(row)
+            .flat_map(|line| line.windows(2))
+            .map(|pair| (pair[1] - pair[0]) * q)
+            .collect();
+        let (least, most) = points.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), h| {
+            (a.min(h.w), b.max(h.w))
+        });
+        Self {
+            degrees,
+            along_u,
+            along_v,
+            points,
+            least_weight: least,
+            rational: most > least,
         }
-    };
-    let along_i = over(count_j, &|j| {
-        worst(&mut steps.iter().skip(j).step_by(count_j).copied())
-    });
-    let along_j = over(count_i, &|i| {
-        worst(&mut steps[i * count_j..(i + 1) * count_j].iter().copied())
-    });
-    [along_i, along_j]
+    }
+
+    /// The largest steps along u and along v.
+    fn sizes(&self) -> [f64; 2] {
+        let most = |steps: &[DVec4]| steps.iter().fold(0.0, |m: f64, s| m.max(s.length()));
+        [most(&self.along_u), most(&self.along_v)]
+    }
+
+    /// Bounds `|row . S_u - expected u| + |row . S_v - expected v|` over the part.
+    fn stray(&self, row: DVec3, expected: [f64; 2]) -> Stray {
+        let lines = [self.degrees.q + 1, self.degrees.q];
+        let mut bounds = [0.0_f64; 2];
+        let mut changes = [[0.0_f64; 2]; 2];
+        for axis in 0..2 {
+            let steps = if axis == 0 {
+                &self.along_u
+            } else {
+                &self.along_v
+            };
+            // With weights the derivative is (X' - S w') / w; what w' contributes is bounded
+            // apart, and the rest is a spread of X' - expected w, one degree lower in effect.
+            let value = |s: &DVec4| row.dot(s.truncate());
+            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            for s in steps {
+                let x = value(s);
+                (low, high) = (low.min(x), high.max(x));
+            }
+            bounds[axis] = if self.rational {
+                self.rational_bound(row, steps, (low, high), expected[axis])
+            } else {
+                let w = self.least_weight;
+                (high / w - expected[axis])
+                    .abs()
+                    .max((low / w - expected[axis]).abs())
+            };
+            for (index, s) in steps.iter().enumerate() {
+                let (i, j) = (index / lines[axis], index % lines[axis]);
+                if i > 0 {
+                    let change = (value(s) - value(&steps[index - lines[axis]])).abs();
+                    changes[axis][0] = changes[axis][0].max(change);
+                }
+                if j > 0 {
+                    let change = (value(s) - value(&steps[index - 1])).abs();
+                    changes[axis][1] = changes[axis][1].max(change);
+                }
+            }
+        }
+        Stray {
+            along_u: bounds[0],
+            along_v: bounds[1],
+            less_by_u: changes[0][0].max(changes[1][0]),
+            less_by_v: changes[0][1].max(changes[1][1]),
+        }
+    }
+
+    /// Bound for a derivative `(X' - S w') / w` against `expected`.
+    ///
+    /// `X'` has its hull in `low..high` and `w` lies between the least and greatest weight;
+    /// both are hulls of polynomials, whatever their degrees.
+    fn rational_bound(
+        &self,
+        row: DVec3,
+        steps: &[DVec4],
+        (low, high): (f64, f64),
+        expected: f64,
+    ) -> f64 {
+        let greatest = self.points.iter().fold(0.0, |m: f64, h| m.max(h.w));
+        let least = self.least_weight;
+        let reach = self
+            .points
+            .iter()
+            .fold(0.0, |m: f64, h| m.max((row.dot(h.truncate()) / h.w).abs()));
+        let change = steps.iter().fold(0.0, |m: f64, s| m.max(s.w.abs()));
+        // X' - expected w over the part, then divided by w.
+        let above = high - expected * least;
+        let below = low - expected * greatest;
+        (above.abs().max(below.abs()) + reach * change) / least
+    }
 }

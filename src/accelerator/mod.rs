@@ -5,8 +5,10 @@
 //! hierarchy of boxes. Instances place clusters in the world; over them stands another
 //! hierarchy. Shapes shown many times are so stored once.
 
+mod block;
 mod build;
 mod cells;
+mod isa;
 mod trace;
 mod tree;
 
@@ -14,7 +16,9 @@ use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
 
 use crate::intersect::{Method, Scratch};
+use block::Block;
 use cells::Pieces;
+use isa::Isa;
 use tree::Tree;
 
 /// Everything that rays can meet, prepared for the search.
@@ -26,6 +30,7 @@ pub struct Accelerator<'a> {
     top: Tree,
     counts: Counts,
     method: &'static Method,
+    isa: Isa,
 }
 
 /// How many shapes of both kinds there are.
@@ -35,24 +40,26 @@ struct Counts {
     meshes: u32,
 }
 
-/// Shapes in common coordinates, with one hierarchy over all their cells and triangles.
+/// Shapes in common coordinates, with a hierarchy over their cells and one over triangles.
 #[derive(Debug)]
 struct Cluster<'a> {
     pieces: Pieces,
-    triangles: Vec<Triangle>,
-    /// What the hierarchy holds, in its order.
-    primitives: Vec<Primitive>,
+    /// The cells of each leaf of `tree`.
+    blocks: Vec<Block>,
+    cell_count: usize,
     tree: Tree,
+    /// In the order of the leaves of `triangle_tree`.
+    triangles: Vec<Triangle>,
+    triangle_tree: Tree,
     items: Vec<ClusterItem<'a>>,
     /// What belongs to the faces that do not show all of their surface.
     regions: Vec<TrimRegion>,
 }
 
-/// Number of a cell or of a triangle.
-#[derive(Clone, Copy, Debug)]
-enum Primitive {
-    Cell(u32),
-    Triangle(u32),
+impl Cluster<'_> {
+    fn bounds(&self) -> Aabb {
+        self.tree.bounds().union(self.triangle_tree.bounds())
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -93,8 +100,8 @@ struct Instance {
 /// Memory that one thread reuses from ray to ray.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    top_stack: Vec<(u32, f64)>,
-    stack: Vec<(u32, f64)>,
+    top_stack: Vec<(u32, f32)>,
+    stack: Vec<(u32, f32)>,
     scratch: Scratch,
 }
 
@@ -123,7 +130,7 @@ impl<'a> Accelerator<'a> {
 
     /// Number of stored cells, each once however often it is shown.
     pub fn cell_count(&self) -> usize {
-        self.clusters.iter().map(|c| c.pieces.cells.len()).sum()
+        self.clusters.iter().map(|c| c.cell_count).sum()
     }
 
     /// Memory of all nets, cells and hierarchies.
@@ -131,7 +138,9 @@ impl<'a> Accelerator<'a> {
         let clusters = self.clusters.iter().map(|c| {
             c.pieces.bytes()
                 + size_of_val(&c.triangles[..])
-                + size_of_val(&c.primitives[..])
+                + size_of_val(&c.blocks[..])
+                + c.triangle_tree.bytes()
+                + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + size_of_val(&c.items[..])
                 + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + c.tree.bytes()

@@ -1,16 +1,17 @@
 //! One ray through both levels.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
 use kernel::{Material, Ray};
 
-use super::cells::{Cell, Piece};
-use super::{
-    Accelerator, Cluster, Instance, ItemShape, Primitive, Triangle, Workspace, triangle_uv,
-};
-use crate::intersect::net::{bernstein, evaluate};
-use crate::intersect::{Hit, Intersector, Line, Scratch, triangle};
+use super::block::{Block, Encounter};
+use super::cells::Piece;
+use super::tree::{LocalRay, Visitor, WIDTH};
+use super::{Accelerator, Cluster, Instance, ItemShape, Triangle, Workspace, triangle_uv};
+use crate::intersect::net::evaluate_at;
+use crate::intersect::{Hit, Intersector, Line, Scratch, Target, triangle};
 
 /// Rounding error of a distance in a piece of size one, a few operations wide.
 const SLACK: f64 = 4e-15;
@@ -27,14 +28,14 @@ const SAME_POINT: f64 = 1e-7;
 
 /// What a ray met, before it is worked out.
 #[derive(Clone, Copy, Debug)]
-struct Candidate {
+pub(super) struct Candidate {
     t: f64,
     instance: u32,
     kind: CandidateKind,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum CandidateKind {
+pub(super) enum CandidateKind {
     Surface {
         piece: u32,
         u: f64,
@@ -75,13 +76,9 @@ impl Accelerator<'_> {
         range: Range<f64>,
         workspace: &mut Workspace,
     ) -> Option<Hit> {
-        let mut best = None;
-        self.search::<I>(ray, range, workspace, |candidate, range| {
-            range.end = candidate.t;
-            best = Some(candidate);
-            true
-        });
-        best.map(|candidate| self.work_out(ray, &candidate))
+        let mut best = Nearest(None);
+        self.search::<I>(ray, range, workspace, &mut best);
+        best.0.map(|candidate| self.work_out(ray, &candidate))
     }
 
     pub(crate) fn any_with<I: Intersector>(
@@ -90,12 +87,9 @@ impl Accelerator<'_> {
         range: Range<f64>,
         workspace: &mut Workspace,
     ) -> bool {
-        let mut found = false;
-        self.search::<I>(ray, range, workspace, |_, _| {
-            found = true;
-            false
-        });
-        found
+        let mut found = Any(false);
+        self.search::<I>(ray, range, workspace, &mut found);
+        found.0
     }
 
     pub(crate) fn all_with<I: Intersector>(
@@ -105,25 +99,30 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         hits: &mut Vec<Hit>,
     ) {
+        let mut found = All(Vec::new());
+        self.search::<I>(ray, range, workspace, &mut found);
         hits.clear();
-        self.search::<I>(ray, range, workspace, |candidate, _| {
-            hits.push(self.work_out(ray, &candidate));
-            true
-        });
+        hits.extend(
+            found
+                .0
+                .iter()
+                .map(|candidate| self.work_out(ray, candidate)),
+        );
         hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.shape.cmp(&b.shape)));
         self.merge(hits);
     }
 
-    /// Offers every candidate in `range` to `take`, which may shorten the range and says
-    /// whether to go on.
-    fn search<I: Intersector>(
+    /// Offers every candidate in `range` to `collector`.
+    #[inline(always)]
+    pub(super) fn search_with<I: Intersector>(
         &self,
         ray: &Ray,
         mut range: Range<f64>,
         workspace: &mut Workspace,
-        mut take: impl FnMut(Candidate, &mut Range<f64>) -> bool,
+        collector: &mut impl Collector,
     ) {
-        if !(ray.direction.length_squared() > 0.0 && ray.origin.is_finite()) {
+        let way = ray.direction.length_squared();
+        if !(way > 0.0 && way.is_finite() && ray.origin.is_finite()) {
             return;
         }
         let Workspace {
@@ -131,67 +130,17 @@ impl Accelerator<'_> {
             stack,
             scratch,
         } = workspace;
-        self.top.traverse(ray, &mut range, top_stack, |run, range| {
-            for number in run {
-                let instance = &self.instances[number];
-                let cluster = &self.clusters[instance.cluster as usize];
-                let local = ray.transformed(&instance.cluster_from_world);
-                let seen = ClusterRay::new(local, cluster);
-                let number = u32::try_from(number).expect("fewer instances than fit");
-                let mut go_on = true;
-                cluster.tree.traverse(&local, range, stack, |run, range| {
-                    for &primitive in &cluster.primitives[run] {
-                        go_on = match primitive {
-                            Primitive::Cell(k) => {
-                                let cell = &cluster.pieces.cells[k as usize];
-                                let mut offer = |t, kind, range: &mut Range<f64>| {
-                                    take(
-                                        Candidate {
-                                            t,
-                                            instance: number,
-                                            kind,
-                                        },
-                                        range,
-                                    )
-                                };
-                                seen.meet_cell::<I>(cluster, cell, scratch, range, &mut offer)
-                            }
-                            Primitive::Triangle(k) => {
-                                let hit = triangle::intersect(
-                                    &local,
-                                    &cluster.triangles[k as usize].corners,
-                                );
-                                match hit {
-                                    Some((t, barycentric)) if range.contains(&t) => {
-                                        let kind = CandidateKind::Triangle {
-                                            index: k,
-                                            barycentric,
-                                        };
-                                        take(
-                                            Candidate {
-                                                t,
-                                                instance: number,
-                                                kind,
-                                            },
-                                            range,
-                                        )
-                                    }
-                                    _ => true,
-                                }
-                            }
-                        };
-                        if !go_on {
-                            return false;
-                        }
-                    }
-                    true
-                });
-                if !go_on {
-                    return false;
-                }
-            }
-            true
-        });
+        let mut visitor = InstanceVisitor::<I, _> {
+            accelerator: self,
+            ray,
+            stack,
+            scratch,
+            collector,
+            method: PhantomData,
+        };
+        let local = self.top.local_ray(ray);
+        self.top
+            .traverse(&local, &mut range, top_stack, &mut visitor);
     }
 
     /// Merges what was found twice on common borders of cells and pieces; `hits` are sorted.
@@ -390,17 +339,214 @@ fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
 
 /// Point and first derivatives by the patch's parameters, in the cluster.
 fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3; 3] {
-    let net = cluster.pieces.net(piece);
-    let u = bernstein(piece.degrees.p, local.x);
-    let v = bernstein(piece.degrees.q, local.y);
-    let [x, y, z, w] = [net.x, net.y, net.z, net.w].map(|c| evaluate(c, piece.degrees, &u, &v));
-    let own = DVec3::new(x[0], y[0], z[0]) / w[0];
-    let along = |k: usize| (DVec3::new(x[k], y[k], z[k]) - own * w[k]) / w[0] * piece.radius;
+    let [h, hu, hv] = evaluate_at(&cluster.pieces.net(piece), local.x, local.y);
+    let own = h.truncate() / h.w;
+    let along = |d: DVec4| (d.truncate() - own * d.w) / h.w * piece.radius;
     [
         piece.center + own * piece.radius,
-        along(1) / piece.u.1,
-        along(2) / piece.v.1,
+        along(hu) / piece.u.1,
+        along(hv) / piece.v.1,
     ]
+}
+
+/// What becomes of the candidates of a ray.
+pub(super) trait Collector {
+    /// Takes a candidate in `range`; may lower its end, and says whether to go on.
+    fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool;
+}
+
+/// Keeps the nearest.
+struct Nearest(Option<Candidate>);
+
+impl Collector for Nearest {
+    #[inline(always)]
+    fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool {
+        range.end = candidate.t;
+        self.0 = Some(candidate);
+        true
+    }
+}
+
+/// Stops at the first.
+struct Any(bool);
+
+impl Collector for Any {
+    #[inline(always)]
+    fn take(&mut self, _: Candidate, _: &mut Range<f64>) -> bool {
+        self.0 = true;
+        false
+    }
+}
+
+/// Keeps all.
+struct All(Vec<Candidate>);
+
+impl Collector for All {
+    fn take(&mut self, candidate: Candidate, _: &mut Range<f64>) -> bool {
+        self.0.push(candidate);
+        true
+    }
+}
+
+/// Follows a ray into the instances that it passes.
+struct InstanceVisitor<'a, I, C> {
+    accelerator: &'a Accelerator<'a>,
+    ray: &'a Ray,
+    stack: &'a mut Vec<(u32, f32)>,
+    scratch: &'a mut Scratch,
+    collector: &'a mut C,
+    method: PhantomData<I>,
+}
+
+impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
+    #[inline(always)]
+    fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
+        for number in self.accelerator.top.leaf(number) {
+            let instance = &self.accelerator.instances[number];
+            let cluster = &self.accelerator.clusters[instance.cluster as usize];
+            let ray = self.ray.transformed(&instance.cluster_from_world);
+            let number = u32::try_from(number).expect("fewer instances than fit");
+            let mut visitor = ShapeVisitor::<I, C> {
+                cluster,
+                ray: ClusterRay::new(&ray, cluster),
+                local: cluster.tree.local_ray(&ray),
+                instance: number,
+                scratch: &mut *self.scratch,
+                collector: &mut *self.collector,
+                go_on: true,
+                method: PhantomData,
+            };
+            let local = cluster.tree.local_ray(&ray);
+            cluster
+                .tree
+                .traverse(&local, range, self.stack, &mut visitor);
+            let go_on = visitor.go_on;
+            if go_on && !cluster.triangles.is_empty() {
+                let mut visitor = TriangleVisitor {
+                    cluster,
+                    ray: &ray,
+                    instance: number,
+                    collector: &mut *self.collector,
+                    go_on: true,
+                };
+                let local = cluster.triangle_tree.local_ray(&ray);
+                cluster
+                    .triangle_tree
+                    .traverse(&local, range, self.stack, &mut visitor);
+                if !visitor.go_on {
+                    return false;
+                }
+            }
+            if !go_on {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// Meets the cells of the leaves that a ray passes.
+struct ShapeVisitor<'a, I, C> {
+    cluster: &'a Cluster<'a>,
+    ray: ClusterRay,
+    local: LocalRay,
+    instance: u32,
+    scratch: &'a mut Scratch,
+    collector: &'a mut C,
+    go_on: bool,
+    method: PhantomData<I>,
+}
+
+impl<I: Intersector, C: Collector> Visitor for ShapeVisitor<'_, I, C> {
+    #[inline(always)]
+    fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
+        let block = &self.cluster.blocks[number];
+        let mut found = [Encounter::NONE; WIDTH];
+        let count = block.meet(&self.local, &self.local.range(range), &mut found);
+        for encounter in &found[..count] {
+            if !self.meet(block, encounter, range) {
+                self.go_on = false;
+                return false;
+            }
+        }
+        true
+    }
+}
+
+impl<I: Intersector, C: Collector> ShapeVisitor<'_, I, C> {
+    /// Offers the roots in a cell; the result says whether to go on.
+    #[inline(always)]
+    fn meet(&mut self, block: &Block, encounter: &Encounter, range: &mut Range<f64>) -> bool {
+        let Self { cluster, ray, .. } = self;
+        let cell = &block.cells[encounter.slot];
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let target = Target {
+            piece: cluster.pieces.net(piece),
+            line: ray.line(piece),
+            cell: cell.rect(),
+            start: encounter.start.map(f64::from),
+            rows: block.rows(encounter.slot, piece.radius * cluster.tree.scale()),
+            stray: f64::from(encounter.stray),
+        };
+        I::roots(self.scratch, &target);
+        for root in &self.scratch.roots {
+            if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
+                continue;
+            }
+            let [h, ..] = evaluate_at(&target.piece, root.u, root.v);
+            let point = piece.center + h.truncate() / h.w * piece.radius;
+            let t = ray.shift + (point - ray.origin).dot(ray.direction) * ray.inverse_square;
+            if !range.contains(&t) {
+                continue;
+            }
+            let kind = CandidateKind::Surface {
+                piece: cell.piece,
+                u: root.u,
+                v: root.v,
+                tangential: root.tangential,
+            };
+            let candidate = Candidate {
+                t,
+                instance: self.instance,
+                kind,
+            };
+            if !self.collector.take(candidate, range) {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// Meets the triangles of the leaves that a ray passes.
+struct TriangleVisitor<'a, C> {
+    cluster: &'a Cluster<'a>,
+    ray: &'a Ray,
+    instance: u32,
+    collector: &'a mut C,
+    go_on: bool,
+}
+
+impl<C: Collector> Visitor for TriangleVisitor<'_, C> {
+    fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
+        for number in self.cluster.triangle_tree.leaf(number) {
+            let hit = triangle::intersect(self.ray, &self.cluster.triangles[number].corners);
+            let Some((t, barycentric)) = hit.filter(|(t, _)| range.contains(t)) else {
+                continue;
+            };
+            let index = u32::try_from(number).expect("fewer triangles than fit");
+            let candidate = Candidate {
+                t,
+                instance: self.instance,
+                kind: CandidateKind::Triangle { index, barycentric },
+            };
+            if !self.collector.take(candidate, range) {
+                self.go_on = false;
+                return false;
+            }
+        }
+        true
+    }
 }
 
 /// A ray in the coordinates of a cluster, with its origin next to the cluster so that far
@@ -408,6 +554,7 @@ fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3;
 struct ClusterRay {
     origin: DVec3,
     direction: DVec3,
+    unit: DVec3,
     /// The ray parameter of the origin.
     shift: f64,
     e1: DVec3,
@@ -418,15 +565,17 @@ struct ClusterRay {
 }
 
 impl ClusterRay {
-    fn new(ray: Ray, cluster: &Cluster<'_>) -> Self {
+    #[inline(always)]
+    fn new(ray: &Ray, cluster: &Cluster<'_>) -> Self {
         let bounds = cluster.tree.bounds();
-        let unit = ray.direction.normalize();
         let inverse_square = 1.0 / ray.direction.length_squared();
         let shift = (bounds.center() - ray.origin).dot(ray.direction) * inverse_square;
+        let unit = ray.direction.normalize();
         let (e1, e2) = unit.any_orthonormal_pair();
         Self {
             origin: ray.at(shift),
             direction: ray.direction,
+            unit,
             shift,
             e1,
             e2,
@@ -435,45 +584,18 @@ impl ClusterRay {
         }
     }
 
-    /// Offers the roots in a cell; the result says whether to go on.
-    fn meet_cell<I: Intersector>(
-        &self,
-        cluster: &Cluster<'_>,
-        cell: &Cell,
-        scratch: &mut Scratch,
-        range: &mut Range<f64>,
-        offer: &mut impl FnMut(f64, CandidateKind, &mut Range<f64>) -> bool,
-    ) -> bool {
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let net = cluster.pieces.net(piece);
+    /// The ray's line in the units of a piece.
+    #[inline(always)]
+    fn line(&self, piece: &Piece) -> Line {
         let origin = (self.origin - piece.center) / piece.radius;
-        let line = Line {
+        Line {
+            origin,
+            direction: self.unit,
             e1: self.e1,
             e2: self.e2,
             c1: self.e1.dot(origin),
             c2: self.e2.dot(origin),
             slack: SLACK * (1.0 + 0.1 * self.reach / piece.radius),
-        };
-        I::roots(scratch, &net, &line, &cell.rect());
-        for k in 0..scratch.roots.len() {
-            let root = scratch.roots[k];
-            if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
-                continue;
-            }
-            let [point, ..] = evaluate_piece(cluster, piece, DVec2::new(root.u, root.v));
-            let t = self.shift + (point - self.origin).dot(self.direction) * self.inverse_square;
-            if range.contains(&t) {
-                let kind = CandidateKind::Surface {
-                    piece: cell.piece,
-                    u: root.u,
-                    v: root.v,
-                    tangential: root.tangential,
-                };
-                if !offer(t, kind, range) {
-                    return false;
-                }
-            }
         }
-        true
     }
 }

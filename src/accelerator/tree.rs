@@ -9,20 +9,12 @@ use glam::DVec3;
 use kernel::{Aabb, Ray};
 
 /// Children of a node.
-const WIDTH: usize = 8;
-
-/// Primitives that are not divided further.
-const LEAF: usize = 2;
-
-/// Most primitives of a leaf whose boxes cannot be told apart.
-const MAX_LEAF: usize = 1 << LEAF_BITS;
-const LEAF_BITS: u32 = 5;
+pub(crate) const WIDTH: usize = 8;
 
 /// Bins of the surface area heuristic.
 const BINS: usize = 16;
 
-/// Marks a child as a leaf: then the lower bits count its primitives less one, and the
-/// others number the first.
+/// Marks a child as a leaf; the other bits are its number.
 const IS_LEAF: u32 = 1 << 31;
 
 /// Padding of boxes in a tree of size one: what single precision rays may stray, sixteen
@@ -48,17 +40,47 @@ pub(crate) struct Tree {
     /// The tree's own coordinates are `(x - center) * scale`: from -1 to 1.
     center: DVec3,
     scale: f64,
+    /// The primitives of each leaf, in the new order.
+    leaves: Vec<(u32, u32)>,
 }
 
-/// A ray as the tree sees it: near the tree, in single precision.
-struct LocalRay {
-    origin: [f32; 3],
+/// A ray as the tree sees it: with its origin near the tree and a direction of length one,
+/// in the tree's coordinates and in single precision.
+pub(crate) struct LocalRay {
+    pub(crate) origin: [f32; 3],
+    pub(crate) direction: [f32; 3],
     inverse: [f32; 3],
+    /// The ray parameter of the origin, and how much of it is one unit of the tree.
+    shift: f64,
+    unit: f64,
+}
+
+impl LocalRay {
+    /// A range of the ray parameter in units of the tree, rounded outwards.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounded outwards in the next line"
+    )]
+    pub(crate) fn range(&self, range: &Range<f64>) -> Range<f32> {
+        let local = |t: f64| ((t - self.shift) / self.unit) as f32;
+        let (start, end) = (local(range.start), local(range.end));
+        let grown = |t: f32| t.abs() * ROUNDING + f32::MIN_POSITIVE;
+        start - grown(start)..end + grown(end)
+    }
+}
+
+/// What happens at the leaves that a ray passes.
+pub(crate) trait Visitor {
+    /// Examines leaf `number`. `range` is still of interest; its end may be lowered. The
+    /// result says whether to go on.
+    fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool;
 }
 
 impl Tree {
-    /// Builds the hierarchy; the second result is the old number of each primitive.
-    pub(crate) fn build(boxes: &[Aabb]) -> (Self, Vec<u32>) {
+    /// Builds the hierarchy with at most `fill` primitives in a leaf; the second result is
+    /// the old number of each primitive.
+    pub(crate) fn build(boxes: &[Aabb], fill: usize) -> (Self, Vec<u32>) {
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         let center = if bounds.is_empty() {
             DVec3::ZERO
@@ -72,12 +94,14 @@ impl Tree {
             bounds,
             center,
             scale,
+            leaves: Vec::new(),
         };
         let count = u32::try_from(boxes.len()).expect("a scene has fewer than 2^32 cells");
         let mut builder = Builder {
             boxes,
             centers: boxes.iter().map(Aabb::center).collect(),
             order: (0..count).collect(),
+            fill,
         };
         if !boxes.is_empty() {
             tree.add_node(&mut builder, 0..boxes.len());
@@ -92,7 +116,49 @@ impl Tree {
 
     /// Memory of the nodes.
     pub(crate) fn bytes(&self) -> usize {
-        self.nodes.len() * size_of::<Node>()
+        size_of_val(&self.nodes[..]) + size_of_val(&self.leaves[..])
+    }
+
+    /// How many units of the tree one unit of its primitives is.
+    pub(crate) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// A point in the tree's own coordinates.
+    pub(crate) fn to_local(&self, point: DVec3) -> DVec3 {
+        (point - self.center) * self.scale
+    }
+
+    /// Number of leaves.
+    pub(crate) fn leaf_count(&self) -> usize {
+        self.leaves.len()
+    }
+
+    /// The primitives of a leaf, in the new order.
+    pub(crate) fn leaf(&self, number: usize) -> Range<usize> {
+        let (start, end) = self.leaves[number];
+        start as usize..end as usize
+    }
+
+    /// The ray as the tree sees it.
+    #[inline(always)]
+    pub(crate) fn local_ray(&self, ray: &Ray) -> LocalRay {
+        let length = ray.direction.length();
+        let unit_direction = ray.direction / length;
+        let shift = (self.center - ray.origin).dot(unit_direction) / length;
+        LocalRay {
+            origin: single(self.to_local(ray.at(shift))),
+            direction: single(unit_direction),
+            inverse: single(unit_direction).map(|d| {
+                if d.abs() < f32::MIN_POSITIVE {
+                    f32::MAX
+                } else {
+                    d.recip()
+                }
+            }),
+            shift,
+            unit: (length * self.scale).recip(),
+        }
     }
 
     fn add_node(&mut self, builder: &mut Builder<'_>, range: Range<usize>) -> u32 {
@@ -100,7 +166,7 @@ impl Tree {
         let mut parts = vec![range];
         while parts.len() < WIDTH {
             let widest = (0..parts.len())
-                .filter(|&k| parts[k].len() > LEAF)
+                .filter(|&k| parts[k].len() > builder.fill)
                 .max_by(|&a, &b| builder.area(&parts[a]).total_cmp(&builder.area(&parts[b])));
             let Some(widest) = widest else { break };
             let part = parts[widest].clone();
@@ -122,9 +188,8 @@ impl Tree {
                 self.nodes[index].min[axis][k] = below(low - PADDING);
                 self.nodes[index].max[axis][k] = -below(-high - PADDING);
             }
-            let small = part.len() <= MAX_LEAF && builder.coincide(&part);
-            let child = if part.len() <= LEAF || small {
-                leaf(&part)
+            let child = if part.len() <= builder.fill {
+                self.add_leaf(&part)
             } else {
                 self.add_node(builder, part)
             };
@@ -133,71 +198,69 @@ impl Tree {
         u32::try_from(index).expect("fewer nodes than cells")
     }
 
+    fn add_leaf(&mut self, part: &Range<usize>) -> u32 {
+        let single = |k: usize| u32::try_from(k).expect("fewer primitives than fit");
+        self.leaves.push((single(part.start), single(part.end)));
+        let number = single(self.leaves.len() - 1);
+        assert!(number < IS_LEAF, "a scene has fewer than 2^31 leaves");
+        number | IS_LEAF
+    }
+
     /// Visits the leaves that the ray passes within `range`, roughly from near to far.
-    ///
-    /// `visit` gets a run of primitives and the range that is still of interest, whose end
-    /// it may lower; it returns whether to go on.
+    #[inline(always)]
     pub(crate) fn traverse(
         &self,
-        ray: &Ray,
+        ray: &LocalRay,
         range: &mut Range<f64>,
-        stack: &mut Vec<(u32, f64)>,
-        mut visit: impl FnMut(Range<usize>, &mut Range<f64>) -> bool,
+        stack: &mut Vec<(u32, f32)>,
+        visitor: &mut impl Visitor,
     ) {
         if self.nodes.is_empty() {
             return;
         }
-        // Move the origin next to the tree, so that single precision suffices.
-        let length = ray.direction.length();
-        let shift = (self.center - ray.origin).dot(ray.direction / length) / length;
-        let unit = (length * self.scale).recip();
-        let local = LocalRay {
-            origin: single((ray.at(shift) - self.center) * self.scale),
-            inverse: single(ray.direction / length).map(|d| {
-                if d.abs() < f32::MIN_POSITIVE {
-                    f32::MAX
-                } else {
-                    d.recip()
-                }
-            }),
-        };
         let base = stack.len();
-        stack.push((0, f64::NEG_INFINITY));
+        let mut local = ray.range(range);
+        stack.push((0, f32::NEG_INFINITY));
         while stack.len() > base {
             let Some((child, near)) = stack.pop() else {
                 break;
             };
-            if near > range.end {
+            if near > local.end {
                 continue;
             }
             if child & IS_LEAF != 0 {
-                let first = ((child & !IS_LEAF) >> LEAF_BITS) as usize;
-                let count = (child as usize & (MAX_LEAF - 1)) + 1;
-                if !visit(first..first + count, range) {
+                if !visitor.leaf((child & !IS_LEAF) as usize, range) {
                     stack.truncate(base);
                     return;
                 }
+                local = ray.range(range);
                 continue;
             }
             let node = &self.nodes[child as usize];
-            let (near, far) = node.slabs(&local);
+            let (near, mut mask) = node.slabs(ray, &local);
             let first = stack.len();
-            for k in 0..WIDTH {
-                let near = f64::from(near[k]) * unit + shift;
-                let far = f64::from(far[k]) * unit + shift;
-                if near <= far && near <= range.end && far >= range.start {
-                    stack.push((node.child[k], near));
+            while mask != 0 {
+                let k = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                // Keep the nearest on top: few children, so insertion is quickest.
+                let entry = (node.child[k], near[k]);
+                stack.push(entry);
+                let mut place = stack.len() - 1;
+                while place > first && stack[place - 1].1 < entry.1 {
+                    stack[place] = stack[place - 1];
+                    place -= 1;
                 }
+                stack[place] = entry;
             }
-            // The nearest child comes to the top.
-            stack[first..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
         }
     }
 }
 
 impl Node {
-    /// Entry and exit of the ray for all eight boxes.
-    fn slabs(&self, ray: &LocalRay) -> ([f32; WIDTH], [f32; WIDTH]) {
+    /// Where the ray enters each of the eight boxes, and a bit for each that it passes within
+    /// `range`.
+    #[inline(always)]
+    fn slabs(&self, ray: &LocalRay, range: &Range<f32>) -> ([f32; WIDTH], u32) {
         let (mut near, mut far) = ([f32::NEG_INFINITY; WIDTH], [f32::INFINITY; WIDTH]);
         for axis in 0..3 {
             let (o, inverse) = (ray.origin[axis], ray.inverse[axis]);
@@ -208,15 +271,19 @@ impl Node {
                 (&self.min[axis], &self.max[axis])
             };
             for k in 0..WIDTH {
-                near[k] = near[k].max((entry[k] - o) * inverse);
-                far[k] = far[k].min((exit[k] - o) * inverse);
+                let (a, b) = ((entry[k] - o) * inverse, (exit[k] - o) * inverse);
+                near[k] = if a > near[k] { a } else { near[k] };
+                far[k] = if b < far[k] { b } else { far[k] };
             }
         }
+        let mut mask = 0;
         for k in 0..WIDTH {
             near[k] -= near[k].abs() * ROUNDING;
             far[k] += far[k].abs() * ROUNDING;
+            let passes = near[k] <= far[k] && near[k] <= range.end && far[k] >= range.start;
+            mask |= u32::from(passes) << k;
         }
-        (near, far)
+        (near, mask)
     }
 }
 
@@ -224,6 +291,7 @@ struct Builder<'a> {
     boxes: &'a [Aabb],
     centers: Vec<DVec3>,
     order: Vec<u32>,
+    fill: usize,
 }
 
 impl Builder<'_> {
@@ -238,25 +306,19 @@ impl Builder<'_> {
         half_area(&self.bounds(part))
     }
 
-    fn coincide(&self, part: &Range<usize>) -> bool {
-        let first = self.centers[self.order[part.start] as usize];
-        self.order[part.clone()]
-            .iter()
-            .all(|&k| self.centers[k as usize] == first)
-    }
-
     /// Sorts a part into two by the surface area heuristic and returns the border.
     fn divide(&mut self, part: Range<usize>) -> usize {
         let Self {
             boxes,
             centers,
             order,
+            ..
         } = self;
         let order = &mut order[part.clone()];
         let all = Aabb::around(order.iter().map(|&k| centers[k as usize]));
         let axis = all.size().max_position();
         let (low, width) = (all.min[axis], all.size()[axis]);
-        if !(width > 0.0) {
+        if width <= 0.0 || width.is_nan() {
             return part.start + part.len() / 2;
         }
         let bin_of = |k: u32| {
@@ -295,16 +357,6 @@ impl Builder<'_> {
                 left
             }
     }
-}
-
-fn leaf(part: &Range<usize>) -> u32 {
-    let first = u32::try_from(part.start).expect("fewer cells than fit");
-    let count = u32::try_from(part.len()).expect("leaves are small");
-    assert!(
-        first < IS_LEAF >> LEAF_BITS,
-        "a scene has fewer than 2^26 cells"
-    );
-    IS_LEAF | first << LEAF_BITS | (count - 1)
 }
 
 fn half_area(bounds: &Aabb) -> f64 {

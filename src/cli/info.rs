@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use nurbray::formats::Import;
+use nurbray::formats::{Import, Warning};
 use nurbray::kernel::{Child, Item, NodeId, Patch, Scene, Shape};
 use serde_json::{Value, json};
 
@@ -181,7 +181,11 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
         writeln!(text, "  tree")?;
         tree(text, scene, root)?;
     }
-    let warnings = import.warnings.as_slice();
+    warnings(text, import.warnings.as_slice())
+}
+
+/// Every warning with its count and its places.
+fn warnings(text: &mut String, warnings: &[Warning]) -> std::fmt::Result {
     if !warnings.is_empty() {
         writeln!(
             text,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use glam::{DAffine3, DVec2, DVec3};
 use nurbray::kernel::{Patch, Placement, Ray, Scene, Shape};
-use nurbray::{Accelerator, Hit, METHODS, Workspace};
+use nurbray::{Accelerator, Certificate, Certifier, Hit, METHODS, Workspace};
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -41,6 +41,10 @@ pub(super) struct Args {
     /// Every hit of a ray, not just the nearest
     #[arg(long, conflicts_with = "uv")]
     all: bool,
+    /// Prove what each ray meets first: rows ray,status,t_low,t_high,patch, where the status is
+    /// hit, miss, tangent, edge or overlap; without a proof the ray is free up to t_low
+    #[arg(long, conflicts_with_all = ["uv", "all"])]
+    certify: bool,
     /// One line of JSON per row instead of CSV
     #[arg(long)]
     json: bool,
@@ -67,6 +71,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         .build()?;
     let mut out = BufWriter::new(std::io::stdout());
     pool.install(|| match (&args.rays, &args.uv) {
+        (Some(rays), _) if args.certify => {
+            let certifier = Certifier::build(scene);
+            if !args.json {
+                writeln!(out, "ray,status,t_low,t_high,patch")?;
+            }
+            stream(rays, &mut out, |(): &mut (), row, fields| {
+                Ok(certificate_row(
+                    row,
+                    &certifier.certify(&ray(fields)?),
+                    args.json,
+                ))
+            })
+        }
         (Some(rays), _) => {
             let accelerator = Accelerator::build(scene, &METHODS[0]);
             let prober = Prober {
@@ -77,18 +94,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             if !args.json {
                 writeln!(out, "{}", Prober::HEADER)?;
             }
-            stream(
-                rays,
-                &mut out,
-                |workspace: &mut Workspace, row, fields: [f64; 6]| {
-                    let [ox, oy, oz, dx, dy, dz] = fields;
-                    let (origin, direction) = (DVec3::new(ox, oy, oz), DVec3::new(dx, dy, dz));
-                    if direction == DVec3::ZERO {
-                        bail!("the direction 0,0,0 has no length");
-                    }
-                    Ok(prober.shoot(&Ray { origin, direction }, row, workspace))
-                },
-            )
+            stream(rays, &mut out, |workspace: &mut Workspace, row, fields| {
+                Ok(prober.shoot(&ray(fields)?, row, workspace))
+            })
         }
         (None, Some(uv)) => {
             let evaluator = Evaluator {
@@ -107,6 +115,33 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     })?;
     out.flush()?;
     Ok(0)
+}
+
+fn ray([ox, oy, oz, dx, dy, dz]: [f64; 6]) -> anyhow::Result<Ray> {
+    let (origin, direction) = (DVec3::new(ox, oy, oz), DVec3::new(dx, dy, dz));
+    if direction == DVec3::ZERO {
+        bail!("the direction 0,0,0 has no length");
+    }
+    Ok(Ray { origin, direction })
+}
+
+/// What is proven about a ray; fields that do not apply are empty, or null.
+fn certificate_row(row: u64, certificate: &Certificate, as_json: bool) -> String {
+    let (low, high, patch) = match *certificate {
+        Certificate::Hit { shape, t } => (Some(t.low()), Some(t.high()), Some(shape)),
+        Certificate::Miss => (None, None, None),
+        Certificate::Ambiguous { free, .. } => (Some(free), None, None),
+    };
+    let status = certificate.name();
+    if as_json {
+        let row = json!({
+            "ray": row, "status": status, "t_low": low, "t_high": high, "patch": patch,
+        });
+        return format!("{row}\n");
+    }
+    let [low, high] = [low, high].map(|t| t.map_or_else(String::new, |t| csv(&[t])));
+    let patch = patch.map_or_else(String::new, |patch| patch.to_string());
+    format!("{row},{status},{low},{high},{patch}\n")
 }
 
 /// Reads rows of `N` numbers, answers them in parallel, and writes the answers in order.

@@ -12,7 +12,10 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use nurbray::kernel::{Camera, Projection, Scene, linear_from_srgb};
 use nurbray::output::{self, Aov, OutputOptions, PngDepth};
-use nurbray::{Accelerator, METHODS, Method, RenderOptions, RenderStats, Shading, render};
+use nurbray::{
+    Accelerator, CertifyStats, METHODS, Method, RenderOptions, RenderStats, Shading, certify_film,
+    render,
+};
 use serde_json::{Value, json};
 
 use super::input::{self, Loaded, ReadArgs};
@@ -75,6 +78,10 @@ pub(super) struct Args {
     /// Bits per channel of PNG files
     #[arg(long, value_name = "8|16", default_value = "8", value_parser = ["8", "16"])]
     bits: String,
+    /// Prove what the ray through the middle of every pixel meets first; EXR files get the layer
+    /// exact.status: 0 miss, 1 hit, 2 tangent, 3 edge, 4 overlap
+    #[arg(long)]
+    certify: bool,
     /// How rays are intersected with surfaces
     #[arg(long, value_name = "NAME", default_value = METHODS[0].name, value_parser = method)]
     method: &'static Method,
@@ -176,7 +183,7 @@ fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOptions> {
-    let aovs: Vec<Aov> = match args.aov.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+    let mut aovs: Vec<Aov> = match args.aov.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["all"] => output::AOVS.to_vec(),
         ["none"] => Vec::new(),
         ref names => names
@@ -195,6 +202,9 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
             })
             .collect::<Result<_, _>>()?,
     };
+    if args.certify {
+        aovs.push(output::STATUS);
+    }
     let beauty = !matches!(args.shading, ShadingArg::None);
     let holds_data =
         |target: &PathBuf| output::picture_format(target).is_some_and(|f| f.holds_data);
@@ -223,7 +233,16 @@ fn render_file(
     input::report_warnings(file, &loaded.import);
     let scene = &loaded.import.scene;
     if scene.placement_count() == 0 {
-        bail!("{}: there is no surface to render", input::display(file));
+        let import = &loaded.import;
+        let place = import.warnings.as_slice().first().map_or_else(
+            || "the file: nothing that can be shown".to_owned(),
+            ToString::to_string,
+        );
+        bail!(
+            "{}: there is no surface to render; {} {place}",
+            input::display(file),
+            import.format
+        );
     }
     let started = Instant::now();
     let accelerator = Accelerator::build(scene, args.method);
@@ -239,9 +258,12 @@ fn render_file(
     };
     let started = Instant::now();
     let bar = progress_bar(&options, file);
-    let (film, stats) = render(&accelerator, &camera, &options, &|pixels| bar.inc(pixels));
+    let (mut film, stats) = render(&accelerator, &camera, &options, &|pixels| bar.inc(pixels));
     bar.finish_and_clear();
     let render_time = started.elapsed();
+    let certified = args
+        .certify
+        .then(|| certify_film(&mut film, &accelerator, &camera));
     let background = args.background.unwrap_or_else(|| {
         let color = scene
             .background
@@ -263,6 +285,7 @@ fn render_file(
         stats,
         build,
         render_time,
+        certified,
     };
     eprintln!("{}", report.sentence(file, target));
     Ok(report.json(file, target, started.elapsed()))
@@ -338,6 +361,7 @@ struct Report<'a> {
     stats: RenderStats,
     build: Duration,
     render_time: Duration,
+    certified: Option<CertifyStats>,
 }
 
 impl Report<'_> {
@@ -355,8 +379,16 @@ impl Report<'_> {
         } else {
             String::new()
         };
+        let certified = self.certified.map_or_else(String::new, |stats| {
+            let certain = stats.counts[0] + stats.counts[1];
+            format!(
+                ", {certain} of {} pixels certified, {} contradicted",
+                stats.counts.iter().sum::<u64>(),
+                stats.contradictions
+            )
+        });
         format!(
-            "{} -> {}: {patches} patches{polygonal}, {:.2} s{warned}",
+            "{} -> {}: {patches} patches{polygonal}, {:.2} s{certified}{warned}",
             input::display(file),
             target.display(),
             (self.loaded.took + self.build + self.render_time).as_secs_f64(),
@@ -372,7 +404,7 @@ impl Report<'_> {
             trace,
             shade,
         } = self.stats;
-        json!({
+        let mut report = json!({
             "file": input::display(file),
             "output": target.display().to_string(),
             "read_s": self.loaded.took.as_secs_f64(),
@@ -391,7 +423,18 @@ impl Report<'_> {
             "cells_examined": cells_examined,
             "threads": rayon::current_num_threads(),
             "warnings": input::warnings_json(&self.loaded.import),
-        })
+        });
+        if let Some(stats) = self.certified {
+            let [misses, hits, tangent, edge, overlap] = stats.counts;
+            report["certified_misses"] = misses.into();
+            report["certified_hits"] = hits.into();
+            report["ambiguous_tangent"] = tangent.into();
+            report["ambiguous_edge"] = edge.into();
+            report["ambiguous_overlap"] = overlap.into();
+            report["contradictions"] = stats.contradictions.into();
+            report["certify_s"] = stats.certify.as_secs_f64().into();
+        }
+        report
     }
 }
 

@@ -70,11 +70,11 @@ fn line_roots(
         return;
     }
     let (mut left, mut right) = (*edge, *edge);
-    for level in 1..=degree {
+    for (level, coefficient) in left.iter_mut().enumerate().take(degree + 1).skip(1) {
         for k in 0..=degree - level {
             right[k] = f64::midpoint(right[k], right[k + 1]);
         }
-        left[level] = right[0];
+        *coefficient = right[0];
     }
     line_roots(&left, degree, slack, (start, middle), found);
     line_roots(&right, degree, slack, (middle, end), found);

@@ -3,6 +3,7 @@
 mod edge;
 pub(crate) mod net;
 mod newton;
+mod subdivide;
 pub(crate) mod triangle;
 
 use std::fmt;
@@ -77,25 +78,42 @@ pub(crate) trait Intersector: Default + 'static {
     /// One sentence for `--help`.
     const SUMMARY: &'static str;
 
-    /// Appends every point of the cell that the ray's line meets to `roots`.
-    fn roots(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect);
+    /// Replaces `scratch.roots` by every point of the cell that the ray's line meets.
+    fn roots(scratch: &mut Scratch, target: &Target<'_>);
+}
+
+/// A cell of a piece, and the ray's line that may meet it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target<'a> {
+    pub(crate) piece: PieceNet<'a>,
+    pub(crate) line: Line,
+    /// The cell in local parameters.
+    pub(crate) cell: Rect,
+    /// Where the line meets the tangent plane in the middle of the cell, from -1 to 1.
+    pub(crate) start: [f64; 2],
+    /// The inverse of the derivatives and the normal in the middle of the cell.
+    pub(crate) rows: [DVec3; 3],
+    /// Bound on how far the cell strays from that frame as seen along the line: below one
+    /// there is at most one root.
+    pub(crate) stray: f64,
 }
 
 /// One Bézier piece in its own units: centred and scaled so that it fits the unit ball,
-/// with weights of at most one. Four nets, one per homogeneous coordinate.
+/// with weights of at most one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PieceNet<'a> {
     pub(crate) degrees: Degrees,
-    pub(crate) x: &'a [f64],
-    pub(crate) y: &'a [f64],
-    pub(crate) z: &'a [f64],
-    pub(crate) w: &'a [f64],
+    /// The points `(w P, w)`.
+    pub(crate) points: &'a [[f64; 4]],
 }
 
 /// A ray's line as two planes through it, in the units of a piece: the line is where
 /// `e1 . x = c1` and `e2 . x = c2`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
+    /// A point of the line next to the piece, and its unit direction.
+    pub(crate) origin: DVec3,
+    pub(crate) direction: DVec3,
     pub(crate) e1: DVec3,
     pub(crate) e2: DVec3,
     pub(crate) c1: f64,
@@ -131,6 +149,6 @@ pub(crate) struct Scratch {
     pub(crate) net: Vec<f64>,
     /// The preconditioned nets, and room for splitting.
     pub(crate) spare: Vec<f64>,
-    /// How many cells were looked at since the start.
+    /// How many cells were examined since the start, parts of cells among them.
     pub(crate) cells: u64,
 }

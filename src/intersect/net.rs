@@ -3,7 +3,10 @@
 //! A net is a flat slice: the coefficient of column `i` along u and `j` along v is at
 //! `i * (q + 1) + j`. Nothing here allocates.
 
+use glam::DVec4;
 use kernel::MAX_DEGREE;
+
+use super::PieceNet;
 
 /// Bernstein values of one degree, the first `degree + 1` of them in use.
 pub(crate) type Row = [f64; MAX_DEGREE + 1];
@@ -63,27 +66,136 @@ pub(crate) fn evaluate(net: &[f64], degrees: Degrees, u: &[Row; 2], v: &[Row; 2]
     sums
 }
 
+/// A coefficient: a number, or the four coordinates of a homogeneous point.
+pub(crate) trait Coefficient: Copy {
+    /// The point between `self` and `other` at `t`.
+    #[must_use]
+    fn towards(self, other: Self, t: f64) -> Self;
+}
+
+impl Coefficient for f64 {
+    #[inline(always)]
+    fn towards(self, other: Self, t: f64) -> Self {
+        self + (other - self) * t
+    }
+}
+
+impl Coefficient for [f64; 4] {
+    #[inline(always)]
+    fn towards(self, other: Self, t: f64) -> Self {
+        std::array::from_fn(|k| self[k] + (other[k] - self[k]) * t)
+    }
+}
+
+/// Homogeneous point and first derivatives of a net of points.
+#[inline(always)]
+pub(crate) fn evaluate4(
+    net: &[[f64; 4]],
+    degrees: Degrees,
+    u: &[Row; 2],
+    v: &[Row; 2],
+) -> [DVec4; 3] {
+    let mut sums = [[0.0; 4]; 3];
+    for (i, line) in net.chunks_exact(degrees.q + 1).enumerate() {
+        let (mut value, mut along_v) = ([0.0; 4], [0.0; 4]);
+        for (j, point) in line.iter().enumerate() {
+            for k in 0..4 {
+                value[k] += point[k] * v[0][j];
+                along_v[k] += point[k] * v[1][j];
+            }
+        }
+        for k in 0..4 {
+            sums[0][k] += value[k] * u[0][i];
+            sums[1][k] += value[k] * u[1][i];
+            sums[2][k] += along_v[k] * u[0][i];
+        }
+    }
+    sums.map(DVec4::from_array)
+}
+
+/// Homogeneous point and first derivatives of a piece in its local parameters.
+#[inline(always)]
+pub(crate) fn evaluate_at(piece: &PieceNet<'_>, u: f64, v: f64) -> [DVec4; 3] {
+    macro_rules! by_degree {
+        ($($p:literal, $q:literal;)*) => {
+            match (piece.degrees.p, piece.degrees.q) {
+                $(($p, $q) => evaluate_fixed::<{ $p + 1 }, { $q + 1 }>(piece.points, u, v),)*
+                (p, q) => evaluate4(piece.points, piece.degrees, &bernstein(p, u), &bernstein(q, v)),
+            }
+        };
+    }
+    by_degree! { 1, 1; 1, 2; 1, 3; 2, 1; 2, 2; 2, 3; 3, 1; 3, 2; 3, 3; }
+}
+
+/// As [`evaluate4`], for orders known at compile time.
+#[inline(always)]
+fn evaluate_fixed<const M: usize, const N: usize>(net: &[[f64; 4]], u: f64, v: f64) -> [DVec4; 3] {
+    let (bu, du) = bernstein_fixed::<M>(u);
+    let (bv, dv) = bernstein_fixed::<N>(v);
+    let mut sums = [[0.0; 4]; 3];
+    for i in 0..M {
+        let (mut value, mut along_v) = ([0.0; 4], [0.0; 4]);
+        for j in 0..N {
+            let point = &net[i * N + j];
+            for k in 0..4 {
+                value[k] += point[k] * bv[j];
+                along_v[k] += point[k] * dv[j];
+            }
+        }
+        for k in 0..4 {
+            sums[0][k] += value[k] * bu[i];
+            sums[1][k] += value[k] * du[i];
+            sums[2][k] += along_v[k] * bu[i];
+        }
+    }
+    sums.map(DVec4::from_array)
+}
+
+/// Bernstein polynomials and derivatives of order `N` at `t`.
+#[inline(always)]
+fn bernstein_fixed<const N: usize>(t: f64) -> ([f64; N], [f64; N]) {
+    let (mut value, mut derivative) = ([0.0; N], [0.0; N]);
+    value[0] = 1.0;
+    let s = 1.0 - t;
+    for d in 1..N {
+        if d == N - 1 {
+            let scale = d as f64;
+            derivative[0] = -scale * value[0];
+            for k in 1..d {
+                derivative[k] = scale * (value[k - 1] - value[k]);
+            }
+            derivative[d] = scale * value[d - 1];
+        }
+        value[d] = t * value[d - 1];
+        for k in (1..d).rev() {
+            value[k] = s * value[k] + t * value[k - 1];
+        }
+        value[0] *= s;
+    }
+    (value, derivative)
+}
+
 /// De Casteljau's algorithm along u. Before, both nets hold the same coefficients; after,
 /// `left` belongs to the part before `t` and `right` to the part behind it.
-pub(crate) fn split_u(left: &mut [f64], right: &mut [f64], degrees: Degrees, t: f64) {
+pub(crate) fn split_u<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: Degrees, t: f64) {
     let row = degrees.q + 1;
     for level in 1..=degrees.p {
         for k in 0..(degrees.p + 1 - level) * row {
-            right[k] += (right[k + row] - right[k]) * t;
+            right[k] = right[k].towards(right[k + row], t);
         }
         left[level * row..(level + 1) * row].copy_from_slice(&right[..row]);
     }
 }
 
 /// As [`split_u`], along v.
-pub(crate) fn split_v(left: &mut [f64], right: &mut [f64], degrees: Degrees, t: f64) {
+pub(crate) fn split_v<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: Degrees, t: f64) {
     let row = degrees.q + 1;
     for (left, right) in left.chunks_exact_mut(row).zip(right.chunks_exact_mut(row)) {
-        for level in 1..=degrees.q {
+        for (level, coefficient) in left.iter_mut().enumerate().skip(1) {
             for k in 0..=degrees.q - level {
-                right[k] += (right[k + 1] - right[k]) * t;
+                right[k] = right[k].towards(right[k + 1], t);
             }
-            left[level] = right[0];
+            *coefficient = right[0];
         }
     }
 }
@@ -99,7 +211,7 @@ pub(crate) fn restrict(
     v: (f64, f64),
 ) {
     type Split = fn(&mut [f64], &mut [f64], Degrees, f64);
-    for (split, (start, end)) in [(split_u as Split, u), (split_v as Split, v)] {
+    for (split, (start, end)) in [(split_u as Split, u), (split_v, v)] {
         if end < 1.0 {
             spare.copy_from_slice(net);
             split(net, spare, degrees, end);

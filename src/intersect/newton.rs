@@ -1,114 +1,161 @@
 //! The production method: subdivision until Newton's iteration is proven to be safe.
 //!
-//! The distances of a piece from two planes through the ray form a planar net. A cell is
-//! dropped when the hull of its net, or of the net preconditioned with the inverse of the
-//! Jacobian in its middle, does not contain zero. When the derivatives of the preconditioned
-//! net stray from the identity by less than one half there is at most one root, and clamped
-//! iteration finds it or proves that there is none. Otherwise the cell is split. So no root
-//! is lost and none is invented, whatever the start.
+//! A cell knows how far its derivatives stray from those in its middle. Where that is little,
+//! as seen along the ray, there is at most one root, and clamped iteration finds it or proves
+//! that there is none. Everything else is subdivided until the same holds or the cell is
+//! excluded ([`super::subdivide`]). So no root is lost and none is invented, whatever the
+//! start.
 
-use super::edge::edge_roots;
-use super::net::{self, Degrees, Row, bernstein};
-use super::{Intersector, Line, PieceNet, Rect, Root, Scratch};
+use super::net;
+use super::subdivide::subdivide;
+use super::{Intersector, Root, Scratch, Target};
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Newton;
 
-/// Deviation from the identity below which a cell holds at most one root. One is enough for
-/// the proof; one half bounds the number of iterations.
-const UNIQUE: f64 = 0.5;
+/// Deviation from the identity below which a cell is left to the iteration. One is enough for
+/// the proof that there is at most one root; less bounds the number of steps.
+pub(super) const UNIQUE: f64 = 0.85;
 
 /// A Jacobian with a relative determinant below this is not inverted.
 const SINGULAR: f64 = 1e-12;
 
-/// Nor is one whose inverse blows up the rounding errors to this part of a cell.
-const BLURRED: f64 = 1e-3;
-
 /// Cells are entered this much beyond their borders, in units of half the cell, so that
 /// roots on common borders are not lost; what is found twice is merged later.
-const WIDENED: f64 = 1.0 + 1e-9;
-
-/// A cell whose distances vary by less than this many slacks cannot be resolved further.
-const UNRESOLVED: f64 = 16.0;
-
-/// After this many cells of one call the wanted resolution is relaxed step by step: a ray
-/// that runs along a curved surface would otherwise be followed to the last bit.
-const PATIENCE: u32 = 2000;
+pub(super) const WIDENED: f64 = 1.0 + 1e-9;
 
 /// Steps of the iteration; the contraction by one half needs no more than the digits.
-const STEPS: usize = 60;
+pub(super) const STEPS: usize = 60;
 
 impl Intersector for Newton {
     const NAME: &'static str = "newton";
     const SUMMARY: &'static str =
         "hull exclusion, uniqueness test and clamped Newton, else split: complete";
 
-    fn roots(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) {
-        let degrees = piece.degrees;
-        let size = degrees.len();
-        start(scratch, piece, line, cell);
-        let half_u = bernstein(degrees.p, 0.5);
-        let half_v = bernstein(degrees.q, 0.5);
-        let mut visited = 0;
-        while let Some(rect) = pop(scratch, size) {
-            visited += 1;
-            let (d1, d2) = scratch.net.split_at(size);
-            let slack = line.slack;
-            let (box1, box2) = (net::range(d1), net::range(d2));
-            if excludes(box1, slack) || excludes(box2, slack) {
-                continue;
+    #[inline(always)]
+    fn roots(scratch: &mut Scratch, target: &Target<'_>) {
+        scratch.roots.clear();
+        if target.stray < UNIQUE {
+            scratch.cells += 1;
+            match only_root(target) {
+                Decision::Root(root) => scratch.roots.push(root),
+                Decision::None => {}
+                Decision::Open => subdivide(scratch, target),
             }
-            // Relax from the rounding errors towards the accuracy that is promised.
-            let unresolved = UNRESOLVED * slack * f64::from(1 + visited / PATIENCE).powi(4);
-            if (box1.1 - box1.0).max(box2.1 - box2.0) <= unresolved {
-                unresolved_roots(&mut scratch.roots, rect);
-                continue;
-            }
-            let [_, d1u, d1v] = net::evaluate(d1, degrees, &half_u, &half_v);
-            let [_, d2u, d2v] = net::evaluate(d2, degrees, &half_u, &half_v);
-            let jacobian = [d1u * 0.5, d1v * 0.5, d2u * 0.5, d2v * 0.5];
-            let verdict = match Inverse::of(jacobian).filter(|i| slack * i.norm() < BLURRED) {
-                Some(inverse) => {
-                    examine(&mut scratch.spare, &scratch.net, degrees, &inverse, slack)
-                }
-                None => {
-                    let Scratch {
-                        net, spare, roots, ..
-                    } = &mut *scratch;
-                    examine_flat(spare, net, degrees, jacobian, slack, rect, roots)
-                }
-            };
-            match verdict {
-                Verdict::Empty => {}
-                Verdict::One(x, y) => {
-                    let middle = |(a, b): (f64, f64), x: f64| a + (b - a) * 0.5 * (x + 1.0);
-                    let near = (middle(rect.u, x), middle(rect.v, y));
-                    let room = ((rect.u.1 - rect.u.0), (rect.v.1 - rect.v.0));
-                    scratch.roots.extend(polish(piece, line, near, room));
-                }
-                Verdict::Split => split(scratch, rect, degrees),
-            }
+        } else {
+            subdivide(scratch, target);
         }
-        scratch.cells += u64::from(visited);
     }
 }
 
-/// What is known about a cell.
-enum Verdict {
-    /// It holds no root (any more).
-    Empty,
-    /// It holds exactly one, here, in coordinates from -1 to 1.
-    One(f64, f64),
-    /// It must be split.
-    Split,
+/// What clamped iteration says of a cell with at most one root.
+enum Decision {
+    None,
+    Root(Root),
+    /// It was too slow to tell.
+    Open,
+}
+
+impl From<Option<Root>> for Decision {
+    fn from(root: Option<Root>) -> Self {
+        root.map_or(Self::None, Self::Root)
+    }
+}
+
+/// The root of a cell that strays little from its frame, as seen along the line; `None` if
+/// there is none.
+///
+/// With `G(x) = x + rest(x)` and a rest that contracts by `q`, the root lies within
+/// `q / (1 - q) |G(x)|` of `x - G(x)`. So a cell without a root is often left after the first
+/// step. Newton's step is taken while it halves the residual, else `x - G(x)`.
+#[inline(always)]
+fn only_root(target: &Target<'_>) -> Decision {
+    let Target {
+        piece,
+        line,
+        cell,
+        rows,
+        ..
+    } = target;
+    let along = rows.map(|row| row.dot(line.direction));
+    let (g1, g2) = (along[0] / along[2], along[1] / along[2]);
+    // Rows of the map from space to the cell, along the line.
+    let (row1, row2) = (rows[0] - rows[2] * g1, rows[1] - rows[2] * g2);
+    let slack = line.slack * row1.abs().element_sum().max(row2.abs().element_sum());
+    let (half_u, half_v) = ((cell.u.1 - cell.u.0) * 0.5, (cell.v.1 - cell.v.0) * 0.5);
+    let (middle_u, middle_v) = (cell.u.0 + half_u, cell.v.0 + half_v);
+    let reach = target.stray / (1.0 - target.stray);
+    let clamp = |x: f64| x.clamp(-WIDENED, WIDENED);
+    let (mut x, mut y) = (clamp(target.start[0]), clamp(target.start[1]));
+    let mut before = f64::INFINITY;
+    let mut chord = (x, y);
+    let mut certain = false;
+    for _ in 0..STEPS {
+        let [h, hu, hv] = net::evaluate_at(piece, middle_u + half_u * x, middle_v + half_v * y);
+        let weight = h.w.recip();
+        let point = h.truncate() * weight;
+        let offset = point - line.origin;
+        let (f1, f2) = (row1.dot(offset), row2.dot(offset));
+        let residual = f1.abs().max(f2.abs());
+        let target_1 = x - f1;
+        let target_2 = y - f2;
+        if target_1.abs().max(target_2.abs()) > WIDENED + reach * residual + slack {
+            return Decision::None;
+        }
+        if residual > 0.5 * before && !certain {
+            // Newton did not help: go on from where it started with the sure step.
+            (x, y) = chord;
+            certain = true;
+            continue;
+        }
+        if residual <= slack {
+            let margin = 1e-12 + 4.0 * slack * half_u.max(half_v);
+            return within(
+                middle_u + half_u * (x - f1),
+                middle_v + half_v * (y - f2),
+                margin,
+            )
+            .into();
+        }
+        (before, chord, certain) = (residual, (clamp(target_1), clamp(target_2)), false);
+        let du = (hu.truncate() - point * hu.w) * (weight * half_u);
+        let dv = (hv.truncate() - point * hv.w) * (weight * half_v);
+        let jacobian = [row1.dot(du), row1.dot(dv), row2.dot(du), row2.dot(dv)];
+        let next = Inverse::of(jacobian).map_or(chord, |Inverse([a, b, c, d])| {
+            (clamp(x - (a * f1 + b * f2)), clamp(y - (c * f1 + d * f2)))
+        });
+        if (next.0 - x).abs().max((next.1 - y).abs()) < 1e-15 {
+            // Settled on the border, or as near to a root as rounding lets it come.
+            let settled = residual <= 4.0 * slack + 1e-12;
+            let margin = 1e-12 + 4.0 * slack * half_u.max(half_v);
+            let place = (middle_u + half_u * x, middle_v + half_v * y);
+            return settled
+                .then(|| within(place.0, place.1, margin))
+                .flatten()
+                .into();
+        }
+        (x, y) = next;
+    }
+    Decision::Open
+}
+
+/// A proven root, unless it lies outside the piece by more than its error.
+#[inline(always)]
+pub(super) fn within(u: f64, v: f64, margin: f64) -> Option<Root> {
+    let inside = |x: f64| (-margin..=1.0 + margin).contains(&x);
+    (inside(u) && inside(v)).then(|| Root {
+        u: u.clamp(0.0, 1.0),
+        v: v.clamp(0.0, 1.0),
+        tangential: false,
+    })
 }
 
 /// The inverse of a 2 x 2 matrix, row by row.
-struct Inverse([f64; 4]);
+pub(super) struct Inverse(pub(super) [f64; 4]);
 
 impl Inverse {
-    fn of([a, b, c, d]: [f64; 4]) -> Option<Self> {
+    pub(super) fn of([a, b, c, d]: [f64; 4]) -> Option<Self> {
         let determinant = a * d - b * c;
         let size = a.abs() + b.abs() + c.abs() + d.abs();
         (determinant.abs() > SINGULAR * size * size)
@@ -116,286 +163,8 @@ impl Inverse {
     }
 
     /// The largest sum of a row.
-    fn norm(&self) -> f64 {
+    pub(super) fn norm(&self) -> f64 {
         let [a, b, c, d] = self.0;
         (a.abs() + b.abs()).max(c.abs() + d.abs())
     }
-}
-
-fn excludes((min, max): (f64, f64), slack: f64) -> bool {
-    min > slack || max < -slack
-}
-
-/// Puts the distance nets of the cell on the empty stack.
-fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) {
-    let degrees = piece.degrees;
-    let size = degrees.len();
-    let Scratch {
-        stack,
-        net,
-        spare,
-        roots,
-        ..
-    } = scratch;
-    roots.clear();
-    stack.clear();
-    net.clear();
-    spare.clear();
-    spare.resize(2 * size, 0.0);
-    for (e, c) in [(line.e1, line.c1), (line.e2, line.c2)] {
-        let coordinates = piece.x.iter().zip(piece.y).zip(piece.z).zip(piece.w);
-        net.extend(coordinates.map(|(((x, y), z), w)| e.x * x + e.y * y + e.z * z - c * w));
-    }
-    let (d1, d2) = net.split_at_mut(size);
-    net::restrict(d1, &mut spare[..size], degrees, cell.u, cell.v);
-    net::restrict(d2, &mut spare[..size], degrees, cell.u, cell.v);
-    stack.extend_from_slice(net);
-    stack.extend([cell.u.0, cell.u.1, cell.v.0, cell.v.1]);
-}
-
-/// Moves the top of the stack to `scratch.net`.
-fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
-    let rest = scratch.stack.len().checked_sub(2 * size + 4)?;
-    let frame = &scratch.stack[rest..];
-    scratch.net.copy_from_slice(&frame[..2 * size]);
-    let [u0, u1, v0, v1] = [0, 1, 2, 3].map(|k| frame[2 * size + k]);
-    scratch.stack.truncate(rest);
-    Some(Rect {
-        u: (u0, u1),
-        v: (v0, v1),
-    })
-}
-
-/// Pushes both halves of the cell, cut across the direction of the larger variation.
-fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
-    let size = degrees.len();
-    let Scratch { stack, net, .. } = scratch;
-    let (d1, d2) = net.split_at(size);
-    let (u1, v1) = net::variation(d1, degrees);
-    let (u2, v2) = net::variation(d2, degrees);
-    let across_u = u1.max(u2) >= v1.max(v2);
-    let base = stack.len();
-    let frame = 2 * size + 4;
-    let middle = |(a, b): (f64, f64)| f64::midpoint(a, b);
-    let (first, second) = if across_u {
-        let m = middle(rect.u);
-        (
-            Rect {
-                u: (rect.u.0, m),
-                ..rect
-            },
-            Rect {
-                u: (m, rect.u.1),
-                ..rect
-            },
-        )
-    } else {
-        let m = middle(rect.v);
-        (
-            Rect {
-                v: (rect.v.0, m),
-                ..rect
-            },
-            Rect {
-                v: (m, rect.v.1),
-                ..rect
-            },
-        )
-    };
-    for rect in [first, second] {
-        stack.extend_from_slice(net);
-        stack.extend([rect.u.0, rect.u.1, rect.v.0, rect.v.1]);
-    }
-    let (left, right) = stack[base..].split_at_mut(frame);
-    for k in [0, size] {
-        let (left, right) = (&mut left[k..k + size], &mut right[k..k + size]);
-        if across_u {
-            net::split_u(left, right, degrees, 0.5);
-        } else {
-            net::split_v(left, right, degrees, 0.5);
-        }
-    }
-}
-
-/// Exclusion, uniqueness and iteration on the preconditioned net of a regular cell.
-fn examine(
-    spare: &mut [f64],
-    net: &[f64],
-    degrees: Degrees,
-    inverse: &Inverse,
-    slack: f64,
-) -> Verdict {
-    let size = degrees.len();
-    let [a, b, c, d] = inverse.0;
-    let (d1, d2) = net.split_at(size);
-    let (g1, g2) = spare.split_at_mut(size);
-    for (((g1, g2), d1), d2) in g1.iter_mut().zip(g2.iter_mut()).zip(d1).zip(d2) {
-        (*g1, *g2) = (a * d1 + b * d2, c * d1 + d * d2);
-    }
-    let slack = slack * inverse.norm();
-    if excludes(net::range(g1), slack) || excludes(net::range(g2), slack) {
-        return Verdict::Empty;
-    }
-    // The local parameter runs over a length of two: derivatives count half.
-    let stray1 = net::deviation(g1, degrees, 2.0, 0.0) * 0.5;
-    let stray2 = net::deviation(g2, degrees, 0.0, 2.0) * 0.5;
-    if stray1.max(stray2) >= UNIQUE {
-        return Verdict::Split;
-    }
-    iterate(g1, g2, degrees, slack)
-}
-
-/// Clamped iteration on a cell that holds at most one root.
-///
-/// Newton's step is taken while it halves the residual; the chord step `x - G(x)` contracts
-/// by one half in any case. A border point where the residual stays is no root, and then
-/// there is none: it would have attracted the iteration.
-fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
-    let at = |x: f64, y: f64| {
-        let u = bernstein(degrees.p, 0.5 * (x + 1.0));
-        let v = bernstein(degrees.q, 0.5 * (y + 1.0));
-        (
-            net::evaluate(g1, degrees, &u, &v),
-            net::evaluate(g2, degrees, &u, &v),
-        )
-    };
-    let clamp = |x: f64| x.clamp(-WIDENED, WIDENED);
-    let (mut x, mut y) = (0.0_f64, 0.0_f64);
-    let (mut f1, mut f2) = at(x, y);
-    for _ in 0..STEPS {
-        let residual = f1[0].abs().max(f2[0].abs());
-        if residual <= slack {
-            return Verdict::One(x, y);
-        }
-        let (mut nx, mut ny) = (clamp(x - f1[0]), clamp(y - f2[0]));
-        let mut next = None;
-        if let Some(Inverse([a, b, c, d])) =
-            Inverse::of([f1[1] * 0.5, f1[2] * 0.5, f2[1] * 0.5, f2[2] * 0.5])
-        {
-            let tx = clamp(x - (a * f1[0] + b * f2[0]));
-            let ty = clamp(y - (c * f1[0] + d * f2[0]));
-            let (t1, t2) = at(tx, ty);
-            if t1[0].abs().max(t2[0].abs()) < 0.5 * residual {
-                (nx, ny, next) = (tx, ty, Some((t1, t2)));
-            }
-        }
-        let moved = (nx - x).abs().max((ny - y).abs());
-        (x, y) = (nx, ny);
-        (f1, f2) = next.unwrap_or_else(|| at(x, y));
-        if moved < 1e-15 {
-            break;
-        }
-    }
-    // Settled: a root within the widened cell leaves no more than rounding errors.
-    let settled = f1[0].abs().max(f2[0].abs()) <= 4.0 * slack + 1e-12;
-    if settled {
-        Verdict::One(x, y)
-    } else {
-        Verdict::Empty
-    }
-}
-
-/// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
-/// seen from its edge.
-fn examine_flat(
-    spare: &mut [f64],
-    net: &[f64],
-    degrees: Degrees,
-    [d1u, d1v, d2u, d2v]: [f64; 4],
-    slack: f64,
-    rect: Rect,
-    roots: &mut Vec<Root>,
-) -> Verdict {
-    let size = degrees.len();
-    let (d1, d2) = net.split_at(size);
-    // Turn the planes so that the first lies along the common derivative.
-    let (du, dv) = ((d1u, d2u), (d1v, d2v));
-    let square = |(a, b): (f64, f64)| a * a + b * b;
-    let along = if square(du) >= square(dv) { du } else { dv };
-    let length = square(along).sqrt();
-    if length <= f64::MIN_POSITIVE {
-        return Verdict::Split;
-    }
-    let (c, s) = (along.0 / length, along.1 / length);
-    let (across, lengthwise) = spare.split_at_mut(size);
-    for (((across, lengthwise), d1), d2) in
-        across.iter_mut().zip(lengthwise.iter_mut()).zip(d1).zip(d2)
-    {
-        (*across, *lengthwise) = (c * d2 - s * d1, c * d1 + s * d2);
-    }
-    let (min, max) = net::range(across);
-    let slack = 2.0 * slack;
-    if excludes((min, max), slack) || excludes(net::range(lengthwise), slack) {
-        return Verdict::Empty;
-    }
-    if max.max(-min) > slack {
-        return Verdict::Split;
-    }
-    // The whole cell lies in a plane with the ray: it enters and leaves through the edges.
-    edge_roots(lengthwise, degrees, slack, rect, roots);
-    Verdict::Empty
-}
-
-/// Stands for a cell that cannot be resolved: its middle, and its corners if the ray may run
-/// along it.
-fn unresolved_roots(roots: &mut Vec<Root>, rect: Rect) {
-    let middle = |(a, b): (f64, f64)| f64::midpoint(a, b);
-    let mut add = |u, v| {
-        roots.push(Root {
-            u,
-            v,
-            tangential: true,
-        })
-    };
-    let small = 1e-6;
-    let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < small, rect.v.1 - rect.v.0 < small);
-    if thin_u && thin_v {
-        add(middle(rect.u), middle(rect.v));
-        return;
-    }
-    let ends = |(a, b): (f64, f64), thin: bool| if thin { [middle((a, b)); 2] } else { [a, b] };
-    let (us, vs) = (ends(rect.u, thin_u), ends(rect.v, thin_v));
-    add(us[0], vs[0]);
-    add(us[1], vs[1]);
-    if !thin_u && !thin_v {
-        add(us[0], vs[1]);
-        add(us[1], vs[0]);
-    }
-}
-
-/// Two Newton steps on the whole piece, free of the rounding errors of subdivision.
-///
-/// `room` is the size of the cell. `None` if the root turns out to lie beyond the border of
-/// the piece by more than the errors.
-fn polish(piece: &PieceNet<'_>, line: &Line, near: (f64, f64), room: (f64, f64)) -> Option<Root> {
-    let degrees = piece.degrees;
-    let (mut u, mut v) = near;
-    let mut uncertain = 0.0;
-    for _ in 0..2 {
-        let rows: [[Row; 2]; 2] = [bernstein(degrees.p, u), bernstein(degrees.q, v)];
-        let [x, y, z, w] = [piece.x, piece.y, piece.z, piece.w]
-            .map(|net| net::evaluate(net, degrees, &rows[0], &rows[1]));
-        let distance = |e: glam::DVec3, c: f64| {
-            std::array::from_fn::<f64, 3, _>(|k| e.x * x[k] + e.y * y[k] + e.z * z[k] - c * w[k])
-        };
-        let [f1, f1u, f1v] = distance(line.e1, line.c1);
-        let [f2, f2u, f2v] = distance(line.e2, line.c2);
-        let Some(inverse) = Inverse::of([f1u, f1v, f2u, f2v]) else {
-            break;
-        };
-        let [a, b, c, d] = inverse.0;
-        let (su, sv) = (a * f1 + b * f2, c * f1 + d * f2);
-        if su.abs() > room.0 || sv.abs() > room.1 {
-            break;
-        }
-        (u, v) = (u - su, v - sv);
-        uncertain = line.slack * inverse.norm();
-    }
-    let margin = 1e-12 + 2.0 * uncertain;
-    let inside = |x: f64| (-margin..=1.0 + margin).contains(&x);
-    (inside(u) && inside(v)).then(|| Root {
-        u: u.clamp(0.0, 1.0),
-        v: v.clamp(0.0, 1.0),
-        tangential: false,
-    })
 }

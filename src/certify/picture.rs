@@ -1,0 +1,64 @@
+//! Certificates for the rays through the middles of pixels.
+
+use std::time::{Duration, Instant};
+
+use glam::DVec2;
+use kernel::Camera;
+use rayon::prelude::*;
+
+use super::{Certificate, Certifier};
+use crate::accelerator::{Accelerator, Workspace};
+use crate::film::Film;
+use crate::render::film_ray;
+
+/// Accuracy that is promised of a hit, relative to the scene's size.
+const ACCURACY: f64 = 1e-9;
+
+/// How many pixels have which status, and what it took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CertifyStats {
+    /// Pixels by status: miss, hit, tangent, edge, overlap.
+    pub counts: [u64; 5],
+    /// Pixels whose production answer contradicts what was proven.
+    pub contradictions: u64,
+    /// Time on all threads together, from start to end.
+    pub certify: Duration,
+}
+
+/// Certifies the ray through the middle of every pixel of `film`, writes the status into its
+/// data, and compares with what the production path answers.
+pub fn certify_film(
+    film: &mut Film,
+    accelerator: &Accelerator<'_>,
+    camera: &Camera,
+) -> CertifyStats {
+    let started = Instant::now();
+    let certifier = Certifier::build(accelerator.scene());
+    let accuracy = ACCURACY * accelerator.bounds().diagonal();
+    let (width, height) = (film.width(), film.height());
+    let size = DVec2::new(f64::from(width), f64::from(height));
+    let rows: Vec<Vec<_>> = (0..height)
+        .into_par_iter()
+        .map_init(Workspace::default, |workspace, y| {
+            let certify = |x| {
+                let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+                let ray = film_ray(camera, size, place);
+                let certificate = certifier.certify(&ray);
+                let answer = accelerator.nearest(&ray, 0.0..f64::INFINITY, workspace);
+                let accuracy = accuracy / ray.direction.length();
+                let wrong = certificate.contradicts(answer.as_ref(), accuracy);
+                (certificate, wrong)
+            };
+            (0..width).map(certify).collect()
+        })
+        .collect();
+    let mut stats = CertifyStats::default();
+    let all = rows.iter().flatten();
+    for (data, (certificate, wrong)) in film.data_mut().iter_mut().zip(all) {
+        data.status = f32::from(Certificate::code(certificate));
+        stats.counts[usize::from(certificate.code())] += 1;
+        stats.contradictions += u64::from(*wrong);
+    }
+    stats.certify = started.elapsed();
+    stats
+}

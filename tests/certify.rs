@@ -1,0 +1,238 @@
+//! Certificates against the high-precision references and against the production path.
+
+use glam::{DVec2, DVec3};
+use kernel::{Child, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface};
+use nurbray::{Accelerator, Certificate, Certifier, METHODS, Workspace, formats};
+use serde_json::Value;
+
+/// Accuracy that the production path promises, relative to the scene's size.
+const ACCURACY: f64 = 1e-9;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    let list = value.as_array().unwrap();
+    list.iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+fn vector(value: &Value) -> DVec3 {
+    DVec3::from_slice(&numbers(value))
+}
+
+fn scene(value: &Value) -> Scene {
+    let knots = |degree: &str, knots: &str| {
+        let degree = usize::try_from(value[degree].as_u64().unwrap()).unwrap();
+        KnotVector::new(degree, numbers(&value[knots])).unwrap()
+    };
+    let points: Vec<_> = value["points"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(vector)
+        .collect();
+    let weights = numbers(&value["weights"]);
+    let knots = [knots("degree_u", "knots_u"), knots("degree_v", "knots_v")];
+    let [knots_u, knots_v] = knots;
+    let surface = Surface::new(knots_u, knots_v, &points, Some(&weights)).unwrap();
+    let mut scene = Scene::default();
+    let patch = scene.add_patch(Patch::from(surface)).unwrap();
+    let child = Child::Item(Item {
+        shape: Shape::Patch(patch),
+        material: None,
+    });
+    let children = vec![child];
+    let node = Node {
+        children,
+        ..Node::default()
+    };
+    let root = scene.add_node(node).unwrap();
+    scene.set_root(root).unwrap();
+    scene
+}
+
+/// What is wrong with a certificate, by the reference.
+fn wrong(certificate: &Certificate, case: &Value) -> Option<&'static str> {
+    let hits = case["hits"].as_array().unwrap();
+    let overlaps = case["overlap"].as_array();
+    let along = |key: &str, list: &[Value]| -> Vec<f64> {
+        list.iter().map(|x| x[key].as_f64().unwrap()).collect()
+    };
+    let mut known = along("t", hits);
+    known.extend(overlaps.into_iter().flat_map(|list| along("t0", list)));
+    known.sort_by(f64::total_cmp);
+    let first = known.first().copied();
+    match (certificate, first) {
+        (Certificate::Hit { .. }, None) => Some("invented"),
+        (Certificate::Hit { t, .. }, Some(first)) => {
+            // The reference is rounded once.
+            let contained = t.low() <= first.next_up() && first.next_down() <= t.high();
+            (!contained).then_some("elsewhere")
+        }
+        (Certificate::Miss, Some(_)) => Some("lost"),
+        (Certificate::Ambiguous { free, .. }, Some(first)) => {
+            (first.next_up() < *free).then_some("not free")
+        }
+        (Certificate::Miss | Certificate::Ambiguous { .. }, None) => None,
+    }
+}
+
+#[test]
+fn references_are_never_contradicted() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/reference/rays.json");
+    let Ok(text) = std::fs::read_to_string(path) else {
+        println!("skipped: {path} is not there");
+        return;
+    };
+    let reference: Value = serde_json::from_str(&text).unwrap();
+    let scenes: Vec<_> = reference["surfaces"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(scene)
+        .collect();
+    let (mut failures, mut open) = (Vec::new(), Vec::new());
+    let mut counts = [[0_u32; 5]; 2];
+    let mut widest = 0.0_f64;
+    for case in reference["cases"].as_array().unwrap() {
+        let scene = &scenes[usize::try_from(case["surface"].as_u64().unwrap()).unwrap()];
+        let certifier = Certifier::build(scene);
+        let ray = Ray {
+            origin: vector(&case["origin"]),
+            direction: vector(&case["dir"]),
+        };
+        let certificate = certifier.certify(&ray);
+        let robust = case["robust"] == Value::Bool(true);
+        counts[usize::from(robust)][usize::from(certificate.code())] += 1;
+        let describe = || format!("{} {}: {certificate:?}", case["id"], case["category"]);
+        if let Some(wrong) = wrong(&certificate, case) {
+            let first = &case["hits"][0]["t"];
+            failures.push(format!("{wrong} {} reference {first}", describe()));
+        }
+        match certificate {
+            Certificate::Hit { t, .. } if robust => {
+                let size = scene.hull_bounds().diagonal() / ray.direction.length();
+                widest = widest.max(t.width() / size);
+            }
+            Certificate::Ambiguous { .. } if robust => open.push(describe()),
+            _ => {}
+        }
+    }
+    println!("[miss, hit, tangent, edge, overlap]: not robust, robust {counts:?}");
+    println!("widest t {widest:e} of the size\nopen: {}", open.join("\n"));
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+    assert!(open.is_empty(), "robust but not certified");
+}
+
+/// Numbers that look random, the same in every run.
+struct Dice(u64);
+
+impl Dice {
+    /// From 0 to 1.
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        let mut step = || self.next() * 2.0 - 1.0;
+        DVec3::new(step(), step(), step()).normalize_or(DVec3::X)
+    }
+}
+
+/// A ray past a random point of the scene: across, tangential, or tangential with a small
+/// offset.
+fn ray(scene: &Scene, dice: &mut Dice, size: f64) -> Option<Ray> {
+    let placements = scene.placements();
+    let place = &placements[(dice.next() * placements.len() as f64) as usize];
+    let Shape::Patch(id) = place.shape else {
+        return None;
+    };
+    let surface = scene
+        .patch(id)
+        .surface
+        .transformed(&place.world_from_object);
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let uv = DVec2::new(
+        u.start + (u.end - u.start) * dice.next(),
+        v.start + (v.end - v.start) * dice.next(),
+    );
+    let d = surface.derivatives(uv);
+    let normal = surface.normal(uv)?;
+    let turned = std::f64::consts::TAU * dice.next();
+    let along = (d.du.normalize_or_zero() * turned.cos() + d.dv.normalize_or_zero() * turned.sin())
+        .try_normalize()?;
+    let kind = dice.next();
+    let (direction, offset) = if kind < 0.3 {
+        (dice.direction(), 0.0)
+    } else {
+        let tilt = if kind < 0.6 {
+            0.0
+        } else {
+            10.0_f64.powf(-8.0 * dice.next())
+        };
+        let offset = 10.0_f64.powf(-1.0 - 10.0 * dice.next());
+        let side = if dice.next() < 0.5 { -1.0 } else { 1.0 };
+        ((along + normal * tilt).normalize(), offset * side)
+    };
+    let point = d.point + normal * (offset * size);
+    Some(Ray {
+        origin: point - direction * (size * (0.2 + 2.0 * dice.next())),
+        direction: direction * (0.5 + dice.next()),
+    })
+}
+
+/// Shoots rays at the samples; all contradictions, and how many rays have which status.
+fn compare(rays: usize, seed: u64) -> (Vec<String>, [usize; 5]) {
+    let (mut found, mut counts) = (Vec::new(), [0; 5]);
+    let mut dice = Dice(seed);
+    for name in ["teapot.obj", "goblet.x3d", "sphere_torus.x3d"] {
+        let path = format!("{}/samples/{name}", env!("CARGO_MANIFEST_DIR"));
+        let scene = formats::open(&path, &formats::Limits::default())
+            .unwrap()
+            .scene;
+        let accelerator = Accelerator::build(&scene, &METHODS[0]);
+        let certifier = Certifier::build(&scene);
+        let mut workspace = Workspace::default();
+        let size = accelerator.bounds().diagonal();
+        for _ in 0..rays / 3 {
+            let Some(ray) = ray(&scene, &mut dice, size) else {
+                continue;
+            };
+            let certificate = certifier.certify(&ray);
+            counts[usize::from(certificate.code())] += 1;
+            let answer = accelerator.nearest(&ray, 0.0..f64::INFINITY, &mut workspace);
+            let accuracy = ACCURACY * size / ray.direction.length();
+            if certificate.contradicts(answer.as_ref(), accuracy) {
+                let answer = answer.map(|h| (h.shape, h.t, h.uv, h.tangential));
+                found.push(format!("{name} {ray:?}\n  {certificate:?}\n  {answer:?}"));
+            }
+        }
+    }
+    println!("[miss, hit, tangent, edge, overlap]: {counts:?}");
+    (found, counts)
+}
+
+#[test]
+fn the_production_path_is_never_contradicted() {
+    let (found, counts) = compare(10_000, 1);
+    assert!(
+        found.is_empty(),
+        "{}\n{} contradictions",
+        found.join("\n"),
+        found.len()
+    );
+    assert!(counts[0] > 100 && counts[1] > 1000, "{counts:?}");
+}
+
+#[test]
+#[ignore = "soak: a million rays"]
+fn a_million_rays_contradict_nothing() {
+    let (found, _) = compare(1_000_000, 2);
+    assert!(
+        found.is_empty(),
+        "{}\n{} contradictions",
+        found.join("\n"),
+        found.len()
+    );
+}
