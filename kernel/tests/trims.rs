@@ -256,3 +256,33 @@ fn loops_across_a_seam_come_in_on_the_other_side() {
         }
     }
 }
+
+#[test]
+fn segments_thinner_than_rounding_errors_keep_their_place() {
+    // A face of a real file: a spline that starts flat, and a link of 2e-7 before it.
+    let points = [
+        [11.1803401, -6.0],
+        [10.46723706, -6.000000011],
+        [9.753998759, -5.942115134],
+        [9.047086707, -5.826520847],
+        [5.567840736, -4.563529133],
+        [2.981424101, -2.333333436],
+        [3.260345459, -26.0],
+        [11.43551636, -26.0],
+        [11.1803399, -6.0],
+    ]
+    .map(DVec2::from);
+    let knots = KnotVector::clamped_uniform(5, 6, UNIT).unwrap();
+    let spline = Curve::new(knots, &points[..6], None).unwrap();
+    let rest = Curve::polyline(&points[5..]).unwrap();
+    let loops = [TrimLoop::new(vec![spline, rest], 1e-6).unwrap()];
+    let (u, v) = (2.981424101..11.43551636, -26.0..-2.333333436);
+    let region = TrimRegion::new(&loops, u.clone(), v.clone());
+    let pieces = slow_trims::pieces(&loops);
+    let mut random = Random(9);
+    for _ in 0..20_000 {
+        let size = DVec2::new(u.end - u.start, v.end - v.start);
+        let p = DVec2::new(u.start, v.start) + size * random.point();
+        assert_eq!(region.contains(p), slow_trims::contains(&pieces, p), "{p}");
+    }
+}

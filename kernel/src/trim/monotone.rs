@@ -80,7 +80,8 @@ impl Segment {
         self.low.y <= p.y && p.y < self.high.y && self.is_right_of(coefficients, p)
     }
 
-    /// Whether at the height of `p`, which is one of its own, the segment has a larger u.
+    /// Whether the segment has a larger u than `p` at the height of `p`, or at its end next
+    /// to that height.
     fn is_right_of(&self, coefficients: &[DVec3], p: DVec2) -> bool {
         let (low, high) = (self.low, self.high);
         if p.x < low.x.min(high.x) {
@@ -120,18 +121,16 @@ impl Segment {
         if own.min.x >= own.max.x || own.min.y >= own.max.y {
             return true;
         }
-        let common = own.clipped(rect);
-        // The leftmost and the rightmost point within the heights of the box.
-        let (left, right) = if self.low.x <= self.high.x {
-            (common.min.y, common.max.y)
+        // The corners of the box that are farthest to both sides of the curve.
+        let [far, near] = if self.low.x <= self.high.x {
+            [(rect.max.x, rect.min.y), (rect.min.x, rect.max.y)]
         } else {
-            (common.max.y, common.min.y)
+            [rect.max.into(), rect.min.into()]
         };
-        let far = DVec2::new(common.max.x, left);
-        let near = DVec2::new(common.min.x, right);
-        !self.is_right_of(coefficients, far) && !self.is_left_of(coefficients, near)
+        !self.is_right_of(coefficients, far.into()) && !self.is_left_of(coefficients, near.into())
     }
 
+    /// Whether the segment has a smaller u than `p` there.
     fn is_left_of(&self, coefficients: &[DVec3], p: DVec2) -> bool {
         p.x > self.low.x.min(self.high.x) && !self.is_right_of(coefficients, p)
     }

@@ -205,13 +205,19 @@ impl TrimRegion {
         odd
     }
 
+    /// Far more than the rounding errors of points.
+    fn margin(&self) -> DVec2 {
+        let Rect { min, max } = self.domain;
+        (max - min) * MARGIN + min.abs().max(max.abs()) * (64.0 * f64::EPSILON)
+    }
+
     fn build(&mut self, everything: bool) {
         let (domain, middle) = (self.domain, self.domain.center());
         let coefficients: &[DVec3] = self.segments.coefficients();
         let all = self.segments.list.iter();
         let crossed = all.clone().filter(|s| s.is_crossed(coefficients, middle));
         let inside = everything ^ (crossed.count() % 2 == 1);
-        let margin = (domain.max - domain.min) * MARGIN;
+        let margin = self.margin();
         // Nothing of the domain is on the far side of a segment along its border.
         let is_border = |r: &Rect| {
             (0..2).any(|k| {
@@ -291,7 +297,7 @@ impl TrimRegion {
         let middle = |&k: &u32| list[k as usize].bounds().clipped(cell).center()[axis];
         let mut middles: Vec<f64> = members.iter().map(middle).collect();
         let (_, &mut at, _) = middles.select_nth_unstable_by(members.len() / 2, f64::total_cmp);
-        let margin = (self.domain.max - self.domain.min) * MARGIN;
+        let margin = self.margin();
         let is_inside = cell.min[axis] + margin[axis] < at && at < cell.max[axis] - margin[axis];
         if !is_inside {
             return None;
