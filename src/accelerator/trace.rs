@@ -406,38 +406,38 @@ impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
             let cluster = &self.accelerator.clusters[instance.cluster as usize];
             let ray = self.ray.transformed(&instance.cluster_from_world);
             let number = u32::try_from(number).expect("fewer instances than fit");
-            let mut visitor = ShapeVisitor::<I, C> {
+            let local = cluster.tree.local_ray(&ray);
+            let mut visitor = CellVisitor::<I, C> {
                 cluster,
                 ray: ClusterRay::new(&ray, cluster),
-                local: cluster.tree.local_ray(&ray),
+                local,
                 instance: number,
                 scratch: &mut *self.scratch,
                 collector: &mut *self.collector,
                 go_on: true,
                 method: PhantomData,
             };
-            let local = cluster.tree.local_ray(&ray);
             cluster
                 .tree
                 .traverse(&local, range, self.stack, &mut visitor);
-            let go_on = visitor.go_on;
-            if go_on && !cluster.triangles.is_empty() {
-                let mut visitor = TriangleVisitor {
-                    cluster,
-                    ray: &ray,
-                    instance: number,
-                    collector: &mut *self.collector,
-                    go_on: true,
-                };
-                let local = cluster.triangle_tree.local_ray(&ray);
-                cluster
-                    .triangle_tree
-                    .traverse(&local, range, self.stack, &mut visitor);
-                if !visitor.go_on {
-                    return false;
-                }
+            if !visitor.go_on {
+                return false;
             }
-            if !go_on {
+            if cluster.triangles.is_empty() {
+                continue;
+            }
+            let mut visitor = TriangleVisitor {
+                cluster,
+                ray: &ray,
+                instance: number,
+                collector: &mut *self.collector,
+                go_on: true,
+            };
+            let local = cluster.triangle_tree.local_ray(&ray);
+            cluster
+                .triangle_tree
+                .traverse(&local, range, self.stack, &mut visitor);
+            if !visitor.go_on {
                 return false;
             }
         }
@@ -446,7 +446,7 @@ impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
 }
 
 /// Meets the cells of the leaves that a ray passes.
-struct ShapeVisitor<'a, I, C> {
+struct CellVisitor<'a, I, C> {
     cluster: &'a Cluster<'a>,
     ray: ClusterRay,
     local: LocalRay,
@@ -457,7 +457,7 @@ struct ShapeVisitor<'a, I, C> {
     method: PhantomData<I>,
 }
 
-impl<I: Intersector, C: Collector> Visitor for ShapeVisitor<'_, I, C> {
+impl<I: Intersector, C: Collector> Visitor for CellVisitor<'_, I, C> {
     #[inline(always)]
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
         let block = &self.cluster.blocks[number];
@@ -473,7 +473,7 @@ impl<I: Intersector, C: Collector> Visitor for ShapeVisitor<'_, I, C> {
     }
 }
 
-impl<I: Intersector, C: Collector> ShapeVisitor<'_, I, C> {
+impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
     /// Offers the roots in a cell; the result says whether to go on.
     #[inline(always)]
     fn meet(&mut self, block: &Block, encounter: &Encounter, range: &mut Range<f64>) -> bool {

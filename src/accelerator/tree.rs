@@ -46,6 +46,7 @@ pub(crate) struct Tree {
 
 /// A ray as the tree sees it: with its origin near the tree and a direction of length one,
 /// in the tree's coordinates and in single precision.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalRay {
     pub(crate) origin: [f32; 3],
     pub(crate) direction: [f32; 3],
