@@ -8,11 +8,12 @@
 mod block;
 mod build;
 mod cells;
+mod hits;
 mod isa;
 mod trace;
 mod tree;
 
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DVec3};
 use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
 
 use crate::intersect::{Method, Scratch};
@@ -159,18 +160,6 @@ impl ItemShape<'_> {
         match shape {
             Shape::Patch(id) => ItemShape::Patch(&scene.patch(id).surface),
             Shape::Mesh(id) => ItemShape::Mesh(scene.mesh(id)),
-        }
-    }
-}
-
-/// Parameters of a point in a triangle from those of its corners; barycentric without.
-fn triangle_uv(mesh: &Mesh, index: u32, barycentric: DVec2) -> DVec2 {
-    let corners = mesh.triangles()[index as usize];
-    match mesh.uvs() {
-        [] => barycentric,
-        uvs => {
-            let [a, b, c] = corners.map(|k| uvs[k as usize]);
-            a + (b - a) * barycentric.x + (c - a) * barycentric.y
         }
     }
 }

@@ -1,0 +1,229 @@
+//! From a candidate to a hit in the world, and from hits found twice to one.
+
+use glam::{DVec2, DVec3, DVec4};
+use kernel::{Material, Mesh, Ray};
+
+use super::cells::Piece;
+use super::trace::{Candidate, CandidateKind};
+use super::{Accelerator, Cluster, Instance, ItemShape, Triangle};
+use crate::intersect::Hit;
+use crate::intersect::net::evaluate_at;
+
+/// Error of a point per size of its piece and of its coordinates: the roundings of one
+/// evaluation.
+const POINT_ERROR: f64 = 1e-14;
+
+/// Parameters of one root found twice differ by less than this part of the piece.
+const SAME_PARAMETER: f64 = 1e-9;
+
+/// Points of one tangential root found twice differ by less than this part of the piece.
+const SAME_POINT: f64 = 1e-7;
+
+impl Accelerator<'_> {
+    /// Merges what was found twice on common borders of cells and pieces; `hits` are sorted.
+    pub(super) fn merge(&self, hits: &mut Vec<Hit>) {
+        let mut kept = 0;
+        for k in 0..hits.len() {
+            let hit = hits[k];
+            let known = hits[..kept]
+                .iter()
+                .rev()
+                .take(64)
+                .position(|other| other.shape == hit.shape && self.coincide(other, &hit));
+            match known {
+                Some(back) => {
+                    let other = &mut hits[kept - 1 - back];
+                    // The proven root stands for both.
+                    if other.tangential && !hit.tangential {
+                        *other = hit;
+                    }
+                }
+                None => {
+                    hits[kept] = hit;
+                    kept += 1;
+                }
+            }
+        }
+        hits.truncate(kept);
+    }
+
+    fn coincide(&self, a: &Hit, b: &Hit) -> bool {
+        let apart = a.point.distance(b.point);
+        let size = a.error.max(b.error) / POINT_ERROR;
+        if a.tangential || b.tangential {
+            return apart <= SAME_POINT * size;
+        }
+        let uv = (a.uv - b.uv).abs() / self.domain_size(a);
+        uv.max_element() <= SAME_PARAMETER && apart <= SAME_POINT * size
+    }
+
+    /// Extent of the parameters of the shape that was hit.
+    fn domain_size(&self, hit: &Hit) -> DVec2 {
+        let cluster = &self.clusters[self.instances[hit.place.0 as usize].cluster as usize];
+        match cluster.items[hit.place.1 as usize].shape {
+            ItemShape::Patch(surface) => {
+                let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+                DVec2::new(u.end - u.start, v.end - v.start)
+            }
+            ItemShape::Mesh(_) => DVec2::ONE,
+        }
+    }
+
+    /// The material of what was hit, if it has one.
+    pub(crate) fn material(&self, hit: &Hit) -> Option<&Material> {
+        let cluster = &self.clusters[self.instances[hit.place.0 as usize].cluster as usize];
+        cluster.items[hit.place.1 as usize]
+            .material
+            .map(|id| self.scene.material(id))
+    }
+
+    /// Completes a candidate: point, normal, parameters and number in the world.
+    pub(super) fn work_out(&self, ray: &Ray, candidate: &Candidate) -> Hit {
+        let instance = &self.instances[candidate.instance as usize];
+        let cluster = &self.clusters[instance.cluster as usize];
+        match candidate.kind {
+            CandidateKind::Surface {
+                piece,
+                u,
+                v,
+                tangential,
+            } => {
+                let piece = &cluster.pieces.pieces[piece as usize];
+                let hit = self.surface_hit(instance, cluster, piece, DVec2::new(u, v));
+                Hit {
+                    t: candidate.t,
+                    tangential,
+                    place: (candidate.instance, piece.item),
+                    ..hit
+                }
+            }
+            CandidateKind::Triangle { index, barycentric } => {
+                let triangle = &cluster.triangles[index as usize];
+                let hit = self.triangle_hit(instance, cluster, triangle, barycentric);
+                let place = (candidate.instance, triangle.item);
+                Hit {
+                    t: candidate.t,
+                    point: ray.at(candidate.t),
+                    place,
+                    ..hit
+                }
+            }
+        }
+    }
+
+    fn surface_hit(
+        &self,
+        instance: &Instance,
+        cluster: &Cluster<'_>,
+        piece: &Piece,
+        local: DVec2,
+    ) -> Hit {
+        let [point, du, dv] = evaluate_piece(cluster, piece, local);
+        let world = &instance.world_from_cluster;
+        let (du, dv) = (world.transform_vector3(du), world.transform_vector3(dv));
+        let item = &cluster.items[piece.item as usize];
+        let uv = DVec2::new(
+            piece.u.0 + piece.u.1 * local.x,
+            piece.v.0 + piece.v.1 * local.y,
+        );
+        let matrix = world.matrix3;
+        let stretch = matrix
+            .x_axis
+            .length()
+            .max(matrix.y_axis.length())
+            .max(matrix.z_axis.length());
+        let size = |degree: usize, extent: f64| degree as f64 * piece.radius * stretch / extent;
+        let sizes = [
+            size(piece.degrees.p, piece.u.1),
+            size(piece.degrees.q, piece.v.1),
+        ];
+        let normal = kernel::regular_normal([du, dv], sizes).or_else(|| {
+            let ItemShape::Patch(surface) = item.shape else {
+                return None;
+            };
+            let placed = surface.transformed(&(*world * item.cluster_from_object));
+            placed.normal(uv)
+        });
+        let point = world.transform_point3(point);
+        let size = piece.radius * stretch + point.abs().max_element();
+        Hit {
+            t: 0.0,
+            uv,
+            point,
+            normal: normal.unwrap_or(DVec3::ZERO),
+            shape: instance.before.patches + item.offset,
+            tangential: false,
+            error: POINT_ERROR * size,
+            place: (0, 0),
+        }
+    }
+
+    fn triangle_hit(
+        &self,
+        instance: &Instance,
+        cluster: &Cluster<'_>,
+        triangle: &Triangle,
+        barycentric: DVec2,
+    ) -> Hit {
+        let item = &cluster.items[triangle.item as usize];
+        let world = &instance.world_from_cluster;
+        let corners = triangle.corners.map(|c| world.transform_point3(c));
+        let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let mut normal = flat;
+        let mut uv = barycentric;
+        if let ItemShape::Mesh(mesh) = item.shape {
+            uv = triangle_uv(mesh, triangle.index, barycentric);
+            if let normals @ [_, ..] = mesh.normals() {
+                let [a, b, c] =
+                    mesh.triangles()[triangle.index as usize].map(|k| normals[k as usize]);
+                let smooth = a * (1.0 - barycentric.x - barycentric.y)
+                    + b * barycentric.x
+                    + c * barycentric.y;
+                let object = *world * item.cluster_from_object;
+                let turned = object.matrix3.inverse().transpose() * smooth;
+                normal = if turned.dot(flat) < 0.0 {
+                    -turned
+                } else {
+                    turned
+                };
+            }
+        }
+        let size = corners
+            .iter()
+            .fold(0.0, |max: f64, c| max.max(c.abs().max_element()));
+        Hit {
+            t: 0.0,
+            uv,
+            point: DVec3::ZERO,
+            normal: normal.normalize_or_zero(),
+            shape: self.counts.patches + instance.before.meshes + item.offset,
+            tangential: false,
+            error: POINT_ERROR * size,
+            place: (0, 0),
+        }
+    }
+}
+
+/// Point and first derivatives by the patch's parameters, in the cluster.
+fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3; 3] {
+    let [h, hu, hv] = evaluate_at(&cluster.pieces.net(piece), local.x, local.y);
+    let own = h.truncate() / h.w;
+    let along = |d: DVec4| (d.truncate() - own * d.w) / h.w * piece.radius;
+    [
+        piece.center + own * piece.radius,
+        along(hu) / piece.u.1,
+        along(hv) / piece.v.1,
+    ]
+}
+
+/// Parameters of a point in a triangle from those of its corners; barycentric without.
+fn triangle_uv(mesh: &Mesh, index: u32, barycentric: DVec2) -> DVec2 {
+    let corners = mesh.triangles()[index as usize];
+    match mesh.uvs() {
+        [] => barycentric,
+        uvs => {
+            let [a, b, c] = corners.map(|k| uvs[k as usize]);
+            a + (b - a) * barycentric.x + (c - a) * barycentric.y
+        }
+    }
+}
