@@ -36,6 +36,6 @@ floors:
 
 check: lint doc floors
 
-# Long random sweeps, minutes each.
+# Long random sweeps: the tests that are ignored otherwise.
 soak:
-	$(CARGO) test --workspace --release -- --ignored
+	$(CARGO) test --workspace -- --ignored

@@ -122,7 +122,7 @@ fn damaged_samples_do_not_panic() {
 #[test]
 #[ignore = "takes minutes; `make soak` runs it"]
 fn heavily_damaged_samples_do_not_panic() {
-    damage(5000);
+    damage(50_000);
 }
 
 /// Reads every sample `rounds` times, each time with a few random bytes changed or lost.
