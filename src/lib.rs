@@ -10,7 +10,7 @@
 //! # let target = std::env::temp_dir().join("nurbray-doc.png");
 //! let scene = formats::open(folder.join("samples/teapot.obj"), &formats::Limits::default())?.scene;
 //! let accelerator = Accelerator::build(&scene, &METHODS[0]);
-//! let camera = Camera::framing(&accelerator.bounds(), scene.up.direction(), 4.0 / 3.0);
+//! let camera = Camera::framing(&accelerator.outline(), scene.up.direction(), 4.0 / 3.0);
 //! let options = RenderOptions { width: 64, height: 48, ..RenderOptions::default() };
 //! let (film, _) = render(&accelerator, &camera, &options, &|_| {});
 //! output::write(&film, &target, &OutputOptions::default())?;

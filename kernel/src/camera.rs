@@ -66,12 +66,14 @@ impl Camera {
         })
     }
 
-    /// A camera that shows all of `bounds`, three-quarter from above, as large as a picture
+    /// A camera that shows all of `boxes`, three-quarter from above, as large as a picture
     /// with the given ratio of width to height allows.
     ///
-    /// `up` is the upward axis of the scene. An empty box is taken for the origin, and a box
-    /// without extent is seen from one unit away.
-    pub fn framing(bounds: &Aabb, up: DVec3, aspect: f64) -> Self {
+    /// Many small boxes around a body frame it tighter than one large one. `up` is the upward
+    /// axis of the scene. Nothing is taken for the origin, and boxes without extent are seen
+    /// from one unit away.
+    pub fn framing(boxes: &[Aabb], up: DVec3, aspect: f64) -> Self {
+        let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         let (center, radius) = if bounds.is_empty() {
             (DVec3::ZERO, 1.0)
         } else {
@@ -98,15 +100,16 @@ impl Camera {
         // Along each side of the picture a corner at (x, depth z towards the camera) is seen
         // from the distance d and the sideways step c if |x - c| <= slope (d - z).
         let slope = (FRAMING_FOV * 0.5).tan() / FRAMING_MARGIN;
-        let corners = if bounds.is_empty() {
-            [center; 8]
-        } else {
-            bounds.corners()
-        };
+        let mut corners: Vec<_> = boxes.iter().flat_map(Aabb::corners).collect();
+        if bounds.is_empty() {
+            corners = vec![center];
+        }
         let fit = |axis: DVec3, slope: f64| {
             let reach = |axis: DVec3| {
-                let ways = corners.map(|p| (p - center).dot(axis - forward * slope));
-                ways.into_iter().fold(f64::NEG_INFINITY, f64::max)
+                let ways = corners
+                    .iter()
+                    .map(|&p| (p - center).dot(axis - forward * slope));
+                ways.fold(f64::NEG_INFINITY, f64::max)
             };
             let (plus, minus) = (reach(axis), reach(-axis));
             ((plus + minus) / (2.0 * slope), (plus - minus) * 0.5)
@@ -114,7 +117,7 @@ impl Camera {
         let shorter = shorter_side(aspect) * slope;
         let (distance_x, step_x) = fit(camera.right, shorter.x);
         let (distance_y, step_y) = fit(camera.up, shorter.y);
-        // Outside the sphere around the box in any case.
+        // Outside the sphere around the boxes in any case.
         let distance = radius.max(distance_x).max(distance_y);
         camera.eye = center + camera.right * step_x + camera.up * step_y - forward * distance;
         camera
@@ -233,7 +236,7 @@ mod tests {
                     max: min + shape * scale,
                 };
                 for aspect in [0.2, 1.0, 16.0 / 9.0] {
-                    let camera = Camera::framing(&bounds, up, aspect);
+                    let camera = Camera::framing(&[bounds], up, aspect);
                     assert!(camera.up().dot(up) > 0.0 && camera.forward().dot(up) < 0.0);
                     let mut reach: f64 = 0.0;
                     for corner in bounds.corners() {
@@ -251,13 +254,13 @@ mod tests {
     fn framing_of_nothing_and_of_a_point_is_a_camera() {
         let place = DVec3::new(1.0, 2.0, 3.0);
         for (bounds, center) in [(Aabb::EMPTY, DVec3::ZERO), (Aabb::around([place]), place)] {
-            let camera = Camera::framing(&bounds, DVec3::Y, 1.0);
+            let camera = Camera::framing(&[bounds], DVec3::Y, 1.0);
             assert!(camera.eye().is_finite());
             let (film, depth) = project(&camera, center, 1.0);
             assert!(film.length() < 1e-12 && (depth - 1.0).abs() < 1e-12);
         }
         assert!(
-            Camera::framing(&Aabb::EMPTY, DVec3::ZERO, 1.0)
+            Camera::framing(&[Aabb::EMPTY], DVec3::ZERO, 1.0)
                 .eye()
                 .is_finite()
         );

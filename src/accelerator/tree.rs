@@ -115,6 +115,36 @@ impl Tree {
         self.bounds
     }
 
+    /// The boxes of the two uppermost levels: a tighter outline than the one box around all.
+    pub(crate) fn outline(&self) -> Vec<Aabb> {
+        let mut boxes = Vec::new();
+        let Some(root) = self.nodes.first() else {
+            return boxes;
+        };
+        for k in 0..WIDTH {
+            let child = root.child[k];
+            let below = (child & IS_LEAF == 0 && child != 0).then(|| &self.nodes[child as usize]);
+            match below {
+                Some(node) => boxes.extend((0..WIDTH).map(|k| self.child_box(node, k))),
+                None => boxes.push(self.child_box(root, k)),
+            }
+        }
+        boxes.retain(|b| !b.is_empty());
+        boxes
+    }
+
+    /// A child's box in the coordinates of the primitives.
+    fn child_box(&self, node: &Node, k: usize) -> Aabb {
+        let corner = |side: &[[f32; WIDTH]; 3]| {
+            let [x, y, z] = [0, 1, 2].map(|axis| f64::from(side[axis][k]));
+            self.center + DVec3::new(x, y, z) / self.scale
+        };
+        Aabb {
+            min: corner(&node.min),
+            max: corner(&node.max),
+        }
+    }
+
     /// Memory of the nodes.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.nodes[..]) + size_of_val(&self.leaves[..])

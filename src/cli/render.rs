@@ -327,7 +327,7 @@ fn camera(args: &Args, scene: &Scene, accelerator: &Accelerator<'_>) -> anyhow::
                 Some(camera) => camera.clone(),
                 None => {
                     let aspect = f64::from(args.size.0) / f64::from(args.size.1);
-                    Camera::framing(&bounds, scene.up.direction(), aspect)
+                    Camera::framing(&accelerator.outline(), scene.up.direction(), aspect)
                 }
             },
         };
