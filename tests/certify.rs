@@ -111,7 +111,10 @@ fn references_are_never_contradicted() {
                 let size = scene.hull_bounds().diagonal() / ray.direction.length();
                 widest = widest.max(t.width() / size);
             }
-            Certificate::Ambiguous { .. } if robust => open.push(describe()),
+            // On the line between two pieces a root may belong to both or to neither.
+            Certificate::Ambiguous { .. } if robust && case["category"] != "knot_line_exact" => {
+                open.push(describe());
+            }
             _ => {}
         }
     }
