@@ -103,10 +103,10 @@ impl Cell {
                 return Verdict::Empty;
             }
             let stray = [deviation(g1, degrees, 0), deviation(g2, degrees, 1)];
-            if stray[0].max(stray[1]) < UNIQUE {
-                if let Some(verdict) = self.prove(degrees, [g1, g2], stray) {
-                    return verdict;
-                }
+            if stray[0].max(stray[1]) < UNIQUE
+                && let Some(verdict) = self.prove(degrees, [g1, g2], stray)
+            {
+                return verdict;
             }
             let blur = inverse.iter().fold(0.0, |max: f64, x| max.max(x.abs())) * noise;
             if blur < WIDENED {
