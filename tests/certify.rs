@@ -1,7 +1,9 @@
 //! Certificates against the high-precision references and against the production path.
 
-use glam::{DVec2, DVec3};
-use kernel::{Child, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface};
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+use glam::{DAffine3, DVec2, DVec3};
+use kernel::{Child, Item, KnotVector, Mesh, Node, Patch, Ray, Scene, Shape, Surface};
 use nurbray::{Accelerator, Certificate, Certifier, METHODS, Workspace, formats};
 use serde_json::Value;
 
@@ -111,7 +113,10 @@ fn references_are_never_contradicted() {
                 let size = scene.hull_bounds().diagonal() / ray.direction.length();
                 widest = widest.max(t.width() / size);
             }
-            Certificate::Ambiguous { .. } if robust => open.push(describe()),
+            // On the line between two pieces a root may belong to both or to neither.
+            Certificate::Ambiguous { .. } if robust && case["category"] != "knot_line_exact" => {
+                open.push(describe());
+            }
             _ => {}
         }
     }
@@ -144,7 +149,12 @@ impl Dice {
 /// offset.
 fn ray(scene: &Scene, dice: &mut Dice, size: f64) -> Option<Ray> {
     let placements = scene.placements();
-    let place = &placements[(dice.next() * placements.len() as f64) as usize];
+    let choice = dice.next() * placements.len() as f64;
+    let place = placements
+        .iter()
+        .zip(1_u32..)
+        .find(|(_, k)| choice < f64::from(*k))?
+        .0;
     let Shape::Patch(id) = place.shape else {
         return None;
     };
@@ -209,7 +219,6 @@ fn compare(rays: usize, seed: u64) -> (Vec<String>, [usize; 5]) {
             }
         }
     }
-    println!("[miss, hit, tangent, edge, overlap]: {counts:?}");
     (found, counts)
 }
 
@@ -235,4 +244,117 @@ fn a_million_rays_contradict_nothing() {
         found.join("\n"),
         found.len()
     );
+}
+
+/// A unit square in the plane z = 0, and what shows shapes under a map.
+fn square() -> Surface {
+    let knots = KnotVector::bezier(1, 0.0..1.0).unwrap();
+    let corners = [DVec3::ZERO, DVec3::Y, DVec3::X, DVec3::new(1.0, 1.0, 0.0)];
+    Surface::new(knots.clone(), knots, &corners, None).unwrap()
+}
+
+fn shown(scene: &mut Scene, shapes: &[Shape], maps: &[DAffine3]) {
+    let children = shapes.iter().map(|&shape| {
+        let material = None;
+        Child::Item(Item { shape, material })
+    });
+    let group = Node {
+        children: children.collect(),
+        ..Node::default()
+    };
+    let group = scene.add_node(group).unwrap();
+    let placed = maps.iter().map(|&parent_from_node| {
+        let node = Node {
+            parent_from_node,
+            children: vec![Child::Node(group)],
+            ..Node::default()
+        };
+        Child::Node(scene.add_node(node).unwrap())
+    });
+    let children = placed.collect();
+    let root = Node {
+        children,
+        ..Node::default()
+    };
+    let root = scene.add_node(root).unwrap();
+    scene.set_root(root).unwrap();
+}
+
+fn down(x: f64, y: f64) -> Ray {
+    Ray {
+        origin: DVec3::new(x, y, 4.0),
+        direction: DVec3::NEG_Z * 2.0,
+    }
+}
+
+#[test]
+fn placed_patches_and_triangles() {
+    let mut scene = Scene::default();
+    let patch = scene.add_patch(Patch::from(square())).unwrap();
+    let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+    let mesh = Mesh::new(corners, Vec::new(), Vec::new(), vec![[0, 1, 2]]).unwrap();
+    let mesh = scene.add_mesh(mesh).unwrap();
+    let turned = DAffine3::from_rotation_z(0.3) * DAffine3::from_scale(DVec3::splat(0.5));
+    let maps = [
+        DAffine3::from_translation(DVec3::new(10.0, 0.0, 1.0)) * turned,
+        DAffine3::from_translation(DVec3::new(20.0, 0.0, 2.0)) * turned,
+    ];
+    shown(&mut scene, &[Shape::Patch(patch), Shape::Mesh(mesh)], &maps);
+    let certifier = Certifier::build(&scene);
+    // Patch and triangle lie in one plane: the half without the triangle is certain.
+    let at = |map: usize, x, y| {
+        let p = maps[map].transform_point3(DVec3::new(x, y, 0.0));
+        certifier.certify(&down(p.x, p.y))
+    };
+    for (map, t) in [(0, 1.5), (1, 1.0)] {
+        match at(map, 0.7, 0.6) {
+            Certificate::Hit { shape, t: found } => {
+                assert_eq!(shape as usize, map);
+                assert!(found.contains(t) && found.width() < 1e-12);
+            }
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(at(map, 0.3, 0.3).name(), "overlap");
+        assert_eq!(at(map, 1.1, 0.3), Certificate::Miss);
+        assert_eq!(at(map, 1.0, 0.6).name(), "edge");
+    }
+}
+
+#[test]
+fn triangles_alone() {
+    let mut scene = Scene::default();
+    let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+    let mesh = Mesh::new(corners, Vec::new(), Vec::new(), vec![[0, 1, 2]]).unwrap();
+    let mesh = scene.add_mesh(mesh).unwrap();
+    shown(&mut scene, &[Shape::Mesh(mesh)], &[DAffine3::IDENTITY]);
+    let certifier = Certifier::build(&scene);
+    let status = |ray: &Ray| certifier.certify(ray).name();
+    assert_eq!(status(&down(0.3, 0.3)), "hit");
+    assert_eq!(status(&down(0.7, 0.6)), "miss");
+    assert_eq!(status(&down(0.5, 0.0)), "edge");
+    let origin = DVec3::new(-1.0, 0.2, 0.0);
+    let within = |x: f64, y: f64, z: f64| {
+        let direction = DVec3::new(x, y, z);
+        status(&Ray { origin, direction })
+    };
+    assert_eq!(within(1.0, 0.0, 0.0), "edge");
+    assert_eq!(within(0.0, 1.0, 0.0), "miss");
+    assert_eq!(within(-1.0, 0.0, 0.0), "miss");
+}
+
+#[test]
+fn rays_along_and_on_a_surface() {
+    let mut scene = Scene::default();
+    let patch = scene.add_patch(Patch::from(square())).unwrap();
+    shown(&mut scene, &[Shape::Patch(patch)], &[DAffine3::IDENTITY]);
+    let certifier = Certifier::build(&scene);
+    let status = |origin: [f64; 3], direction: [f64; 3]| {
+        let (origin, direction) = (origin.into(), direction.into());
+        certifier.certify(&Ray { origin, direction }).name()
+    };
+    assert_eq!(status([-1.0, 0.3, 0.0], [1.0, 0.1, 0.0]), "tangent");
+    assert_eq!(status([-1.0, 0.3, 1e-9], [1.0, 0.1, 0.0]), "miss");
+    assert_eq!(status([0.3, 0.3, 0.0], [0.1, 0.0, 1.0]), "edge");
+    assert_eq!(status([0.3, 0.3, 1e-9], [0.1, 0.0, 1.0]), "miss");
+    assert_eq!(status([0.3, 0.3, 1.0], [0.0, 0.0, 0.0]), "miss");
 }

@@ -103,14 +103,14 @@ impl Cell {
                 return Verdict::Empty;
             }
             let stray = [deviation(g1, degrees, 0), deviation(g2, degrees, 1)];
-            if stray[0].max(stray[1]) < UNIQUE {
-                if let Some(verdict) = self.prove(degrees, [g1, g2], stray) {
-                    return verdict;
-                }
+            if stray[0].max(stray[1]) < UNIQUE
+                && let Some(verdict) = self.prove(degrees, [g1, g2], stray)
+            {
+                return verdict;
             }
             let blur = inverse.iter().fold(0.0, |max: f64, x| max.max(x.abs())) * noise;
             if blur < WIDENED {
-                return self.split([a, b, c, d]);
+                return self.split(degrees);
             }
         }
         self.examine_flat(degrees, [a, b, c, d], noise)
@@ -201,12 +201,21 @@ impl Cell {
                 return Verdict::Undecided;
             }
         }
-        self.split([a, b, c, d])
+        self.split(degrees)
     }
 
-    /// Splits across the direction of the larger derivative.
-    fn split(&self, [a, b, c, d]: [f64; 4]) -> Verdict {
-        let axis = usize::from(b.abs().max(d.abs()) > a.abs().max(c.abs()));
+    /// Splits across the direction of the larger steps between neighbouring coefficients.
+    fn split(&self, degrees: Degrees) -> Verdict {
+        let (n, row) = (degrees.len(), degrees.q + 1);
+        let (mut along_u, mut along_v) = (0.0_f64, 0.0_f64);
+        let step = |a: &Interval, b: &Interval| (b.middle() - a.middle()).abs();
+        for net in self.nets[..2 * n].chunks_exact(n) {
+            let steps_u = net.iter().zip(&net[row..]).map(|(a, b)| step(a, b));
+            let pairs = net.chunks_exact(row).flat_map(|line| line.windows(2));
+            along_u = steps_u.fold(along_u, f64::max);
+            along_v = pairs.map(|p| step(&p[0], &p[1])).fold(along_v, f64::max);
+        }
+        let axis = usize::from(along_v > along_u);
         if self.size[axis] > LEAST {
             Verdict::Split(axis)
         } else if self.size[1 - axis] > LEAST {

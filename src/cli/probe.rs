@@ -41,8 +41,8 @@ pub(super) struct Args {
     /// Every hit of a ray, not just the nearest
     #[arg(long, conflicts_with = "uv")]
     all: bool,
-    /// Prove what each ray meets first: rows ray,status,t_low,t_high,patch, where the status is
-    /// hit, miss, tangent, edge or overlap; without a proof the ray is free up to t_low
+    /// Prove what each ray meets first: one row per ray with its status (hit, miss, tangent,
+    /// edge or overlap) and bounds of t; without a proof, how far the ray is free
     #[arg(long, conflicts_with_all = ["uv", "all"])]
     certify: bool,
     /// One line of JSON per row instead of CSV
