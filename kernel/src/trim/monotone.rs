@@ -290,11 +290,11 @@ fn roots(polynomial: Vec<f64>, cuts: &mut Vec<f64>) {
 /// De Casteljau's algorithm in the middle; both hold the same before.
 fn halve(left: &mut [f64], right: &mut [f64]) {
     let degree = left.len() - 1;
-    for level in 1..=degree {
+    for (level, end) in left.iter_mut().enumerate().skip(1) {
         for k in 0..=degree - level {
             right[k] = 0.5 * (right[k] + right[k + 1]);
         }
-        left[level] = right[0];
+        *end = right[0];
     }
 }
 

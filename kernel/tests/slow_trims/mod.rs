@@ -39,11 +39,11 @@ fn crosses(net: &[DVec2], depth: u32) -> bool {
 
 fn halves(net: &[DVec2]) -> (Vec<DVec2>, Vec<DVec2>) {
     let (mut left, mut right) = (net.to_vec(), net.to_vec());
-    for level in 1..net.len() {
+    for (level, end) in left.iter_mut().enumerate().skip(1) {
         for k in 0..net.len() - level {
             right[k] = (right[k] + right[k + 1]) * 0.5;
         }
-        left[level] = right[0];
+        *end = right[0];
     }
     (left, right)
 }
