@@ -1,6 +1,6 @@
 //! A surface with its trim loops: what a file calls a face.
 
-use crate::{MaterialId, Surface, TrimLoop};
+use crate::{MaterialId, Surface, TrimLoop, TrimRegion};
 
 /// A face: a surface, the loops that trim it, and a material.
 ///
@@ -18,6 +18,16 @@ pub struct Patch {
     pub loops: Vec<TrimLoop>,
     /// The material, unless the scene node that shows the patch names another.
     pub material: Option<MaterialId>,
+}
+
+impl Patch {
+    /// The part of the domain that belongs to the face; `None` means all of it.
+    pub fn region(&self) -> Option<TrimRegion> {
+        let trimmed = !self.loops.is_empty();
+        trimmed
+            .then(|| TrimRegion::of(self))
+            .filter(|region| !region.is_whole())
+    }
 }
 
 impl From<Surface> for Patch {

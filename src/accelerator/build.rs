@@ -137,7 +137,10 @@ impl Plan {
             let Child::Item(item) = child else { return };
             let number = u32::try_from(items.len()).expect("fewer items than fit");
             let shape = ItemShape::of(scene, item.shape);
-            let trims = trims(scene, item.shape);
+            let trims = match item.shape {
+                Shape::Patch(id) => scene.patch(id).region(),
+                Shape::Mesh(_) => None,
+            };
             let offset = match shape {
                 ItemShape::Patch(surface) => {
                     let surface = surface.transformed(&cluster_from_object);
@@ -222,16 +225,6 @@ impl Plan {
         }
         self.counts[start.0.index()]
     }
-}
-
-/// What belongs to a face, unless that is all of its surface.
-fn trims(scene: &Scene, shape: Shape) -> Option<TrimRegion> {
-    let Shape::Patch(id) = shape else { return None };
-    let patch = scene.patch(id);
-    if patch.loops.is_empty() {
-        return None;
-    }
-    Some(TrimRegion::of(patch)).filter(|region| !region.is_whole())
 }
 
 impl Counts {

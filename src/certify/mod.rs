@@ -24,7 +24,7 @@ mod triangle;
 
 use std::collections::HashMap;
 
-use kernel::{Interval, Patch, Ray, Scene, Shape};
+use kernel::{Cover, Interval, Patch, PatchId, Ray, Scene, Shape, TrimRegion};
 
 use line::Map;
 use search::Search;
@@ -39,6 +39,8 @@ pub use picture::{CertifyStats, certify_film};
 pub struct Certifier<'a> {
     scene: &'a Scene,
     places: Vec<Place>,
+    /// What belongs to each patch of the scene; `None` means all of its surface.
+    regions: Vec<Option<TrimRegion>>,
     /// The pieces of the patches, each patch once.
     pieces: Vec<Piece>,
     leaves: Vec<Leaf>,
@@ -67,16 +69,8 @@ pub(crate) enum Side {
     Inside,
     /// Out of the face as a whole.
     Outside,
-    /// On both sides, or not known.
-    #[expect(dead_code, reason = "loops are not looked at yet")]
+    /// On both sides, or too near to a loop to know.
     Undecided,
-}
-
-/// Where a box in the parameters of a patch lies with regard to the loops that trim it.
-///
-/// As in the production path, loops are not applied yet: the whole surface counts.
-fn trim_side(_patch: &Patch, _u: Interval, _v: Interval) -> Side {
-    Side::Inside
 }
 
 impl<'a> Certifier<'a> {
@@ -85,6 +79,7 @@ impl<'a> Certifier<'a> {
         let mut certifier = Self {
             scene,
             places: Vec::new(),
+            regions: scene.patches().iter().map(Patch::region).collect(),
             pieces: Vec::new(),
             leaves: Vec::new(),
             tree: Tree::default(),
@@ -129,6 +124,18 @@ impl<'a> Certifier<'a> {
         }
         certifier.tree = Tree::build(&boxes);
         certifier
+    }
+
+    /// Where a box in the parameters of a patch lies with regard to the loops that trim it.
+    fn side(&self, patch: PatchId, u: Interval, v: Interval) -> Side {
+        let Some(region) = &self.regions[patch.index()] else {
+            return Side::Inside;
+        };
+        match region.classify(u.low()..u.high(), v.low()..v.high()) {
+            Cover::Inside => Side::Inside,
+            Cover::Outside => Side::Outside,
+            Cover::Mixed => Side::Undecided,
+        }
     }
 
     /// A box around a piece or triangle in the world.

@@ -11,7 +11,7 @@ use super::certificate::{Ambiguity, Certificate};
 use super::line::Line;
 use super::surface::Piece;
 use super::tree::Content;
-use super::{Certifier, Leaf, Place, Side, triangle, trim_side};
+use super::{Certifier, Leaf, Place, Side, triangle};
 
 /// Cells of one ray after which it is given up.
 const PATIENCE: u32 = 1 << 14;
@@ -241,10 +241,7 @@ impl<'a> Search<'a> {
             let [start, end] = [range.start, range.end].map(Interval::point);
             start + (end - start) * x
         };
-        trim_side(
-            self.certifier.scene.patch(id),
-            global(&piece.u, u),
-            global(&piece.v, v),
-        )
+        self.certifier
+            .side(id, global(&piece.u, u), global(&piece.v, v))
     }
 }
