@@ -9,8 +9,15 @@ use crate::intersect::PieceNet;
 use crate::intersect::Rect;
 use crate::intersect::net::{self, Degrees};
 
-/// Halvings of a piece along one direction at most: cells are eighths of eighths.
-const MAX_LEVEL: u8 = 3;
+/// Halvings of a piece along one direction at most.
+const MAX_LEVEL: u8 = 5;
+
+/// From this many halvings along both directions together on, a cell is divided further only while
+/// that helps: at a pole it never does.
+const HELPLESS_LEVEL: u8 = 5;
+
+/// A division that leaves more than this part of the straying does not help.
+const HELPS: f64 = 0.85;
 
 /// A cell is divided while its derivatives stray from those in its middle by more than this,
 /// along the surface; then two cells or three share the rays of a piece.
@@ -158,7 +165,8 @@ impl Pieces {
             u: piece.u(),
             v: piece.v(),
         };
-        divider.divide(&mut net, cell, trims.map(|t| (t, TRIM_HALVINGS)), cells);
+        let trims = trims.map(|t| (t, TRIM_HALVINGS));
+        divider.divide(&mut net, cell, f64::INFINITY, trims, cells);
     }
 
     /// The net of a piece.
@@ -189,11 +197,12 @@ struct Divider {
 impl Divider {
     /// Divides a cell until it is nearly flat and evenly parametrised, and further, by the
     /// number beside `trims`, where a loop passes. `net` is the part of the piece in its own
-    /// units.
+    /// units; `parent` tells how far the undivided cell strayed.
     fn divide(
         &self,
         net: &mut [[f64; 4]],
         mut cell: Cell,
+        parent: f64,
         trims: Option<(&TrimRegion, u8)>,
         cells: &mut Vec<NewCell>,
     ) {
@@ -216,7 +225,10 @@ impl Divider {
             axis = 1 - axis;
         }
         let [k1, k2, k3] = local.frame.stray;
-        if k1.max(k2) <= UNEVEN && k3 <= CURVED || cell.level[axis] >= MAX_LEVEL {
+        let excess = (k1.max(k2) / UNEVEN).max(k3 / CURVED);
+        let deep = cell.level[0] + cell.level[1] >= HELPLESS_LEVEL;
+        let helpless = deep && (excess > HELPS * parent || excess.is_infinite());
+        if excess <= 1.0 || helpless || cell.level[axis] >= MAX_LEVEL {
             match &mut trims {
                 Some((_, halvings @ 1..)) => {
                     axis = usize::from(*halvings % 2 == 1);
@@ -238,7 +250,7 @@ impl Divider {
             let mut child = cell;
             child.level[axis] += 1;
             child.place[axis] = 2 * cell.place[axis] + half;
-            self.divide(net, child, trims, cells);
+            self.divide(net, child, excess, trims, cells);
         }
     }
 
