@@ -274,8 +274,8 @@ mod tests {
 
     /// Whether `x + error` is a member, exactly: `error` is below a unit of `x`.
     fn holds(interval: Interval, x: f64, error: f64) -> bool {
-        let above = x > interval.low || (x == interval.low && error >= 0.0);
-        let below = x < interval.high || (x == interval.high && error <= 0.0);
+        let above = x > interval.low || (x >= interval.low && error >= 0.0);
+        let below = x < interval.high || (x <= interval.high && error <= 0.0);
         above && below
     }
 
