@@ -1,4 +1,9 @@
 //! The trim loops of real files, if they are there, against the slow reference.
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "helpers of tests are tests, too"
+)]
 
 #[path = "../../kernel/tests/slow_trims/mod.rs"]
 mod slow_trims;

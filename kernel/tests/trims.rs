@@ -1,4 +1,9 @@
 //! Trim regions against a slow reference and against what is known about simple ones.
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "helpers of tests are tests, too"
+)]
 
 mod slow_trims;
 
