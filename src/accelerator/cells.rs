@@ -12,13 +12,6 @@ use crate::intersect::net::{self, Degrees};
 /// Halvings of a piece along one direction at most.
 const MAX_LEVEL: u8 = 5;
 
-/// From this many halvings along both directions together on, a cell is divided further only while
-/// that helps: at a pole it never does.
-const HELPLESS_LEVEL: u8 = 5;
-
-/// A division that leaves more than this part of the straying does not help.
-const HELPS: f64 = 0.85;
-
 /// A cell is divided while its derivatives stray from those in its middle by more than this,
 /// along the surface; then two cells or three share the rays of a piece.
 const UNEVEN: f64 = 0.3;
@@ -166,7 +159,7 @@ impl Pieces {
             v: piece.v(),
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
-        divider.divide(&mut net, cell, f64::INFINITY, trims, cells);
+        divider.divide(&mut net, cell, trims, cells);
     }
 
     /// The net of a piece.
@@ -197,12 +190,11 @@ struct Divider {
 impl Divider {
     /// Divides a cell until it is nearly flat and evenly parametrised, and further, by the
     /// number beside `trims`, where a loop passes. `net` is the part of the piece in its own
-    /// units; `parent` tells how far the undivided cell strayed.
+    /// units.
     fn divide(
         &self,
         net: &mut [[f64; 4]],
         mut cell: Cell,
-        parent: f64,
         trims: Option<(&TrimRegion, u8)>,
         cells: &mut Vec<NewCell>,
     ) {
@@ -226,9 +218,7 @@ impl Divider {
         }
         let [k1, k2, k3] = local.frame.stray;
         let excess = (k1.max(k2) / UNEVEN).max(k3 / CURVED);
-        let deep = cell.level[0] + cell.level[1] >= HELPLESS_LEVEL;
-        let helpless = deep && (excess > HELPS * parent || excess.is_infinite());
-        if excess <= 1.0 || helpless || cell.level[axis] >= MAX_LEVEL {
+        if excess <= 1.0 || cell.level[axis] >= MAX_LEVEL {
             match &mut trims {
                 Some((_, halvings @ 1..)) => {
                     axis = usize::from(*halvings % 2 == 1);
@@ -250,7 +240,7 @@ impl Divider {
             let mut child = cell;
             child.level[axis] += 1;
             child.place[axis] = 2 * cell.place[axis] + half;
-            self.divide(net, child, excess, trims, cells);
+            self.divide(net, child, trims, cells);
         }
     }
 
@@ -309,15 +299,17 @@ fn examine(net: &[[f64; 4]], degrees: Degrees) -> Examined {
         steps.stray(rows[k], [along(0), along(1)])
     });
     let stray = strays.map(|s| s.along_u + s.along_v);
-    let cut_u = strays.iter().fold(0.0, |max: f64, s| max.max(s.less_by_u));
-    let cut_v = strays.iter().fold(0.0, |max: f64, s| max.max(s.less_by_v));
+    // The row that strays most says where to cut.
+    let limits = [UNEVEN, UNEVEN, CURVED];
+    let worst = (0..3).max_by(|&a, &b| (stray[a] / limits[a]).total_cmp(&(stray[b] / limits[b])));
+    let worst = strays[worst.unwrap_or(0)];
     Examined {
         frame: CellFrame {
             center,
             rows,
             stray,
         },
-        cut_v: cut_v > cut_u,
+        cut_v: worst.less_by_v > worst.less_by_u,
     }
 }
 

@@ -4,6 +4,7 @@ mod edge;
 pub(crate) mod net;
 mod newton;
 mod subdivide;
+mod tangent;
 pub(crate) mod triangle;
 
 use std::fmt;

@@ -6,11 +6,12 @@
 //! net stray from the identity by less than one there is at most one root, and clamped
 //! iteration finds it or proves that there is none. Otherwise the part is split.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::edge::edge_roots;
 use super::net::{self, Degrees, bernstein};
 use super::newton::{Inverse, STEPS, UNIQUE, WIDENED, within};
+use super::tangent::{Contact, contact};
 use super::{Line, PieceNet, Rect, Root, Scratch, Target};
 
 /// Nor is one whose inverse blows up the rounding errors to this part of a cell.
@@ -18,6 +19,9 @@ const BLURRED: f64 = 1e-3;
 
 /// A cell whose distances vary by less than this many slacks cannot be resolved further.
 const UNRESOLVED: f64 = 16.0;
+
+/// An unresolved cell that is longer than this is one along which the ray runs.
+const THIN: f64 = 1e-4;
 
 /// After this many cells of one call the wanted resolution is relaxed step by step: a ray
 /// that runs along a curved surface would otherwise be followed to the last bit.
@@ -44,7 +48,7 @@ pub(super) fn subdivide(scratch: &mut Scratch, target: &Target<'_>) {
         // Relax from the rounding errors towards the accuracy that is promised.
         let unresolved = UNRESOLVED * slack * f64::from(1 + visited / PATIENCE).powi(4);
         if (box1.1 - box1.0).max(box2.1 - box2.0) <= unresolved {
-            unresolved_roots(&mut scratch.roots, rect);
+            unresolved_roots(&mut scratch.roots, target, rect);
             continue;
         }
         let [_, d1u, d1v] = net::evaluate(d1, degrees, &half_u, &half_v);
@@ -292,30 +296,30 @@ fn examine_flat(
     Verdict::Empty
 }
 
-/// Stands for a cell that cannot be resolved: its middle, and its corners if the ray may run
-/// along it.
-fn unresolved_roots(roots: &mut Vec<Root>, rect: Rect) {
+/// Stands for a cell that cannot be resolved: the contact next to it, and its corners if the
+/// ray may run along it.
+fn unresolved_roots(roots: &mut Vec<Root>, target: &Target<'_>, rect: Rect) {
     let middle = |(a, b): (f64, f64)| f64::midpoint(a, b);
-    let mut add = |u, v| {
-        roots.push(Root {
-            u,
-            v,
-            tangential: true,
-        })
+    let root = |u, v| Root {
+        u,
+        v,
+        tangential: true,
     };
-    let small = 1e-6;
-    let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < small, rect.v.1 - rect.v.0 < small);
+    let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < THIN, rect.v.1 - rect.v.0 < THIN);
     if thin_u && thin_v {
-        add(middle(rect.u), middle(rect.v));
+        let near = DVec2::new(middle(rect.u), middle(rect.v));
+        match contact(&target.piece, &target.line, near) {
+            Contact::None => {}
+            Contact::Roots(found) => roots.extend(found.into_iter().flatten()),
+            Contact::Unclear => roots.push(root(near.x, near.y)),
+        }
         return;
     }
     let ends = |(a, b): (f64, f64), thin: bool| if thin { [middle((a, b)); 2] } else { [a, b] };
     let (us, vs) = (ends(rect.u, thin_u), ends(rect.v, thin_v));
-    add(us[0], vs[0]);
-    add(us[1], vs[1]);
+    roots.extend([root(us[0], vs[0]), root(us[1], vs[1])]);
     if !thin_u && !thin_v {
-        add(us[0], vs[1]);
-        add(us[1], vs[0]);
+        roots.extend([root(us[0], vs[1]), root(us[1], vs[0])]);
     }
 }
 
