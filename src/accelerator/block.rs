@@ -123,9 +123,27 @@ impl Block {
             // Where the plane and the rest of the cell are met along the ray.
             let at = -p[2] * inverse;
             let spread = (self.stray[2][k] + size[2]) * inverse.abs() * GROWTH;
+            // All of the cell lies in a box along its frame.
+            let half = [
+                1.0 + self.stray[0][k] + size[0],
+                1.0 + self.stray[1][k] + size[1],
+                self.stray[2][k] + size[2],
+            ];
+            let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
+            for axis in 0..3 {
+                let inverse = d[axis].recip();
+                let (a, b) = (
+                    (-half[axis] * GROWTH - p[axis]) * inverse,
+                    (half[axis] * GROWTH - p[axis]) * inverse,
+                );
+                let (low, high) = if a < b { (a, b) } else { (b, a) };
+                near = if low > near { low } else { near };
+                far = if high < far { high } else { far };
+            }
             // Written so that what is not a number passes.
             let beside = s.abs() > (1.0 + q1 + margin1) * GROWTH
                 || t.abs() > (1.0 + q2 + margin2) * GROWTH
+                || near > far + (near.abs() + far.abs()) * (GROWTH - 1.0)
                 || at - spread > range.end
                 || at + spread < range.start;
             hit[k] = !beside;

@@ -271,9 +271,7 @@ struct Examined {
 
 /// Derives the frame of a part, and bounds how far the part strays from it.
 fn examine(net: &[[f64; 4]], degrees: Degrees) -> Examined {
-    let half_u = net::bernstein(degrees.p, 0.5);
-    let half_v = net::bernstein(degrees.q, 0.5);
-    let [x, xu, xv] = net::evaluate4(net, degrees, &half_u, &half_v);
+    let [x, xu, xv] = net::evaluate4(net, degrees, &net::HALF[degrees.p], &net::HALF[degrees.q]);
     let center = x.truncate() / x.w;
     let along = |d: DVec4| (d.truncate() - center * d.w) / x.w * 0.5;
     let (a, b) = (along(xu), along(xv));

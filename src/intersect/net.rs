@@ -3,6 +3,8 @@
 //! A net is a flat slice: the coefficient of column `i` along u and `j` along v is at
 //! `i * (q + 1) + j`. Nothing here allocates.
 
+use std::sync::LazyLock;
+
 use glam::DVec4;
 use kernel::MAX_DEGREE;
 
@@ -48,6 +50,13 @@ pub(crate) fn bernstein(degree: usize, t: f64) -> [Row; 2] {
     }
     [value, derivative]
 }
+
+/// [`bernstein`] of every degree at one half.
+pub(crate) static HALF: LazyLock<Vec<[Row; 2]>> = LazyLock::new(|| {
+    (0..=MAX_DEGREE)
+        .map(|degree| bernstein(degree, 0.5))
+        .collect()
+});
 
 /// Value and both first derivatives of a net, from the Bernstein rows of u and v.
 pub(crate) fn evaluate(net: &[f64], degrees: Degrees, u: &[Row; 2], v: &[Row; 2]) -> [f64; 3] {

@@ -34,8 +34,7 @@ pub(super) fn subdivide(scratch: &mut Scratch, target: &Target<'_>) {
     let degrees = piece.degrees;
     let size = degrees.len();
     start(scratch, piece, line, &target.cell);
-    let half_u = bernstein(degrees.p, 0.5);
-    let half_v = bernstein(degrees.q, 0.5);
+    let (half_u, half_v) = (&net::HALF[degrees.p], &net::HALF[degrees.q]);
     let mut visited = 0;
     while let Some(rect) = pop(scratch, size) {
         visited += 1;
@@ -51,8 +50,8 @@ pub(super) fn subdivide(scratch: &mut Scratch, target: &Target<'_>) {
             unresolved_roots(&mut scratch.roots, target, rect);
             continue;
         }
-        let [_, d1u, d1v] = net::evaluate(d1, degrees, &half_u, &half_v);
-        let [_, d2u, d2v] = net::evaluate(d2, degrees, &half_u, &half_v);
+        let [_, d1u, d1v] = net::evaluate(d1, degrees, half_u, half_v);
+        let [_, d2u, d2v] = net::evaluate(d2, degrees, half_u, half_v);
         let jacobian = [d1u * 0.5, d1v * 0.5, d2u * 0.5, d2v * 0.5];
         let verdict = match Inverse::of(jacobian).filter(|i| slack * i.norm() < BLURRED) {
             Some(inverse) => examine(&mut scratch.spare, &scratch.net, degrees, &inverse, slack),
