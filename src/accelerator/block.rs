@@ -78,9 +78,6 @@ impl Block {
     }
 
     /// The cells that the ray's line may meet within `range`, nearest tangent plane first.
-    ///
-    /// The rest of a cell changes its coordinates by at most `stray`, so a root cannot lie
-    /// further than that from where the ray meets the tangent plane.
     #[inline(always)]
     pub(crate) fn meet(
         &self,
@@ -88,95 +85,86 @@ impl Block {
         range: &Range<f32>,
         found: &mut [Encounter; WIDTH],
     ) -> usize {
-        let mut start = [[0.0_f32; WIDTH]; 2];
-        let mut stray = [0.0_f32; WIDTH];
-        let mut time = [0.0_f32; WIDTH];
-        let mut hit = [false; WIDTH];
-        for k in 0..WIDTH {
-            let offset = [0, 1, 2].map(|axis| ray.origin[axis] - self.center[axis][k]);
-            let [p, d, size] = [0, 1, 2].map(|what| {
-                [0, 1, 2].map(|row| {
-                    let rows = &self.rows[row];
-                    match what {
-                        0 => {
-                            rows[0][k] * offset[0] + rows[1][k] * offset[1] + rows[2][k] * offset[2]
-                        }
-                        1 => {
-                            rows[0][k] * ray.direction[0]
-                                + rows[1][k] * ray.direction[1]
-                                + rows[2][k] * ray.direction[2]
-                        }
-                        _ => {
-                            (rows[0][k].abs() + rows[1][k].abs() + rows[2][k].abs())
-                                * POSITION_ERROR
-                        }
-                    }
-                })
-            });
-            let inverse = d[2].recip();
-            let (g1, g2) = (d[0] * inverse, d[1] * inverse);
-            let (s, t) = (p[0] - g1 * p[2], p[1] - g2 * p[2]);
-            let q1 = self.stray[0][k] + g1.abs() * self.stray[2][k];
-            let q2 = self.stray[1][k] + g2.abs() * self.stray[2][k];
-            let margin1 = size[0] + g1.abs() * size[2];
-            let margin2 = size[1] + g2.abs() * size[2];
-            // Where the plane and the rest of the cell are met along the ray.
-            let at = -p[2] * inverse;
-            let spread = (self.stray[2][k] + size[2]) * inverse.abs() * GROWTH;
-            // All of the cell lies in a box along its frame.
-            let half = [
-                1.0 + self.stray[0][k] + size[0],
-                1.0 + self.stray[1][k] + size[1],
-                self.stray[2][k] + size[2],
-            ];
-            let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
-            for axis in 0..3 {
-                let inverse = d[axis].recip();
-                let (a, b) = (
-                    (-half[axis] * GROWTH - p[axis]) * inverse,
-                    (half[axis] * GROWTH - p[axis]) * inverse,
-                );
-                let (low, high) = if a < b { (a, b) } else { (b, a) };
-                near = if low > near { low } else { near };
-                far = if high < far { high } else { far };
-            }
-            // Written so that what is not a number passes.
-            let beside = s.abs() > (1.0 + q1 + margin1) * GROWTH
-                || t.abs() > (1.0 + q2 + margin2) * GROWTH
-                || near > far + (near.abs() + far.abs()) * (GROWTH - 1.0)
-                || at - spread > range.end
-                || at + spread < range.start;
-            hit[k] = !beside;
-            start[0][k] = s;
-            start[1][k] = t;
-            stray[k] = (q1 + margin1).max(q2 + margin2);
-            time[k] = at;
-        }
+        let lanes: [Lane; WIDTH] = std::array::from_fn(|k| self.lane(k, ray, range));
         let mut count = 0;
-        for k in 0..self.count as usize {
-            if !hit[k] {
+        for (slot, lane) in lanes[..self.count as usize].iter().enumerate() {
+            if lane.beside {
                 continue;
             }
-            let encounter = Encounter {
-                slot: k,
-                start: [start[0][k], start[1][k]],
-                // A comparison with what is not a number must fail.
-                stray: if stray[k].is_nan() {
-                    f32::INFINITY
-                } else {
-                    stray[k]
-                },
-            };
             let mut place = count;
-            while place > 0 && time[found[place - 1].slot] > time[k] {
+            while place > 0 && lanes[found[place - 1].slot].time > lane.time {
                 found[place] = found[place - 1];
                 place -= 1;
             }
-            found[place] = encounter;
+            found[place] = Encounter {
+                slot,
+                start: lane.start,
+                // A comparison with what is not a number must fail.
+                stray: if lane.stray.is_nan() {
+                    f32::INFINITY
+                } else {
+                    lane.stray
+                },
+            };
             count += 1;
         }
         count
     }
+
+    /// The test of one cell. The rest of a cell changes its coordinates by at most `stray`, so
+    /// a root cannot lie further than that from where the ray meets the tangent plane.
+    #[inline(always)]
+    fn lane(&self, k: usize, ray: &LocalRay, range: &Range<f32>) -> Lane {
+        let offset = [0, 1, 2].map(|axis| ray.origin[axis] - self.center[axis][k]);
+        let row = |row: usize| [0, 1, 2].map(|axis| self.rows[row][axis][k]);
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let p = [0, 1, 2].map(|r| dot(row(r), offset));
+        let d = [0, 1, 2].map(|r| dot(row(r), ray.direction));
+        let error = [0, 1, 2].map(|r| dot(row(r).map(f32::abs), [POSITION_ERROR; 3]));
+        let inverse = d.map(f32::recip);
+        let (g1, g2) = (d[0] * inverse[2], d[1] * inverse[2]);
+        let (s, t) = (p[0] - g1 * p[2], p[1] - g2 * p[2]);
+        let q1 = self.stray[0][k] + g1.abs() * self.stray[2][k] + error[0] + g1.abs() * error[2];
+        let q2 = self.stray[1][k] + g2.abs() * self.stray[2][k] + error[1] + g2.abs() * error[2];
+        // Where the plane and the rest of the cell are met along the ray.
+        let time = -p[2] * inverse[2];
+        let spread = (self.stray[2][k] + error[2]) * inverse[2].abs() * GROWTH;
+        // All of the cell lies in a box along its frame.
+        let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
+        for axis in 0..3 {
+            let base = if axis < 2 { 1.0 } else { 0.0 };
+            let half = (base + self.stray[axis][k] + error[axis]) * GROWTH;
+            let (a, b) = (
+                (-half - p[axis]) * inverse[axis],
+                (half - p[axis]) * inverse[axis],
+            );
+            let (low, high) = if a < b { (a, b) } else { (b, a) };
+            near = if low > near { low } else { near };
+            far = if high < far { high } else { far };
+        }
+        // Written so that what is not a number passes.
+        let beside = s.abs() > (1.0 + q1) * GROWTH
+            || t.abs() > (1.0 + q2) * GROWTH
+            || near > far + (near.abs() + far.abs()) * (GROWTH - 1.0)
+            || time - spread > range.end
+            || time + spread < range.start;
+        Lane {
+            beside,
+            start: [s, t],
+            stray: q1.max(q2),
+            time,
+        }
+    }
+}
+
+/// What one cell says of a ray.
+#[derive(Clone, Copy)]
+struct Lane {
+    /// Whether the ray certainly misses the cell within the range.
+    beside: bool,
+    start: [f32; 2],
+    stray: f32,
+    time: f32,
 }
 
 impl Encounter {

@@ -84,7 +84,7 @@ pub(crate) fn contact(piece: &PieceNet<'_>, line: &Line, near: DVec2) -> Contact
             n.dot(d.by_u * w.x + d.by_v * w.y) - slope_r * m.dot(d.by_u * w.x + d.by_v * w.y);
         let across = -slope_w / curvature;
         let step = r * (-m.dot(d.value) / gradient.length()) + w * across;
-        if !(step.length() < NEARBY) || at.distance(near) > NEARBY {
+        if !step.is_finite() || step.length() > NEARBY || at.distance(near) > NEARBY {
             return Contact::Unclear;
         }
         let height = n.dot(d.value) - slope_r * m.dot(d.value) + 0.5 * slope_w * across;
@@ -108,7 +108,7 @@ pub(crate) fn contact(piece: &PieceNet<'_>, line: &Line, near: DVec2) -> Contact
     let ends = [-reach, reach].map(|s| refined(piece, line, at + w * s));
     // A parabola that does not lead to roots was none.
     let off = |at: DVec2| distances(piece, line, at).value.abs().max_element();
-    if reach > NEARBY || ends.iter().any(|&end| !(off(end) <= 4.0 * line.slack)) {
+    if reach > NEARBY || !ends.iter().all(|&end| off(end) <= 4.0 * line.slack) {
         return Contact::Unclear;
     }
     Contact::Roots(ends.map(inside))
