@@ -3,18 +3,11 @@
 //! All sets compute the same numbers: the code is the same, without fused operations, and
 //! only more of it runs side by side.
 
-use std::ops::Range;
-
-use kernel::Ray;
-
-use super::trace::Collector;
-use super::{Accelerator, Workspace};
-use crate::intersect::Intersector;
-
 /// A set of instructions that the search is compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Isa {
     /// Whatever the target has.
+    #[default]
     Portable,
     /// AVX2 of x86-64.
     #[cfg(target_arch = "x86_64")]
@@ -51,51 +44,36 @@ impl Isa {
     }
 }
 
-impl Accelerator<'_> {
-    /// Offers every candidate in `range` to `collector`, on the best instructions there are.
+impl Isa {
+    /// Runs `work` compiled for these instructions.
+    ///
+    /// Only what is inlined into `work` gains by it.
     #[cfg_attr(
         target_arch = "x86_64",
         expect(unsafe_code, reason = "the processor was asked for these instructions")
     )]
-    pub(super) fn search<I: Intersector>(
-        &self,
-        ray: &Ray,
-        range: Range<f64>,
-        workspace: &mut Workspace,
-        collector: &mut impl Collector,
-    ) {
-        match self.isa {
-            Isa::Portable => self.search_with::<I>(ray, range, workspace, collector),
+    #[inline(always)]
+    pub(crate) fn run<R>(self, work: impl FnOnce() -> R) -> R {
+        match self {
+            Self::Portable => work(),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: `Isa::available` found the instructions on this processor.
-            Isa::Avx2 => unsafe { search_avx2::<I>(self, ray, range, workspace, collector) },
+            Self::Avx2 => unsafe { run_avx2(work) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            Isa::Avx512 => unsafe { search_avx512::<I>(self, ray, range, workspace, collector) },
+            Self::Avx512 => unsafe { run_avx512(work) },
         }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn search_avx2<I: Intersector>(
-    accelerator: &Accelerator<'_>,
-    ray: &Ray,
-    range: Range<f64>,
-    workspace: &mut Workspace,
-    collector: &mut impl Collector,
-) {
-    accelerator.search_with::<I>(ray, range, workspace, collector);
+fn run_avx2<R>(work: impl FnOnce() -> R) -> R {
+    work()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq")]
-fn search_avx512<I: Intersector>(
-    accelerator: &Accelerator<'_>,
-    ray: &Ray,
-    range: Range<f64>,
-    workspace: &mut Workspace,
-    collector: &mut impl Collector,
-) {
-    accelerator.search_with::<I>(ray, range, workspace, collector);
+fn run_avx512<R>(work: impl FnOnce() -> R) -> R {
+    work()
 }

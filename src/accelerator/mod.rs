@@ -19,7 +19,7 @@ use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
 use crate::intersect::{Method, Scratch};
 use block::Block;
 use cells::Pieces;
-use isa::Isa;
+pub(crate) use isa::Isa;
 use tree::Tree;
 
 /// Everything that rays can meet, prepared for the search.

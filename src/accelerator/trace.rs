@@ -67,7 +67,8 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> Option<Hit> {
         let mut best = Nearest(None);
-        self.search::<I>(ray, range, workspace, &mut best);
+        self.isa
+            .run(|| self.search::<I>(ray, range, workspace, &mut best));
         best.0.map(|candidate| self.work_out(ray, &candidate))
     }
 
@@ -78,7 +79,8 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> bool {
         let mut found = Any(false);
-        self.search::<I>(ray, range, workspace, &mut found);
+        self.isa
+            .run(|| self.search::<I>(ray, range, workspace, &mut found));
         found.0
     }
 
@@ -90,7 +92,8 @@ impl Accelerator<'_> {
         hits: &mut Vec<Hit>,
     ) {
         let mut found = All(Vec::new());
-        self.search::<I>(ray, range, workspace, &mut found);
+        self.isa
+            .run(|| self.search::<I>(ray, range, workspace, &mut found));
         hits.clear();
         hits.extend(
             found
@@ -104,7 +107,7 @@ impl Accelerator<'_> {
 
     /// Offers every candidate in `range` to `collector`.
     #[inline(always)]
-    pub(super) fn search_with<I: Intersector>(
+    fn search<I: Intersector>(
         &self,
         ray: &Ray,
         mut range: Range<f64>,
@@ -120,6 +123,7 @@ impl Accelerator<'_> {
             stack,
             scratch,
         } = workspace;
+        scratch.isa = self.isa;
         let mut visitor = InstanceVisitor::<I, _> {
             accelerator: self,
             ray,
@@ -145,7 +149,7 @@ fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
 }
 
 /// What becomes of the candidates of a ray.
-pub(super) trait Collector {
+trait Collector {
     /// Takes a candidate in `range`; may lower its end, and says whether to go on.
     fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool;
 }

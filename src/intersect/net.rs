@@ -28,6 +28,7 @@ impl Degrees {
 }
 
 /// Bernstein polynomials and their derivatives at `t`.
+#[inline(always)]
 pub(crate) fn bernstein(degree: usize, t: f64) -> [Row; 2] {
     let (mut value, mut derivative) = ([0.0; MAX_DEGREE + 1], [0.0; MAX_DEGREE + 1]);
     value[0] = 1.0;
@@ -59,6 +60,7 @@ pub(crate) static HALF: LazyLock<Vec<[Row; 2]>> = LazyLock::new(|| {
 });
 
 /// Value and both first derivatives of a net, from the Bernstein rows of u and v.
+#[inline(always)]
 pub(crate) fn evaluate(net: &[f64], degrees: Degrees, u: &[Row; 2], v: &[Row; 2]) -> [f64; 3] {
     let row = degrees.q + 1;
     let mut sums = [0.0; 3];
@@ -186,6 +188,7 @@ fn bernstein_fixed<const N: usize>(t: f64) -> ([f64; N], [f64; N]) {
 
 /// De Casteljau's algorithm along u. Before, both nets hold the same coefficients; after,
 /// `left` belongs to the part before `t` and `right` to the part behind it.
+#[inline(always)]
 pub(crate) fn split_u<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: Degrees, t: f64) {
     let row = degrees.q + 1;
     for level in 1..=degrees.p {
@@ -197,6 +200,7 @@ pub(crate) fn split_u<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: 
 }
 
 /// As [`split_u`], along v.
+#[inline(always)]
 pub(crate) fn split_v<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: Degrees, t: f64) {
     let row = degrees.q + 1;
     for (left, right) in left.chunks_exact_mut(row).zip(right.chunks_exact_mut(row)) {
@@ -212,6 +216,7 @@ pub(crate) fn split_v<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: 
 /// Replaces a net by its part over `u.0..u.1` and `v.0..v.1` in local parameters.
 ///
 /// `spare` has the length of the net; what it holds is overwritten.
+#[inline(always)]
 pub(crate) fn restrict(
     net: &mut [f64],
     spare: &mut [f64],
@@ -233,6 +238,7 @@ pub(crate) fn restrict(
 }
 
 /// Least and greatest coefficient.
+#[inline(always)]
 pub(crate) fn range(net: &[f64]) -> (f64, f64) {
     let start = (f64::INFINITY, f64::NEG_INFINITY);
     net.iter()
@@ -240,6 +246,7 @@ pub(crate) fn range(net: &[f64]) -> (f64, f64) {
 }
 
 /// The largest steps between neighbouring coefficients, along u and along v.
+#[inline(always)]
 pub(crate) fn variation(net: &[f64], degrees: Degrees) -> (f64, f64) {
     let row = degrees.q + 1;
     let along_u = net
@@ -254,6 +261,7 @@ pub(crate) fn variation(net: &[f64], degrees: Degrees) -> (f64, f64) {
 }
 
 /// How far the derivatives of a net stray from given constants, along u and along v.
+#[inline(always)]
 pub(crate) fn deviation(net: &[f64], degrees: Degrees, du: f64, dv: f64) -> f64 {
     let row = degrees.q + 1;
     let (p, q) = (degrees.p as f64, degrees.q as f64);

@@ -39,13 +39,12 @@ impl Intersector for Newton {
         if target.stray < UNIQUE {
             scratch.cells += 1;
             match only_root(target) {
-                Decision::Root(root) => scratch.roots.push(root),
-                Decision::None => {}
-                Decision::Open => subdivide(scratch, target),
+                Decision::Root(root) => return scratch.roots.push(root),
+                Decision::None => return,
+                Decision::Open => {}
             }
-        } else {
-            subdivide(scratch, target);
         }
+        scratch.isa.run(|| subdivide(scratch, target));
     }
 }
 

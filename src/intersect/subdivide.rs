@@ -28,7 +28,7 @@ const THIN: f64 = 1e-4;
 const PATIENCE: u32 = 2000;
 
 /// All roots of a cell, by subdivision.
-#[inline(never)]
+#[inline(always)]
 pub(super) fn subdivide(scratch: &mut Scratch, target: &Target<'_>) {
     let (piece, line) = (&target.piece, &target.line);
     let degrees = piece.degrees;
@@ -91,6 +91,7 @@ fn excludes((min, max): (f64, f64), slack: f64) -> bool {
 }
 
 /// Puts the distance nets of the cell on the empty stack.
+#[inline(always)]
 fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) {
     let degrees = piece.degrees;
     let size = degrees.len();
@@ -113,6 +114,7 @@ fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) 
 }
 
 /// Moves the top of the stack to `scratch.net`.
+#[inline(always)]
 fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
     let rest = scratch.stack.len().checked_sub(2 * size + 4)?;
     let frame = &scratch.stack[rest..];
@@ -126,6 +128,7 @@ fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
 }
 
 /// Pushes both halves of the cell, cut across the direction of the larger variation.
+#[inline(always)]
 fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
     let size = degrees.len();
     let Scratch { stack, net, .. } = scratch;
@@ -177,6 +180,7 @@ fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
 }
 
 /// Exclusion, uniqueness and iteration on the preconditioned net of a regular cell.
+#[inline(always)]
 fn examine(
     spare: &mut [f64],
     net: &[f64],
@@ -209,6 +213,7 @@ fn examine(
 /// Newton's step is taken while it halves the residual; the chord step `x - G(x)` contracts
 /// by the deviation in any case. A border point where the residual stays is no root, and then
 /// there is none: it would have attracted the iteration.
+#[inline(always)]
 fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
     let at = |x: f64, y: f64| {
         let u = bernstein(degrees.p, 0.5 * (x + 1.0));
@@ -256,6 +261,7 @@ fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
 
 /// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
 /// seen from its edge.
+#[inline(always)]
 fn examine_flat(
     spare: &mut [f64],
     net: &[f64],
