@@ -5,7 +5,6 @@ use kernel::{Aabb, Child, NodeId, Scene, Shape, TrimRegion};
 
 use super::block::Block;
 use super::cells::Pieces;
-use super::isa::Isa;
 use super::tree::{Tree, WIDTH};
 use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
 use crate::intersect::Method;
@@ -45,7 +44,6 @@ impl<'a> Accelerator<'a> {
             top,
             counts,
             method,
-            isa: Isa::detect(),
         }
     }
 }

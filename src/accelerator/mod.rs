@@ -9,7 +9,6 @@ mod block;
 mod build;
 mod cells;
 mod hits;
-mod isa;
 mod trace;
 mod tree;
 
@@ -19,7 +18,6 @@ use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
 use crate::intersect::{Method, Scratch};
 use block::Block;
 use cells::Pieces;
-pub(crate) use isa::Isa;
 use tree::Tree;
 
 /// Everything that rays can meet, prepared for the search.
@@ -31,7 +29,6 @@ pub struct Accelerator<'a> {
     top: Tree,
     counts: Counts,
     method: &'static Method,
-    isa: Isa,
 }
 
 /// How many shapes of both kinds there are.

@@ -67,8 +67,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> Option<Hit> {
         let mut best = Nearest(None);
-        self.isa
-            .run(|| self.search::<I>(ray, range, workspace, &mut best));
+        self.search::<I>(ray, range, workspace, &mut best);
         best.0.map(|candidate| self.work_out(ray, &candidate))
     }
 
@@ -79,8 +78,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> bool {
         let mut found = Any(false);
-        self.isa
-            .run(|| self.search::<I>(ray, range, workspace, &mut found));
+        self.search::<I>(ray, range, workspace, &mut found);
         found.0
     }
 
@@ -92,8 +90,7 @@ impl Accelerator<'_> {
         hits: &mut Vec<Hit>,
     ) {
         let mut found = All(Vec::new());
-        self.isa
-            .run(|| self.search::<I>(ray, range, workspace, &mut found));
+        self.search::<I>(ray, range, workspace, &mut found);
         hits.clear();
         hits.extend(
             found
@@ -106,7 +103,6 @@ impl Accelerator<'_> {
     }
 
     /// Offers every candidate in `range` to `collector`.
-    #[inline(always)]
     fn search<I: Intersector>(
         &self,
         ray: &Ray,
@@ -123,7 +119,6 @@ impl Accelerator<'_> {
             stack,
             scratch,
         } = workspace;
-        scratch.isa = self.isa;
         let mut visitor = InstanceVisitor::<I, _> {
             accelerator: self,
             ray,

@@ -13,7 +13,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::Ray;
 
-use crate::accelerator::{Accelerator, Isa, Workspace};
+use crate::accelerator::{Accelerator, Workspace};
 use net::Degrees;
 
 /// A point where a ray meets a shape, in world coordinates.
@@ -142,8 +142,6 @@ pub(crate) struct Root {
 /// Memory that the solvers reuse from cell to cell.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
-    /// The instructions to use.
-    pub(crate) isa: Isa,
     /// What the last call found.
     pub(crate) roots: Vec<Root>,
     /// Cells that wait, each a header and two nets.

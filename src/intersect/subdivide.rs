@@ -27,8 +27,8 @@ const THIN: f64 = 1e-4;
 /// that runs along a curved surface would otherwise be followed to the last bit.
 const PATIENCE: u32 = 2000;
 
-/// All roots of a cell, by subdivision.
-#[inline(always)]
+/// Appends all roots of a cell to those of the scratch, by subdivision.
+#[inline(never)]
 pub(super) fn subdivide(scratch: &mut Scratch, target: &Target<'_>) {
     let (piece, line) = (&target.piece, &target.line);
     let degrees = piece.degrees;
