@@ -297,17 +297,26 @@ fn examine(net: &[[f64; 4]], degrees: Degrees) -> Examined {
         steps.stray(rows[k], [along(0), along(1)])
     });
     let stray = strays.map(|s| s.along_u + s.along_v);
-    // The row that strays most says where to cut.
+    // The row that strays most says where to cut. Rows shrink with the derivative that they
+    // invert: what is measured by the one along u is not lessened by cutting along u, unless
+    // it is the square of that.
     let limits = [UNEVEN, UNEVEN, CURVED];
-    let worst = (0..3).max_by(|&a, &b| (stray[a] / limits[a]).total_cmp(&(stray[b] / limits[b])));
-    let worst = strays[worst.unwrap_or(0)];
+    let worst = (0..3)
+        .max_by(|&a, &b| (stray[a] / limits[a]).total_cmp(&(stray[b] / limits[b])))
+        .unwrap_or(0);
+    let Stray { uu, uv, vv, .. } = strays[worst];
+    let cut_v = match worst {
+        0 => uv.max(vv) > uu,
+        1 => vv > uv.max(uu),
+        _ => vv > uu,
+    };
     Examined {
         frame: CellFrame {
             center,
             rows,
             stray,
         },
-        cut_v: worst.less_by_v > worst.less_by_u,
+        cut_v,
     }
 }
 
@@ -327,9 +336,11 @@ struct Steps {
 struct Stray {
     along_u: f64,
     along_v: f64,
-    /// What changes along u, and along v: a cut there lessens it.
-    less_by_u: f64,
-    less_by_v: f64,
+    /// The largest changes between neighbours: of the derivative along u in its own
+    /// direction, of either derivative in the other direction, of the one along v in its own.
+    uu: f64,
+    uv: f64,
+    vv: f64,
 }
 
 impl Steps {
@@ -412,8 +423,9 @@ impl Steps {
         Stray {
             along_u: bounds[0],
             along_v: bounds[1],
-            less_by_u: changes[0][0].max(changes[1][0]),
-            less_by_v: changes[0][1].max(changes[1][1]),
+            uu: changes[0][0],
+            uv: changes[0][1].max(changes[1][0]),
+            vv: changes[1][1],
         }
     }
 
