@@ -2,53 +2,16 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+mod reference;
+
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Item, KnotVector, Mesh, Node, Patch, Ray, Scene, Shape, Surface};
 use nurbray::{Accelerator, Certificate, Certifier, METHODS, Workspace, formats};
+use reference::{scene, vector};
 use serde_json::Value;
 
 /// Accuracy that the production path promises, relative to the scene's size.
 const ACCURACY: f64 = 1e-9;
-
-fn numbers(value: &Value) -> Vec<f64> {
-    let list = value.as_array().unwrap();
-    list.iter().map(|x| x.as_f64().unwrap()).collect()
-}
-
-fn vector(value: &Value) -> DVec3 {
-    DVec3::from_slice(&numbers(value))
-}
-
-fn scene(value: &Value) -> Scene {
-    let knots = |degree: &str, knots: &str| {
-        let degree = usize::try_from(value[degree].as_u64().unwrap()).unwrap();
-        KnotVector::new(degree, numbers(&value[knots])).unwrap()
-    };
-    let points: Vec<_> = value["points"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(vector)
-        .collect();
-    let weights = numbers(&value["weights"]);
-    let knots = [knots("degree_u", "knots_u"), knots("degree_v", "knots_v")];
-    let [knots_u, knots_v] = knots;
-    let surface = Surface::new(knots_u, knots_v, &points, Some(&weights)).unwrap();
-    let mut scene = Scene::default();
-    let patch = scene.add_patch(Patch::from(surface)).unwrap();
-    let child = Child::Item(Item {
-        shape: Shape::Patch(patch),
-        material: None,
-    });
-    let children = vec![child];
-    let node = Node {
-        children,
-        ..Node::default()
-    };
-    let root = scene.add_node(node).unwrap();
-    scene.set_root(root).unwrap();
-    scene
-}
 
 /// What is wrong with a certificate, by the reference.
 fn wrong(certificate: &Certificate, case: &Value) -> Option<&'static str> {
@@ -78,12 +41,9 @@ fn wrong(certificate: &Certificate, case: &Value) -> Option<&'static str> {
 
 #[test]
 fn references_are_never_contradicted() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/reference/rays.json");
-    let Ok(text) = std::fs::read_to_string(path) else {
-        println!("skipped: {path} is not there");
+    let Some(reference) = reference::load() else {
         return;
     };
-    let reference: Value = serde_json::from_str(&text).unwrap();
     let scenes: Vec<_> = reference["surfaces"]
         .as_array()
         .unwrap()

@@ -3,67 +3,18 @@
 //! The references lie beside the project; without them the test is skipped.
 #![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
-use glam::DVec3;
-use kernel::{Child, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface};
+mod reference;
+
+use kernel::Ray;
 use nurbray::{Accelerator, Hit, METHODS, Workspace};
+use reference::{scene, vector};
 use serde_json::Value;
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value
-        .as_array()
-        .expect("a list")
-        .iter()
-        .map(|x| x.as_f64().expect("a number"))
-        .collect()
-}
-
-fn vector(value: &Value) -> DVec3 {
-    DVec3::from_slice(&numbers(value))
-}
-
-fn scene(value: &Value) -> Scene {
-    let knots = |degree: &str, knots: &str| {
-        let degree = usize::try_from(value[degree].as_u64().unwrap()).unwrap();
-        KnotVector::new(degree, numbers(&value[knots])).unwrap()
-    };
-    let points: Vec<_> = value["points"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(vector)
-        .collect();
-    let weights = numbers(&value["weights"]);
-    let surface = Surface::new(
-        knots("degree_u", "knots_u"),
-        knots("degree_v", "knots_v"),
-        &points,
-        Some(&weights),
-    )
-    .unwrap();
-    let mut scene = Scene::default();
-    let patch = scene.add_patch(Patch::from(surface)).unwrap();
-    let child = Child::Item(Item {
-        shape: Shape::Patch(patch),
-        material: None,
-    });
-    let root = scene
-        .add_node(Node {
-            children: vec![child],
-            ..Node::default()
-        })
-        .unwrap();
-    scene.set_root(root).unwrap();
-    scene
-}
 
 #[test]
 fn no_hit_is_lost_and_none_invented() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/reference/rays.json");
-    let Ok(text) = std::fs::read_to_string(path) else {
-        println!("skipped: {path} is not there");
+    let Some(reference) = reference::load() else {
         return;
     };
-    let reference: Value = serde_json::from_str(&text).unwrap();
     let scenes: Vec<_> = reference["surfaces"]
         .as_array()
         .unwrap()

@@ -8,6 +8,8 @@ mod region;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
+
 use glam::DVec2;
 
 pub use region::{Cover, TrimRegion};
@@ -55,6 +57,21 @@ impl TrimLoop {
             }
         }
         Ok(Self { segments })
+    }
+
+    /// The border of a domain, counter-clockwise: what surrounds holes that nothing else does.
+    ///
+    /// # Errors
+    /// If a number is not finite.
+    pub fn border(u: &Range<f64>, v: &Range<f64>) -> Result<Self, Error> {
+        let corners = [
+            DVec2::new(u.start, v.start),
+            DVec2::new(u.end, v.start),
+            DVec2::new(u.end, v.end),
+            DVec2::new(u.start, v.end),
+            DVec2::new(u.start, v.start),
+        ];
+        Self::new(vec![Curve::polyline(&corners)?], 0.0)
     }
 
     /// The curves of the loop in order.

@@ -47,15 +47,7 @@ pub(super) fn loops(
         Boundary::Edges => return Err(unsupported("edges of solids are not read yet")),
         Boundary::Loops(pointers) => pointers,
         Boundary::Holes(pointers) => {
-            let corners = [
-                (u.start, v.start),
-                (u.end, v.start),
-                (u.end, v.end),
-                (u.start, v.end),
-            ];
-            let corners = [0, 1, 2, 3, 0].map(|k: usize| DVec2::from(corners[k]));
-            let border = Curve::polyline(&corners).map_err(Problem::Geometry)?;
-            loops.push(TrimLoop::new(vec![border], 0.0).map_err(Problem::Geometry)?);
+            loops.push(TrimLoop::border(&u, &v).map_err(Problem::Geometry)?);
             pointers
         }
     };

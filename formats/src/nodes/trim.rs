@@ -1,9 +1,7 @@
 //! `Contour2D`: the loops that trim a surface.
 
-use std::ops::Range;
-
 use glam::DVec2;
-use kernel::{Curve, Error as GeometryError, KnotVector, Surface, TrimLoop};
+use kernel::{Curve, Error as GeometryError, Surface, TrimLoop};
 
 use super::Node;
 use super::nurbs::{cartesian_2d, knots, weights};
@@ -47,7 +45,7 @@ impl Converter<'_> {
             }
         }
         if runs_clockwise_outside(&loops) {
-            loops.extend(border(u, v));
+            loops.extend(TrimLoop::border(&u, &v));
         }
         Ok(loops)
     }
@@ -122,18 +120,4 @@ fn signed_area(trim: &TrimLoop) -> f64 {
     0.5 * corners
         .map(|w| (w[0] - first).perp_dot(w[1] - first))
         .sum::<f64>()
-}
-
-/// The border of a parameter domain, counter-clockwise.
-fn border(u: Range<f64>, v: Range<f64>) -> Option<TrimLoop> {
-    let corners = [
-        DVec2::new(u.start, v.start),
-        DVec2::new(u.end, v.start),
-        DVec2::new(u.end, v.end),
-        DVec2::new(u.start, v.end),
-        DVec2::new(u.start, v.start),
-    ];
-    let knots = KnotVector::clamped_uniform(1, corners.len(), 0.0..4.0).ok()?;
-    let curve = Curve::new(knots, &corners, None).ok()?;
-    TrimLoop::new(vec![curve], 0.0).ok()
 }

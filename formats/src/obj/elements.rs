@@ -8,7 +8,7 @@ use kernel::TrimLoop;
 use super::basis::Basis;
 use super::freeform::{Attributes, Element, Kind};
 use super::statements::{Statement, number, reference};
-use super::trims::{LoopText, border, domain, lifted};
+use super::trims::{LoopText, domain, lifted};
 use super::{Reader, SurfacePart, invalid};
 use crate::{Place, Problem};
 
@@ -210,7 +210,7 @@ impl Reader<'_> {
         let limit = self.options.limits.points;
         if element.loops.first().is_some_and(|text| text.hole) {
             // A rectangle of positive sides is always a loop.
-            loops.extend(border(domain));
+            loops.extend(TrimLoop::border(&domain[0], &domain[1]));
         }
         for text in &element.loops {
             // Curves may be used again and again: what they cost is counted before.

@@ -139,19 +139,6 @@ fn check_inside(
     Ok(())
 }
 
-/// The border of a domain as a loop, for holes that no `trim` surrounds.
-pub(super) fn border(domain: &[Range<f64>; 2]) -> Result<TrimLoop, Problem> {
-    let [u, v] = domain;
-    let corners = [
-        DVec2::new(u.start, v.start),
-        DVec2::new(u.end, v.start),
-        DVec2::new(u.end, v.end),
-        DVec2::new(u.start, v.end),
-        DVec2::new(u.start, v.start),
-    ];
-    Ok(TrimLoop::new(vec![Curve::polyline(&corners)?], 0.0)?)
-}
-
 /// The least domain that holds those of all parts of a surface; `None` without parts.
 pub(super) fn domain(parts: &[Surface]) -> Option<[Range<f64>; 2]> {
     let domains = parts
