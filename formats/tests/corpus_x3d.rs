@@ -44,7 +44,14 @@ fn surfaces_in(text: &str) -> usize {
         let tags = parts.map(|part| part.split('>').next().unwrap_or_default());
         tags.filter(|tag| !tag.contains("USE=")).count()
     };
-    count("NurbsPatchSurface") + count("NurbsTrimmedSurface")
+    [
+        "NurbsPatchSurface",
+        "NurbsTrimmedSurface",
+        "NurbsSwungSurface",
+    ]
+    .map(count)
+    .iter()
+    .sum()
 }
 
 fn print(path: &Path, found: usize, import: &Import) {

@@ -14,7 +14,7 @@ use crate::Error;
 
 pub use arc::{arc, arc_parameter, circle};
 pub use quadric::{cone, cylinder, plane, sphere, torus};
-pub use sweep::{extrude, revolve, ruled};
+pub use sweep::{extrude, revolve, ruled, swung};
 
 /// A right-handed system of three perpendicular unit vectors at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,18 +5,21 @@
 //! so do we: the Cartesian point is `controlPoint / weight`.
 
 use glam::{DVec2, DVec3};
-use kernel::{Error as GeometryError, KnotVector, Patch, Surface};
+use kernel::{Error as GeometryError, KnotVector, Patch, Surface, modelling};
 
 use super::scene::Converter;
 use super::{Link, Node};
 use crate::{Error, Warnings};
 
 impl Converter<'_> {
-    /// A `NurbsPatchSurface` or `NurbsTrimmedSurface`.
+    /// A `NurbsPatchSurface`, `NurbsTrimmedSurface` or `NurbsSwungSurface`.
     ///
     /// # Errors
     /// If a limit is passed.
     pub(super) fn patch(&mut self, node: &Node) -> Result<Result<Patch, GeometryError>, Error> {
+        if node.kind == "NurbsSwungSurface" {
+            return Ok(self.swung(node)?.map(Patch::from));
+        }
         let points = self.points_inside(node)?;
         let surface = match net(node, &points, &mut self.warnings) {
             Ok(surface) => surface,
@@ -25,6 +28,34 @@ impl Converter<'_> {
         let loops = self.trim_loops(node, &surface)?;
         let patch = Patch::from(surface);
         Ok(Ok(Patch { loops, ..patch }))
+    }
+
+    /// A `NurbsSwungSurface`, by the definition of the textbooks; its front turns around where
+    /// `ccw` is false. Viewers do not agree on what the node means.
+    fn swung(&mut self, node: &Node) -> Result<Result<Surface, GeometryError>, Error> {
+        let text = "NurbsSwungSurface is read as profile times trajectory; some viewers differ";
+        self.warnings.unsupported(node.place(), text);
+        let mut curves = Vec::new();
+        for field in ["profileCurve", "trajectoryCurve"] {
+            let link = node
+                .children
+                .iter()
+                .find(|link| link.field.as_deref() == Some(field));
+            let Some(curve) = link.map(|link| &self.tree.nodes[link.node]) else {
+                return Ok(Err(GeometryError::EmptyLoop));
+            };
+            match self.parameter_curve(curve)? {
+                Ok(curve) => curves.push(curve),
+                Err(problem) => return Ok(Err(problem)),
+            }
+        }
+        let surface = modelling::swung(&curves[0], &curves[1]);
+        let turned = !node.flag("ccw", true, &mut self.warnings);
+        Ok(Ok(if turned {
+            surface.reversed_u()
+        } else {
+            surface
+        }))
     }
 
     /// The points of the Coordinate node inside, whatever field it claims to be.

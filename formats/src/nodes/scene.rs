@@ -322,6 +322,8 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     }
     match kind {
         "LOD" => all.next().into_iter().collect(),
+        // Its curves are parts of it.
+        "NurbsSwungSurface" => Vec::new(),
         "Switch" => {
             let choice = node.number("whichChoice", -1.0, warnings);
             let all = all.enumerate();
@@ -360,7 +362,11 @@ fn is_group(kind: &str) -> bool {
 }
 
 /// The surfaces that are read.
-const NURBS: &[&str] = &["NurbsPatchSurface", "NurbsTrimmedSurface"];
+const NURBS: &[&str] = &[
+    "NurbsPatchSurface",
+    "NurbsSwungSurface",
+    "NurbsTrimmedSurface",
+];
 
 /// The polygons that are read.
 const MESHES: &[&str] = &["IndexedFaceSet", "IndexedTriangleSet", "TriangleSet"];

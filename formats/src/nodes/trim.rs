@@ -76,6 +76,21 @@ impl Converter<'_> {
         Ok(Ok(curves))
     }
 
+    /// A `ContourPolyline2D`, or what is taken for a `NurbsCurve2D`.
+    ///
+    /// # Errors
+    /// If a limit is passed.
+    pub(super) fn parameter_curve(
+        &mut self,
+        node: &Node,
+    ) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
+        if node.kind == "ContourPolyline2D" {
+            self.polyline_2d(node)
+        } else {
+            self.curve_2d(node)
+        }
+    }
+
     fn curve_2d(&mut self, node: &Node) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
         let mut points = node.points_2d("controlPoint", &mut self.warnings);
         self.count_points(points.len(), node)?;

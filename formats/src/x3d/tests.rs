@@ -500,3 +500,23 @@ fn other_encodings_are_read() {
         assert_eq!(import.scene.cameras[0].name, "\u{e9}");
     }
 }
+
+#[test]
+fn swung_surface_is_profile_times_trajectory() {
+    let import = read_scene(
+        "<Shape><NurbsSwungSurface>\
+         <NurbsCurve2D containerField='profileCurve' order='2' controlPoint='2 0, 3 1' \
+          knot='0 0 1 1'/>\
+         <NurbsCurve2D containerField='trajectoryCurve' order='3' controlPoint='1 0, 1 1, 0 2' \
+          weight='1 1 2' knot='0 0 0 1 1 1'/>\
+         </NurbsSwungSurface></Shape>",
+    );
+    let surface = &import.scene.patches()[0].surface;
+    for (u, v) in [(0.0, 0.0), (0.25, 0.5), (1.0, 1.0), (0.7, 0.3)] {
+        let point = surface.evaluate(DVec2::new(u, v));
+        // The trajectory is a quarter of the unit circle.
+        assert!((point.x.hypot(point.z) - (2.0 + u)).abs() < 1e-14);
+        assert!((point.y - u).abs() < 1e-15);
+    }
+    assert_eq!(messages(&import).len(), 1, "{:?}", messages(&import));
+}

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3, DVec4};
 
 use super::arc::UnitArc;
 use super::{check_point, direction};
@@ -90,6 +90,23 @@ pub fn ruled(a: &Curve<DVec3>, b: &Curve<DVec3>) -> Result<Surface, Error> {
     let net = pairs.flat_map(|(&a, &b)| [a, b]).collect();
     let knots_v = KnotVector::bezier(1, 0.0..1.0)?;
     Ok(Surface::trusted(both_a.knots().clone(), knots_v, net))
+}
+
+/// The surface that swings a profile around the y axis along a trajectory:
+/// `S(u, v) = (profile.x * trajectory.x, profile.y, profile.x * trajectory.y)`, where the
+/// trajectory lies in the plane of x and z.
+///
+/// Exact: the control points are products of those of the curves, and so are the weights
+/// (Piegl and Tiller, chapter 8, swung surfaces).
+pub fn swung(profile: &Curve<DVec2>, trajectory: &Curve<DVec2>) -> Surface {
+    let product = |p: &DVec3, t: &DVec3| DVec4::new(p.x * t.x, p.y * t.z, p.x * t.y, p.z * t.z);
+    let net = profile
+        .homogeneous()
+        .iter()
+        .flat_map(|p| trajectory.homogeneous().iter().map(move |t| product(p, t)))
+        .collect();
+    let [knots_u, knots_v] = [profile, trajectory].map(|curve| curve.knots().clone());
+    Surface::trusted(knots_u, knots_v, net)
 }
 
 /// The curve with those of its inner knots that rounding has moved away from knots of
