@@ -7,7 +7,7 @@ mod reference;
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Item, KnotVector, Mesh, Node, Patch, Ray, Scene, Shape, Surface};
 use nurbray::{Accelerator, Certificate, Certifier, METHODS, Workspace, formats};
-use reference::{scene, vector};
+use reference::{scenes, vector};
 use serde_json::Value;
 
 /// Accuracy that the production path promises, relative to the scene's size.
@@ -44,12 +44,7 @@ fn references_are_never_contradicted() {
     let Some(reference) = reference::load() else {
         return;
     };
-    let scenes: Vec<_> = reference["surfaces"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(scene)
-        .collect();
+    let scenes = scenes(&reference);
     let (mut failures, mut open) = (Vec::new(), Vec::new());
     let mut counts = [[0_u32; 5]; 2];
     let mut widest = 0.0_f64;

@@ -7,7 +7,7 @@ mod reference;
 
 use kernel::Ray;
 use nurbray::{Accelerator, Hit, METHODS, Workspace};
-use reference::{scene, vector};
+use reference::{scenes, vector};
 use serde_json::Value;
 
 #[test]
@@ -15,12 +15,7 @@ fn no_hit_is_lost_and_none_invented() {
     let Some(reference) = reference::load() else {
         return;
     };
-    let scenes: Vec<_> = reference["surfaces"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(scene)
-        .collect();
+    let scenes = scenes(&reference);
     let mut workspace = Workspace::default();
     let (mut robust, mut failures, mut worst) = (0, Vec::new(), 0.0_f64);
     for case in reference["cases"].as_array().unwrap() {

@@ -5,7 +5,7 @@ use kernel::{Material, Mesh, Ray};
 
 use super::cells::Piece;
 use super::trace::{Candidate, CandidateKind};
-use super::{Accelerator, Cluster, Instance, ItemShape, Triangle};
+use super::{Accelerator, Cluster, ClusterItem, Instance, ItemShape, Triangle};
 use crate::intersect::Hit;
 use crate::intersect::net::evaluate_at;
 
@@ -59,8 +59,7 @@ impl Accelerator<'_> {
 
     /// Extent of the parameters of the shape that was hit.
     fn domain_size(&self, hit: &Hit) -> DVec2 {
-        let cluster = &self.clusters[self.instances[hit.place.0 as usize].cluster as usize];
-        match cluster.items[hit.place.1 as usize].shape {
+        match self.item(hit).shape {
             ItemShape::Patch(surface) => {
                 let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
                 DVec2::new(u.end - u.start, v.end - v.start)
@@ -71,10 +70,13 @@ impl Accelerator<'_> {
 
     /// The material of what was hit, if it has one.
     pub(crate) fn material(&self, hit: &Hit) -> Option<&Material> {
-        let cluster = &self.clusters[self.instances[hit.place.0 as usize].cluster as usize];
-        cluster.items[hit.place.1 as usize]
-            .material
-            .map(|id| self.scene.material(id))
+        self.item(hit).material.map(|id| self.scene.material(id))
+    }
+
+    fn item(&self, hit: &Hit) -> &ClusterItem<'_> {
+        let (instance, item) = hit.place;
+        let cluster = self.instances[instance as usize].cluster;
+        &self.clusters[cluster as usize].items[item as usize]
     }
 
     /// Completes a candidate: point, normal, parameters and number in the world.

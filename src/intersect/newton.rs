@@ -121,10 +121,15 @@ fn only_root(target: &Target<'_>) -> Decision {
         let du = (hu.truncate() - point * hu.w) * (weight * half_u);
         let dv = (hv.truncate() - point * hv.w) * (weight * half_v);
         let jacobian = [row1.dot(du), row1.dot(dv), row2.dot(du), row2.dot(dv)];
-        let next = Inverse::of(jacobian).map_or(chord, |Inverse([a, b, c, d])| {
+        let mut next = Inverse::of(jacobian).map_or(chord, |Inverse([a, b, c, d])| {
             (clamp(x - (a * f1 + b * f2)), clamp(y - (c * f1 + d * f2)))
         });
-        if (next.0 - x).abs().max((next.1 - y).abs()) < 1e-15 {
+        let stays = |next: (f64, f64)| (next.0 - x).abs().max((next.1 - y).abs()) < 1e-15;
+        if stays(next) {
+            // Where Newton's step stands still on the border only the sure step is a proof.
+            (next, certain) = (chord, true);
+        }
+        if stays(next) {
             // Settled on the border, or as near to a root as rounding lets it come.
             let settled = residual <= 4.0 * slack + 1e-12;
             let margin = 1e-12 + 4.0 * slack * half_u.max(half_v);

@@ -14,7 +14,8 @@ use super::newton::{Inverse, STEPS, UNIQUE, WIDENED, within};
 use super::tangent::{Contact, contact};
 use super::{Line, PieceNet, Rect, Root, Scratch, Target};
 
-/// Nor is one whose inverse blows up the rounding errors to this part of a cell.
+/// A Jacobian whose inverse blows up the rounding errors to this part of a cell is taken for
+/// singular.
 const BLURRED: f64 = 1e-3;
 
 /// A cell whose distances vary by less than this many slacks cannot be resolved further.
@@ -91,7 +92,6 @@ fn excludes((min, max): (f64, f64), slack: f64) -> bool {
 }
 
 /// Puts the distance nets of the cell on the empty stack.
-#[inline(always)]
 fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) {
     let degrees = piece.degrees;
     let size = degrees.len();
@@ -114,7 +114,6 @@ fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) 
 }
 
 /// Moves the top of the stack to `scratch.net`.
-#[inline(always)]
 fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
     let rest = scratch.stack.len().checked_sub(2 * size + 4)?;
     let frame = &scratch.stack[rest..];
@@ -128,7 +127,6 @@ fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
 }
 
 /// Pushes both halves of the cell, cut across the direction of the larger variation.
-#[inline(always)]
 fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
     let size = degrees.len();
     let Scratch { stack, net, .. } = scratch;
@@ -180,7 +178,6 @@ fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
 }
 
 /// Exclusion, uniqueness and iteration on the preconditioned net of a regular cell.
-#[inline(always)]
 fn examine(
     spare: &mut [f64],
     net: &[f64],
@@ -213,7 +210,6 @@ fn examine(
 /// Newton's step is taken while it halves the residual; the chord step `x - G(x)` contracts
 /// by the deviation in any case. A border point where the residual stays is no root, and then
 /// there is none: it would have attracted the iteration.
-#[inline(always)]
 fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
     let at = |x: f64, y: f64| {
         let u = bernstein(degrees.p, 0.5 * (x + 1.0));
@@ -261,7 +257,6 @@ fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
 
 /// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
 /// seen from its edge.
-#[inline(always)]
 fn examine_flat(
     spare: &mut [f64],
     net: &[f64],

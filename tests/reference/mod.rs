@@ -32,8 +32,14 @@ pub(crate) fn vector(value: &Value) -> DVec3 {
     DVec3::from_slice(&numbers(value))
 }
 
+/// The scenes of all surfaces, by index.
+pub(crate) fn scenes(reference: &Value) -> Vec<Scene> {
+    let surfaces = reference["surfaces"].as_array().unwrap();
+    surfaces.iter().map(scene).collect()
+}
+
 /// A scene that shows one reference surface.
-pub(crate) fn scene(value: &Value) -> Scene {
+fn scene(value: &Value) -> Scene {
     let knots = |degree: &str, knots: &str| {
         let degree = usize::try_from(value[degree].as_u64().unwrap()).unwrap();
         KnotVector::new(degree, numbers(&value[knots])).unwrap()
