@@ -31,6 +31,7 @@ mod integrator;
 mod intersect;
 pub mod output;
 mod render;
+mod simd;
 
 pub use accelerator::{Accelerator, Workspace};
 pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film};
@@ -39,3 +40,4 @@ pub use integrator::Shading;
 pub use intersect::{Hit, METHODS, Method};
 pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, render};
+pub use simd::Instructions;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::beam::BeamBounds;
 use super::cells::{Cell, NewCell};
 use super::tree::{LocalRay, Tree, WIDTH};
 
@@ -23,7 +24,7 @@ const GROWTH: f32 = 1.0 + 1e-4;
 pub(crate) struct Block {
     center: [[f32; WIDTH]; 3],
     rows: [[[f32; WIDTH]; 3]; 3],
-    stray: [[f32; WIDTH]; 3],
+    stray: [[f32; WIDTH]; 4],
     pub(crate) cells: [Cell; WIDTH],
     count: u32,
 }
@@ -49,19 +50,21 @@ impl Block {
         let mut block = Self {
             center: [[0.0; WIDTH]; 3],
             rows: [[[0.0; WIDTH]; 3]; 3],
-            stray: [[f32::INFINITY; WIDTH]; 3],
-            cells: [Cell::default(); WIDTH],
+            stray: [[f32::INFINITY; WIDTH]; 4],
+            cells: [Cell::whole(0); WIDTH],
             count: u32::try_from(cells.len()).expect("a leaf has at most eight cells"),
         };
         for (slot, new) in cells.iter().enumerate() {
             let center = tree.to_local(new.frame.center);
             for axis in 0..3 {
                 block.center[axis][slot] = center[axis] as f32;
-                block.stray[axis][slot] = new.frame.stray[axis] as f32 * GROWTH + FRAME_ERROR;
                 for row in 0..3 {
                     let value = new.frame.rows[row][axis] / tree.scale();
                     block.rows[row][axis][slot] = value as f32;
                 }
+            }
+            for (stray, value) in block.stray.iter_mut().zip(new.frame.stray) {
+                stray[slot] = value as f32 * GROWTH + FRAME_ERROR;
             }
             block.cells[slot] = new.cell;
         }
@@ -124,16 +127,31 @@ impl Block {
         let inverse = d.map(f32::recip);
         let (g1, g2) = (d[0] * inverse[2], d[1] * inverse[2]);
         let (s, t) = (p[0] - g1 * p[2], p[1] - g2 * p[2]);
-        let q1 = self.stray[0][k] + g1.abs() * self.stray[2][k] + error[0] + g1.abs() * error[2];
-        let q2 = self.stray[1][k] + g2.abs() * self.stray[2][k] + error[1] + g2.abs() * error[2];
+        let [k1, k2, k3, k4] = [0, 1, 2, 3].map(|r| self.stray[r][k]);
+        let (size1, size2) = (g1.abs(), g2.abs());
+        // What is of second order strays half as much as its derivatives.
+        let side1 = 0.5 * (k1 + size1 * k3) + s.abs() * k4 + error[0] + size1 * error[2];
+        let side2 = 0.5 * (k2 + size2 * k3) + t.abs() * k4 + error[1] + size2 * error[2];
+        let q1 = k1 + size1 * k3 + s.abs() * k4 + error[0] + size1 * error[2];
+        let q2 = k2 + size2 * k3 + t.abs() * k4 + error[1] + size2 * error[2];
         // Where the plane and the rest of the cell are met along the ray.
         let time = -p[2] * inverse[2];
-        let spread = (self.stray[2][k] + error[2]) * inverse[2].abs() * GROWTH;
+        let room = if k4 < 1.0 {
+            (1.0 - k4).recip()
+        } else {
+            f32::INFINITY
+        };
+        let height = 0.5 * k3 * room + error[2];
+        let spread = height * inverse[2].abs() * GROWTH;
         // All of the cell lies in a box along its frame.
         let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
         for axis in 0..3 {
-            let base = if axis < 2 { 1.0 } else { 0.0 };
-            let half = (base + self.stray[axis][k] + error[axis]) * GROWTH;
+            let half = if axis < 2 {
+                (1.0 + 0.5 * self.stray[axis][k]) * room + error[axis]
+            } else {
+                height
+            };
+            let half = half * GROWTH;
             let (a, b) = (
                 (-half - p[axis]) * inverse[axis],
                 (half - p[axis]) * inverse[axis],
@@ -143,8 +161,8 @@ impl Block {
             far = if high < far { high } else { far };
         }
         // Written so that what is not a number passes.
-        let beside = s.abs() > (1.0 + q1) * GROWTH
-            || t.abs() > (1.0 + q2) * GROWTH
+        let beside = s.abs() > (1.0 + side1) * GROWTH
+            || t.abs() > (1.0 + side2) * GROWTH
             || near > far + (near.abs() + far.abs()) * (GROWTH - 1.0)
             || time - spread > range.end
             || time + spread < range.start;
@@ -154,6 +172,96 @@ impl Block {
             stray: q1.max(q2),
             time,
         }
+    }
+}
+
+impl Block {
+    /// The cells that rays of the beam may meet before `far`, nearest first.
+    #[inline(always)]
+    pub(super) fn meet_beam(
+        &self,
+        beam: &BeamBounds,
+        far: f32,
+        found: &mut [(u32, f32); WIDTH],
+    ) -> usize {
+        let mut lanes = [(false, 0.0); WIDTH];
+        for (k, lane) in lanes.iter_mut().enumerate() {
+            *lane = self.beam_lane(k, beam, far);
+        }
+        let mut count = 0;
+        for slot in 0..self.count {
+            let (beside, near) = lanes[slot as usize];
+            if beside {
+                continue;
+            }
+            let mut place = count;
+            while place > 0 && found[place - 1].1 > near {
+                found[place] = found[place - 1];
+                place -= 1;
+            }
+            found[place] = (slot, near);
+            count += 1;
+        }
+        count
+    }
+
+    /// As [`Self::lane`] for all rays of a beam: what may be different from ray to ray is kept
+    /// as a distance from the middle.
+    #[inline(always)]
+    fn beam_lane(&self, k: usize, beam: &BeamBounds, far: f32) -> (bool, f32) {
+        let [i, j] = beam.across;
+        let zeta = self.center[beam.main][k] * beam.sign;
+        let way = zeta - beam.start;
+        let y1 = beam.origin[0] + beam.slope[0] * way - self.center[i][k];
+        let y2 = beam.origin[1] + beam.slope[1] * way - self.center[j][k];
+        let r1 = beam.origin_radius[0] + beam.slope_radius[0] * way.abs();
+        let r2 = beam.origin_radius[1] + beam.slope_radius[1] * way.abs();
+        // Positions and directions in the frame, and how far rays are from that of the middle.
+        let (mut p, mut pr, mut d, mut dr) = ([0.0; 3], [0.0; 3], [0.0; 3], [0.0; 3]);
+        for r in 0..3 {
+            let (a, b) = (self.rows[r][i][k], self.rows[r][j][k]);
+            p[r] = a * y1 + b * y2;
+            pr[r] = a.abs() * r1 + b.abs() * r2;
+            d[r] = a * beam.slope[0] + b * beam.slope[1] + self.rows[r][beam.main][k] * beam.sign;
+            dr[r] = a.abs() * beam.slope_radius[0] + b.abs() * beam.slope_radius[1];
+        }
+        let ([_, _, p3], [_, _, p3r]) = (p, pr);
+        let ([_, _, d3], [_, _, d3r]) = (d, dr);
+        let [k1, k2, k3, k4] = [
+            self.stray[0][k],
+            self.stray[1][k],
+            self.stray[2][k],
+            self.stray[3][k],
+        ];
+        let room = if k4 < 1.0 {
+            (1.0 - k4).recip()
+        } else {
+            f32::INFINITY
+        };
+        let (inverse, least) = (d3.recip(), (d3.abs() - d3r).recip());
+        // Not a number or negative where some ray may run along the cell.
+        let least = if least > 0.0 { least } else { f32::INFINITY };
+        let mut beside = false;
+        for (r, stray) in [(0, k1), (1, k2)] {
+            let g = d[r] * inverse;
+            let gr = (dr[r] + g.abs() * d3r) * least;
+            let s = p[r] - g * p3;
+            let sr = pr[r] + g.abs() * p3r + gr * (p3.abs() + p3r);
+            let reach = 1.0 + 0.5 * (stray + (g.abs() + gr) * k3) + (s.abs() + sr) * k4;
+            beside |= s.abs() - sr * GROWTH > reach * GROWTH;
+        }
+        let time = -p3 * inverse;
+        let spread = (p3r + 0.5 * k3 * room + time.abs() * d3r) * least * GROWTH;
+        let near = zeta + time - spread;
+        let beside = beside | (near > far) | (zeta + time + spread < beam.least_near);
+        (
+            beside,
+            if near.is_nan() {
+                f32::NEG_INFINITY
+            } else {
+                near
+            },
+        )
     }
 }
 

@@ -8,6 +8,7 @@ use super::cells::Pieces;
 use super::tree::{Tree, WIDTH};
 use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
 use crate::intersect::Method;
+use crate::simd::Instructions;
 
 /// Triangles that are not divided further.
 const TRIANGLES_OF_A_LEAF: usize = 4;
@@ -44,6 +45,7 @@ impl<'a> Accelerator<'a> {
             top,
             counts,
             method,
+            instructions: Instructions::best(),
         }
     }
 }
@@ -208,7 +210,10 @@ impl Plan {
             };
             let world_from_cluster = world_from_parent * scene.node(node).parent_from_node;
             if !clusters[cluster as usize].bounds().is_empty() {
+                let matrix = &world_from_cluster.matrix3;
+                let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
                 instances.push(Instance {
+                    stretch: axes.iter().fold(0.0, |max, axis| axis.length().max(max)),
                     cluster,
                     before: base,
                     world_from_cluster,

@@ -84,20 +84,10 @@ impl Accelerator<'_> {
         let instance = &self.instances[candidate.instance as usize];
         let cluster = &self.clusters[instance.cluster as usize];
         match candidate.kind {
-            CandidateKind::Surface {
-                piece,
-                u,
-                v,
-                tangential,
-            } => {
+            CandidateKind::Surface { piece, u, v, .. } => {
                 let piece = &cluster.pieces.pieces[piece as usize];
-                let hit = self.surface_hit(instance, cluster, piece, DVec2::new(u, v));
-                Hit {
-                    t: candidate.t,
-                    tangential,
-                    place: (candidate.instance, piece.item),
-                    ..hit
-                }
+                let place = evaluate_piece(cluster, piece, DVec2::new(u, v));
+                self.surface_hit(candidate, &place)
             }
             CandidateKind::Triangle { index, barycentric } => {
                 let triangle = &cluster.triangles[index as usize];
@@ -113,27 +103,30 @@ impl Accelerator<'_> {
         }
     }
 
-    fn surface_hit(
-        &self,
-        instance: &Instance,
-        cluster: &Cluster<'_>,
-        piece: &Piece,
-        local: DVec2,
-    ) -> Hit {
-        let [point, du, dv] = evaluate_piece(cluster, piece, local);
+    /// Completes a candidate on a surface from point and derivatives in the cluster.
+    #[inline]
+    pub(super) fn surface_hit(&self, candidate: &Candidate, [point, du, dv]: &[DVec3; 3]) -> Hit {
+        let CandidateKind::Surface {
+            piece,
+            u,
+            v,
+            tangential,
+        } = candidate.kind
+        else {
+            unreachable!("only roots on surfaces have derivatives");
+        };
+        let instance = &self.instances[candidate.instance as usize];
+        let cluster = &self.clusters[instance.cluster as usize];
+        let piece = &cluster.pieces.pieces[piece as usize];
+        let local = DVec2::new(u, v);
         let world = &instance.world_from_cluster;
-        let (du, dv) = (world.transform_vector3(du), world.transform_vector3(dv));
+        let (du, dv) = (world.transform_vector3(*du), world.transform_vector3(*dv));
         let item = &cluster.items[piece.item as usize];
         let uv = DVec2::new(
             piece.u.0 + piece.u.1 * local.x,
             piece.v.0 + piece.v.1 * local.y,
         );
-        let matrix = world.matrix3;
-        let stretch = matrix
-            .x_axis
-            .length()
-            .max(matrix.y_axis.length())
-            .max(matrix.z_axis.length());
+        let stretch = instance.stretch;
         let size = |degree: usize, extent: f64| degree as f64 * piece.radius * stretch / extent;
         let sizes = [
             size(piece.degrees.p, piece.u.1),
@@ -146,17 +139,17 @@ impl Accelerator<'_> {
             let placed = surface.transformed(&(*world * item.cluster_from_object));
             placed.normal(uv)
         });
-        let point = world.transform_point3(point);
+        let point = world.transform_point3(*point);
         let size = piece.radius * stretch + point.abs().max_element();
         Hit {
-            t: 0.0,
+            t: candidate.t,
             uv,
             point,
             normal: normal.unwrap_or(DVec3::ZERO),
             shape: instance.before.patches + item.offset,
-            tangential: false,
+            tangential,
             error: POINT_ERROR * size,
-            place: (0, 0),
+            place: (candidate.instance, piece.item),
         }
     }
 

@@ -5,10 +5,15 @@
 //! hierarchy of boxes. Instances place clusters in the world; over them stands another
 //! hierarchy. Shapes shown many times are so stored once.
 
+mod beam;
 mod block;
 mod build;
 mod cells;
+mod expansion;
 mod hits;
+mod leaf;
+mod model;
+mod packet;
 mod trace;
 mod tree;
 
@@ -16,8 +21,10 @@ use glam::{DAffine3, DVec3};
 use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
 
 use crate::intersect::{Method, Scratch};
+use crate::simd::Instructions;
 use block::Block;
 use cells::Pieces;
+use packet::PacketRoom;
 use tree::Tree;
 
 /// Everything that rays can meet, prepared for the search.
@@ -29,6 +36,7 @@ pub struct Accelerator<'a> {
     top: Tree,
     counts: Counts,
     method: &'static Method,
+    instructions: Instructions,
 }
 
 /// How many shapes of both kinds there are.
@@ -92,6 +100,8 @@ struct Instance {
     /// How many shapes of both kinds come before it.
     before: Counts,
     world_from_cluster: DAffine3,
+    /// The greatest length that a unit axis takes in the world.
+    stretch: f64,
     cluster_from_world: DAffine3,
 }
 
@@ -101,9 +111,14 @@ pub struct Workspace {
     top_stack: Vec<(u32, f32)>,
     stack: Vec<(u32, f32)>,
     scratch: Scratch,
+    packet: PacketRoom,
 }
 
 impl Workspace {
+    fn rooms(&mut self) -> trace::Rooms<'_> {
+        (&mut self.top_stack, &mut self.stack, &mut self.scratch)
+    }
+
     /// How many cells were examined with this workspace so far.
     pub fn cells_examined(&self) -> u64 {
         self.scratch.cells
@@ -162,6 +177,19 @@ impl<'a> Accelerator<'a> {
                 + c.tree.bytes()
         });
         clusters.sum::<usize>() + size_of_val(&self.instances[..]) + self.top.bytes()
+    }
+
+    /// Traces packets with other instructions than the widest of this processor; those that
+    /// it lacks are replaced by the portable ones. Hits are the same but for rounding.
+    #[must_use]
+    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
+        self.instructions = instructions;
+        self
+    }
+
+    /// The instructions that packets are traced with.
+    pub fn instructions(&self) -> Instructions {
+        self.instructions
     }
 
     /// The scene it was built for.

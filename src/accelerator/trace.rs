@@ -11,7 +11,7 @@ use super::cells::Piece;
 use super::tree::{LocalRay, Visitor, WIDTH};
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::net::evaluate_at;
-use crate::intersect::{Hit, Intersector, Line, Scratch, Target, triangle};
+use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, triangle};
 
 /// Rounding error of a distance in a piece of size one, a few operations wide.
 const SLACK: f64 = 4e-15;
@@ -67,7 +67,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> Option<Hit> {
         let mut best = Nearest(None);
-        self.search::<I>(ray, range, workspace, &mut best);
+        self.search::<I>(ray, range, workspace.rooms(), &mut best);
         best.0.map(|candidate| self.work_out(ray, &candidate))
     }
 
@@ -78,7 +78,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> bool {
         let mut found = Any(false);
-        self.search::<I>(ray, range, workspace, &mut found);
+        self.search::<I>(ray, range, workspace.rooms(), &mut found);
         found.0
     }
 
@@ -90,7 +90,7 @@ impl Accelerator<'_> {
         hits: &mut Vec<Hit>,
     ) {
         let mut found = All(Vec::new());
-        self.search::<I>(ray, range, workspace, &mut found);
+        self.search::<I>(ray, range, workspace.rooms(), &mut found);
         hits.clear();
         hits.extend(
             found
@@ -103,22 +103,17 @@ impl Accelerator<'_> {
     }
 
     /// Offers every candidate in `range` to `collector`.
-    fn search<I: Intersector>(
+    pub(super) fn search<I: Intersector>(
         &self,
         ray: &Ray,
         mut range: Range<f64>,
-        workspace: &mut Workspace,
+        (top_stack, stack, scratch): Rooms<'_>,
         collector: &mut impl Collector,
     ) {
         let way = ray.direction.length_squared();
         if !(way > 0.0 && way.is_finite() && ray.origin.is_finite()) {
             return;
         }
-        let Workspace {
-            top_stack,
-            stack,
-            scratch,
-        } = workspace;
         let mut visitor = InstanceVisitor::<I, _> {
             accelerator: self,
             ray,
@@ -133,8 +128,15 @@ impl Accelerator<'_> {
     }
 }
 
+/// Memory for the search of one ray: both stacks, and that of the solver.
+pub(super) type Rooms<'a> = (
+    &'a mut Vec<(u32, f32)>,
+    &'a mut Vec<(u32, f32)>,
+    &'a mut Scratch,
+);
+
 /// Whether a point of a piece belongs to its face.
-fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
+pub(super) fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
     let uv = DVec2::new(
         piece.u.0 + piece.u.1 * local.x,
         piece.v.0 + piece.v.1 * local.y,
@@ -144,13 +146,13 @@ fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
 }
 
 /// What becomes of the candidates of a ray.
-trait Collector {
+pub(super) trait Collector {
     /// Takes a candidate in `range`; may lower its end, and says whether to go on.
     fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool;
 }
 
 /// Keeps the nearest.
-struct Nearest(Option<Candidate>);
+pub(super) struct Nearest(pub(super) Option<Candidate>);
 
 impl Collector for Nearest {
     #[inline(always)]
@@ -287,9 +289,7 @@ impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
             if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
                 continue;
             }
-            let [h, ..] = evaluate_at(&target.piece, root.u, root.v);
-            let point = piece.center + h.truncate() / h.w * piece.radius;
-            let t = ray.shift + (point - ray.origin).dot(ray.direction) * ray.inverse_square;
+            let t = ray.time(&target, piece, root);
             if !range.contains(&t) {
                 continue;
             }
@@ -345,7 +345,7 @@ impl<C: Collector> Visitor for TriangleVisitor<'_, C> {
 
 /// A ray in the coordinates of a cluster, with its origin next to the cluster so that far
 /// cameras lose no digits, and two planes through it.
-struct ClusterRay {
+pub(super) struct ClusterRay {
     origin: DVec3,
     direction: DVec3,
     unit: DVec3,
@@ -360,7 +360,7 @@ struct ClusterRay {
 
 impl ClusterRay {
     #[inline(always)]
-    fn new(ray: &Ray, cluster: &Cluster<'_>) -> Self {
+    pub(super) fn new(ray: &Ray, cluster: &Cluster<'_>) -> Self {
         let bounds = cluster.tree.bounds();
         let inverse_square = 1.0 / ray.direction.length_squared();
         let shift = (bounds.center() - ray.origin).dot(ray.direction) * inverse_square;
@@ -378,9 +378,17 @@ impl ClusterRay {
         }
     }
 
+    /// The ray parameter of a root.
+    #[inline(always)]
+    pub(super) fn time(&self, target: &Target<'_>, piece: &Piece, root: &Root) -> f64 {
+        let [h, ..] = evaluate_at(&target.piece, root.u, root.v);
+        let point = piece.center + h.truncate() / h.w * piece.radius;
+        self.shift + (point - self.origin).dot(self.direction) * self.inverse_square
+    }
+
     /// The ray's line in the units of a piece.
     #[inline(always)]
-    fn line(&self, piece: &Piece) -> Line {
+    pub(super) fn line(&self, piece: &Piece) -> Line {
         let origin = (self.origin - piece.center) / piece.radius;
         Line {
             origin,

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DAffine3, DMat3, DVec3};
 use kernel::{Aabb, Ray};
 
 /// Children of a node.
@@ -15,7 +15,7 @@ pub(crate) const WIDTH: usize = 8;
 const BINS: usize = 16;
 
 /// Marks a child as a leaf; the other bits are its number.
-const IS_LEAF: u32 = 1 << 31;
+pub(super) const IS_LEAF: u32 = 1 << 31;
 
 /// Padding of boxes in a tree of size one: what single precision rays may stray, sixteen
 /// roundings wide.
@@ -26,10 +26,10 @@ const ROUNDING: f32 = 8.0 / (1 << 24) as f32;
 
 #[derive(Clone, Debug)]
 #[repr(align(64))]
-struct Node {
-    min: [[f32; WIDTH]; 3],
-    max: [[f32; WIDTH]; 3],
-    child: [u32; WIDTH],
+pub(super) struct Node {
+    pub(super) min: [[f32; WIDTH]; 3],
+    pub(super) max: [[f32; WIDTH]; 3],
+    pub(super) child: [u32; WIDTH],
 }
 
 /// A hierarchy over boxes. The primitives are numbered anew, in the order of the leaves.
@@ -153,6 +153,24 @@ impl Tree {
     /// How many units of the tree one unit of its primitives is.
     pub(crate) fn scale(&self) -> f64 {
         self.scale
+    }
+
+    /// Whether there is nothing in it.
+    pub(super) fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Node number `k`, the root first.
+    pub(super) fn node(&self, k: u32) -> &Node {
+        &self.nodes[k as usize]
+    }
+
+    /// The map to the tree's own coordinates.
+    pub(super) fn map(&self) -> DAffine3 {
+        DAffine3 {
+            matrix3: DMat3::from_diagonal(DVec3::splat(self.scale)),
+            translation: -self.center * self.scale,
+        }
     }
 
     /// A point in the tree's own coordinates.

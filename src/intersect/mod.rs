@@ -2,7 +2,7 @@
 
 mod edge;
 pub(crate) mod net;
-mod newton;
+pub(crate) mod newton;
 mod subdivide;
 mod tangent;
 pub(crate) mod triangle;

@@ -6,6 +6,8 @@
 //! excluded ([`super::subdivide`]). So no root is lost and none is invented, whatever the
 //! start.
 
+use glam::DVec4;
+
 use super::net;
 use super::subdivide::subdivide;
 use super::{Intersector, Root, Scratch, Target};
@@ -86,16 +88,21 @@ fn only_root(target: &Target<'_>) -> Decision {
     let (middle_u, middle_v) = (cell.u.0 + half_u, cell.v.0 + half_v);
     let reach = target.stray / (1.0 - target.stray);
     let clamp = |x: f64| x.clamp(-WIDENED, WIDENED);
+    // Distances are weighted with the weight over that in the middle: the bound is for those.
+    let scale = net::evaluate_at(piece, middle_u, middle_v)[0].w.recip();
+    let (row1, row2) = (row1 * scale, row2 * scale);
+    let (offset1, offset2) = (row1.dot(line.origin), row2.dot(line.origin));
     let (mut x, mut y) = (clamp(target.start[0]), clamp(target.start[1]));
     let mut before = f64::INFINITY;
     let mut chord = (x, y);
     let mut certain = false;
     for _ in 0..STEPS {
         let [h, hu, hv] = net::evaluate_at(piece, middle_u + half_u * x, middle_v + half_v * y);
-        let weight = h.w.recip();
-        let point = h.truncate() * weight;
-        let offset = point - line.origin;
-        let (f1, f2) = (row1.dot(offset), row2.dot(offset));
+        let distances = |h: DVec4| {
+            let x = h.truncate();
+            (row1.dot(x) - offset1 * h.w, row2.dot(x) - offset2 * h.w)
+        };
+        let (f1, f2) = distances(h);
         let residual = f1.abs().max(f2.abs());
         let target_1 = x - f1;
         let target_2 = y - f2;
@@ -118,9 +125,9 @@ fn only_root(target: &Target<'_>) -> Decision {
             .into();
         }
         (before, chord, certain) = (residual, (clamp(target_1), clamp(target_2)), false);
-        let du = (hu.truncate() - point * hu.w) * (weight * half_u);
-        let dv = (hv.truncate() - point * hv.w) * (weight * half_v);
-        let jacobian = [row1.dot(du), row1.dot(dv), row2.dot(du), row2.dot(dv)];
+        let (f1u, f2u) = distances(hu * half_u);
+        let (f1v, f2v) = distances(hv * half_v);
+        let jacobian = [f1u, f1v, f2u, f2v];
         let mut next = Inverse::of(jacobian).map_or(chord, |Inverse([a, b, c, d])| {
             (clamp(x - (a * f1 + b * f2)), clamp(y - (c * f1 + d * f2)))
         });

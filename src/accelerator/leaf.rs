@@ -1,0 +1,560 @@
+//! The leaf solver for sixteen rays and one cell: exclusion, the test for uniqueness and
+//! Newton's iteration in single precision, then the last steps in double precision.
+
+use kernel::MAX_DEGREE;
+
+use super::beam::{Beam, RAYS};
+use super::cells::Piece;
+use super::expansion::{ORDER, WIDE};
+use super::model::Model;
+use crate::intersect::PieceNet;
+use crate::intersect::net::Degrees;
+use crate::simd::{LANES, Simd, WIDE_LANES};
+
+/// Below this stray the iteration is trusted to single precision.
+const SURE: f32 = 0.75;
+
+/// Rounding errors of positions and values in single precision, several wide.
+const ROUNDING: f32 = 8.0 / (1 << 24) as f32;
+
+/// Larger errors than this part of a cell are not for single precision.
+const BLURRED: f32 = 0.01;
+
+/// Residual from which one more step leads close enough for double precision.
+const CLOSE: f32 = 2e-3;
+
+/// Cells are entered this much beyond their borders, so that what single precision leaves
+/// open at a border is found from both sides.
+const MARGIN: f32 = 1e-4;
+
+/// Steps in single precision.
+const STEPS: usize = 5;
+
+/// A cell as the rays of a beam see it: axes in the order of the beam, signs along its way.
+pub(super) struct View<'a> {
+    model: &'a Model,
+    /// Middle of the cell along the beam, and the beam's middle there relative to it.
+    zeta: f32,
+    way: f32,
+    place: [f32; 2],
+    slope: [f32; 2],
+    /// Rows over the two axes across and the main one.
+    rows: [[f32; 3]; 3],
+    /// Rounding errors of the three directions, and the size of the rows across.
+    direction_size: f32,
+    sizes: [f32; 3],
+}
+
+impl<'a> View<'a> {
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "differences are formed before; errors are allowed for"
+    )]
+    pub(super) fn new(model: &'a Model, beam: &Beam) -> Self {
+        let [i, j] = beam.across;
+        let zeta = model.center[beam.main] * beam.sign;
+        let way = zeta - beam.start;
+        let place = [(0, i), (1, j)].map(|(axis, side)| {
+            let at = beam.middle_origin[axis] + beam.middle_slope[axis] * way;
+            (at - model.center[side]) as f32
+        });
+        let sign = beam.sign as f32;
+        let rows = model
+            .rows
+            .map(|row| [row[i], row[j], row[beam.main] * sign]);
+        let slope = beam.middle_slope.map(|x| x as f32);
+        let sizes = rows.map(|row| row[0].abs() + row[1].abs());
+        let size = |r: usize| 4.0 * sizes[r] + rows[r][2].abs();
+        Self {
+            model,
+            zeta: zeta as f32,
+            way: way as f32,
+            place,
+            slope,
+            rows,
+            direction_size: size(0).max(size(1)).max(size(2)),
+            sizes,
+        }
+    }
+}
+
+/// What sixteen rays found in a cell, a bit for each.
+pub(super) struct Verdict {
+    /// They met it here, in its coordinates from -1 to 1.
+    pub(super) met: u32,
+    pub(super) x: [f32; LANES],
+    pub(super) y: [f32; LANES],
+    /// It is to be cut for these.
+    pub(super) open: u32,
+}
+
+/// What a polynomial of a cell is at a point, and its derivatives.
+struct Jet<F> {
+    value: F,
+    by_x: F,
+    by_y: F,
+}
+
+/// Coordinate `r` of the cell at `x`, `y`: Horner's rule for value and derivatives.
+#[inline(always)]
+fn jet<S: Simd, const M: usize, const N: usize>(
+    s: S,
+    model: &Model,
+    r: usize,
+    x: S::F,
+    y: S::F,
+) -> Jet<S::F> {
+    let (mut value, mut by_y) = line::<S, N>(s, model, r, M - 1, y);
+    let mut by_x = s.splat(0.0);
+    for i in (0..M - 1).rev() {
+        let (next, next_by_y) = line::<S, N>(s, model, r, i, y);
+        by_x = if i == M - 2 {
+            value
+        } else {
+            s.fma(by_x, x, value)
+        };
+        value = s.fma(value, x, next);
+        by_y = s.fma(by_y, x, next_by_y);
+    }
+    Jet { value, by_x, by_y }
+}
+
+/// What stands beside `x^i` at `y`, and its derivative.
+#[inline(always)]
+fn line<S: Simd, const N: usize>(s: S, model: &Model, r: usize, i: usize, y: S::F) -> (S::F, S::F) {
+    let terms = &model.terms[i * ORDER..(i + 1) * ORDER];
+    let (mut value, mut by_y) = (s.splat(terms[N - 1][r]), s.splat(0.0));
+    for j in (0..N - 1).rev() {
+        by_y = if j == N - 2 {
+            value
+        } else {
+            s.fma(by_y, y, value)
+        };
+        value = s.fma(value, y, s.splat(terms[j][r]));
+    }
+    (value, by_y)
+}
+
+/// The product of a row over the axes across with positions.
+#[inline(always)]
+fn across<S: Simd>(s: S, row: [f32; 3], y: [S::F; 2]) -> S::F {
+    s.fma(s.splat(row[0]), y[0], s.mul(s.splat(row[1]), y[1]))
+}
+
+/// The product of a row with directions, which advance by one along the main axis.
+#[inline(always)]
+fn along<S: Simd>(s: S, row: [f32; 3], m: [S::F; 2]) -> S::F {
+    let rest = s.fma(s.splat(row[1]), m[1], s.splat(row[2]));
+    s.fma(s.splat(row[0]), m[0], rest)
+}
+
+/// The lanes of a group of what a beam has for each ray.
+#[inline(always)]
+fn load<S: Simd>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
+    s.load(&values.as_chunks::<LANES>().0[group])
+}
+
+#[inline(always)]
+fn clamp<S: Simd>(s: S, x: S::F, limit: S::F) -> S::F {
+    s.max(s.min(x, limit), s.sub(s.splat(0.0), limit))
+}
+
+/// Tests rays `16 group ..` of the beam whose bits are set in `lanes` against a cell.
+#[inline(always)]
+pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    view: &View<'_>,
+    beam: &Beam,
+    group: usize,
+    lanes: u32,
+) -> Verdict {
+    let model = view.model;
+    let [row1, row2, row3] = view.rows;
+    let way = s.splat(view.way);
+    let turn = [load(s, &beam.turn[0], group), load(s, &beam.turn[1], group)];
+    let offset1 = s.fma(turn[0], way, load(s, &beam.offset[0], group));
+    let offset2 = s.fma(turn[1], way, load(s, &beam.offset[1], group));
+    let y = [
+        s.add(offset1, s.splat(view.place[0])),
+        s.add(offset2, s.splat(view.place[1])),
+    ];
+    let m = [
+        s.add(turn[0], s.splat(view.slope[0])),
+        s.add(turn[1], s.splat(view.slope[1])),
+    ];
+    let (p1, p2, p3) = (across(s, row1, y), across(s, row2, y), across(s, row3, y));
+    let inverse = s.div(s.splat(1.0), along(s, row3, m));
+    let g1 = s.mul(along(s, row1, m), inverse);
+    let g2 = s.mul(along(s, row2, m), inverse);
+    let (size1, size2) = (s.abs(g1), s.abs(g2));
+    // Where the tangent plane is met, and how well that is known.
+    let (x0, y0) = (s.fnma(g1, p3, p1), s.fnma(g2, p3, p2));
+    let distance = s.max(s.abs(y[0]), s.abs(y[1]));
+    let blur = s.fma(s.splat(view.direction_size), s.abs(inverse), s.splat(1.0));
+    let depth = s.fma(distance, s.splat(view.sizes[2]), s.splat(1.0));
+    let width = s.fma(
+        distance,
+        s.splat(view.sizes[0] + view.sizes[1]),
+        s.splat(1.0),
+    );
+    let [k1, k2, k3, k4] = model.stray;
+    let (k1, k2, k3, k4) = (s.splat(k1), s.splat(k2), s.splat(k3), s.splat(k4));
+    let tilt = s.max(size1, size2);
+    let rounding = s.mul(
+        s.splat(ROUNDING),
+        s.fma(s.mul(s.add(s.splat(1.0), tilt), depth), blur, width),
+    );
+    let dropped = s.mul(s.splat(model.dropped), s.add(s.splat(1.0), tilt));
+    let error = if RATIONAL {
+        s.fma(
+            dropped,
+            s.max(s.abs(x0), s.abs(y0)),
+            s.add(dropped, rounding),
+        )
+    } else {
+        s.add(dropped, rounding)
+    };
+    let mut stray1 = s.fma(size1, k3, k1);
+    let mut stray2 = s.fma(size2, k3, k2);
+    let half = s.splat(0.5);
+    let reach = s.add(s.splat(1.0), error);
+    let mut reach1 = s.fma(half, stray1, reach);
+    let mut reach2 = s.fma(half, stray2, reach);
+    if RATIONAL {
+        reach1 = s.fma(s.abs(x0), k4, reach1);
+        reach2 = s.fma(s.abs(y0), k4, reach2);
+        stray1 = s.fma(s.abs(x0), k4, stray1);
+        stray2 = s.fma(s.abs(y0), k4, stray2);
+    }
+    let stray = s.max(stray1, stray2);
+    // Where the cell is met along the beam, at the least and at the most.
+    let height = if RATIONAL {
+        let room = 1.0 - model.stray[3];
+        let room = if room > 0.0 {
+            room.recip()
+        } else {
+            f32::INFINITY
+        };
+        0.5 * model.stray[2] * room
+    } else {
+        0.5 * model.stray[2]
+    };
+    let time = s.fnma(p3, inverse, s.splat(view.zeta));
+    let spread = s.fma(
+        s.fma(depth, s.splat(2.0 * ROUNDING), s.splat(height * 1.001)),
+        s.mul(s.abs(inverse), blur_of(s, blur)),
+        s.splat(4.0 * ROUNDING),
+    );
+    // What is not a number passes.
+    let beside = s.bits(s.lt(reach1, s.abs(x0)))
+        | s.bits(s.lt(reach2, s.abs(y0)))
+        | s.bits(s.lt(load(s, &beam.far, group), s.sub(time, spread)))
+        | s.bits(s.lt(s.add(time, spread), load(s, &beam.near, group)));
+    let lanes = lanes & !beside;
+    let sure = s.bits(s.lt(stray, s.splat(SURE))) & s.bits(s.lt(error, s.splat(BLURRED)));
+    let mut verdict = Verdict {
+        met: 0,
+        x: [0.0; LANES],
+        y: [0.0; LANES],
+        open: lanes & !sure,
+    };
+    let mut active = lanes & sure;
+    if active == 0 {
+        return verdict;
+    }
+    let factor = s.div(s.splat(1.0), s.sub(s.splat(1.0), stray));
+    let contraction = s.mul(stray, factor);
+    let limit = s.fma(error, factor, s.splat(1.0 + MARGIN));
+    let wide = s.splat(WIDE as f32);
+    let close = s.fma(error, s.splat(2.0), s.splat(CLOSE));
+    let (mut x, mut y) = (clamp(s, x0, wide), clamp(s, y0, wide));
+    for _ in 0..STEPS {
+        let a = jet::<S, M, N>(s, model, 0, x, y);
+        let b = jet::<S, M, N>(s, model, 1, x, y);
+        let c = jet::<S, M, N>(s, model, 2, x, y);
+        let mut f1 = s.fnma(g1, c.value, a.value);
+        let mut f2 = s.fnma(g2, c.value, b.value);
+        let mut f1x = s.fnma(g1, c.by_x, a.by_x);
+        let mut f1y = s.fnma(g1, c.by_y, a.by_y);
+        let mut f2x = s.fnma(g2, c.by_x, b.by_x);
+        let mut f2y = s.fnma(g2, c.by_y, b.by_y);
+        if RATIONAL {
+            let w = jet::<S, M, N>(s, model, 3, x, y);
+            f1 = s.fnma(x0, w.value, f1);
+            f2 = s.fnma(y0, w.value, f2);
+            f1x = s.fnma(x0, w.by_x, f1x);
+            f1y = s.fnma(x0, w.by_y, f1y);
+            f2x = s.fnma(y0, w.by_x, f2x);
+            f2y = s.fnma(y0, w.by_y, f2y);
+        } else {
+            f1 = s.sub(f1, x0);
+            f2 = s.sub(f2, y0);
+        }
+        let residual = s.max(s.abs(f1), s.abs(f2));
+        // The root lies within the contraction of the sure step.
+        let outside = s.max(s.abs(s.sub(x, f1)), s.abs(s.sub(y, f2)));
+        active &= !s.bits(s.lt(s.fma(contraction, residual, limit), outside));
+        let determinant = s.fnma(f1y, f2x, s.mul(f1x, f2y));
+        let scale = s.div(s.splat(1.0), determinant);
+        let nx = s.fnma(s.fnma(f1y, f2, s.mul(f2y, f1)), scale, x);
+        let ny = s.fnma(s.fnma(f2x, f1, s.mul(f1x, f2)), scale, y);
+        let done = s.le(residual, close);
+        let inside = s.bits(s.le(s.max(s.abs(nx), s.abs(ny)), limit));
+        let arrived = active & s.bits(done);
+        // Once a lane has arrived it stays where it is.
+        if arrived != 0 {
+            let new = arrived & inside;
+            let (mut nxs, mut nys) = ([0.0; LANES], [0.0; LANES]);
+            s.store(nx, &mut nxs);
+            s.store(ny, &mut nys);
+            for lane in Bits(u64::from(new)) {
+                verdict.x[lane] = nxs[lane];
+                verdict.y[lane] = nys[lane];
+            }
+            verdict.met |= new;
+            active &= !arrived;
+        }
+        if active == 0 {
+            break;
+        }
+        (x, y) = (clamp(s, nx, wide), clamp(s, ny, wide));
+    }
+    verdict.open |= active;
+    verdict
+}
+
+/// A growth for times from the blur of directions, at most a half more.
+#[inline(always)]
+fn blur_of<S: Simd>(s: S, blur: S::F) -> S::F {
+    s.fma(blur, s.splat(ROUNDING), s.splat(1.0))
+}
+
+/// The numbers of the bits that are set.
+pub(super) struct Bits(pub(super) u64);
+
+impl Iterator for Bits {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        let lane = self.0.trailing_zeros() as usize;
+        self.0 &= self.0 - 1;
+        Some(lane)
+    }
+}
+
+/// Roots of up to eight rays with one piece, in double precision.
+pub(super) struct Roots {
+    /// A bit for each ray that converged.
+    pub(super) found: u32,
+    pub(super) u: [f64; WIDE_LANES],
+    pub(super) v: [f64; WIDE_LANES],
+    /// In the units of the piece: the point, and the derivatives by its parameters.
+    pub(super) point: [[f64; WIDE_LANES]; 3],
+    pub(super) by_u: [[f64; WIDE_LANES]; 3],
+    pub(super) by_v: [[f64; WIDE_LANES]; 3],
+}
+
+/// The rays of a beam as one piece sees them: `x1 = slope1 x3 + c1` and the same for the
+/// second, over the axes of the beam.
+pub(super) struct Lines {
+    pub(super) slope: [[f64; WIDE_LANES]; 2],
+    pub(super) constant: [[f64; WIDE_LANES]; 2],
+}
+
+impl Lines {
+    /// The rays `lanes` in the units of a piece whose ball has `center` and `radius` in the
+    /// coordinates of the beam.
+    #[inline(always)]
+    pub(super) fn of(beam: &Beam, lanes: &[u8; WIDE_LANES], center: [f64; 3], radius: f64) -> Self {
+        let mut lines = Self {
+            slope: [[0.0; WIDE_LANES]; 2],
+            constant: [[0.0; WIDE_LANES]; 2],
+        };
+        let depth = center[beam.main] * beam.sign - beam.start;
+        let inverse = radius.recip();
+        for axis in 0..2 {
+            for (k, &lane) in lanes.iter().enumerate() {
+                let lane = usize::from(lane) % RAYS;
+                let slope = beam.slope[axis][lane];
+                let at = beam.origin[axis][lane] + slope * depth;
+                lines.slope[axis][k] = slope * beam.sign;
+                lines.constant[axis][k] = (at - center[beam.across[axis]]) * inverse;
+            }
+        }
+        lines
+    }
+}
+
+/// Steps in double precision; the second is nearly always the last.
+const LAST_STEPS: usize = 4;
+
+/// Newton's step squares the error: from a step below this the next is beyond rounding.
+const LAST: f64 = 1e-10;
+
+/// Finishes roots from `u`, `v` with Newton's iteration on the piece itself.
+#[inline(always)]
+pub(super) fn finish<S: Simd, const RATIONAL: bool>(
+    s: S,
+    piece: &PieceNet<'_>,
+    axes: [usize; 3],
+    lines: &Lines,
+    start: ([f64; WIDE_LANES], [f64; WIDE_LANES]),
+    used: u32,
+) -> Roots {
+    let [i, j, main] = axes;
+    let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
+    let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];
+    let (mut u, mut v) = (s.load_d(&start.0), s.load_d(&start.1));
+    let mut roots = Roots {
+        found: 0,
+        u: [0.0; WIDE_LANES],
+        v: [0.0; WIDE_LANES],
+        point: [[0.0; WIDE_LANES]; 3],
+        by_u: [[0.0; WIDE_LANES]; 3],
+        by_v: [[0.0; WIDE_LANES]; 3],
+    };
+    for step in 0..LAST_STEPS {
+        let [h, hu, hv] = if piece.degrees.p.max(piece.degrees.q) < ORDER {
+            homogeneous::<S, RATIONAL, ORDER>(s, piece, u, v)
+        } else {
+            homogeneous::<S, RATIONAL, { MAX_DEGREE + 1 }>(s, piece, u, v)
+        };
+        let (mut f1, mut f2) = (
+            distance::<S, RATIONAL>(s, &h, [i, main], slope[0], constant[0]),
+            distance::<S, RATIONAL>(s, &h, [j, main], slope[1], constant[1]),
+        );
+        if !RATIONAL {
+            f1 = s.sub_d(f1, constant[0]);
+            f2 = s.sub_d(f2, constant[1]);
+        }
+        let f1u = distance::<S, RATIONAL>(s, &hu, [i, main], slope[0], constant[0]);
+        let f1v = distance::<S, RATIONAL>(s, &hv, [i, main], slope[0], constant[0]);
+        let f2u = distance::<S, RATIONAL>(s, &hu, [j, main], slope[1], constant[1]);
+        let f2v = distance::<S, RATIONAL>(s, &hv, [j, main], slope[1], constant[1]);
+        let determinant = s.fnma_d(f1v, f2u, s.mul_d(f1u, f2v));
+        let scale = s.div_d(s.splat_d(1.0), determinant);
+        let du = s.mul_d(s.fnma_d(f1v, f2, s.mul_d(f2v, f1)), scale);
+        let dv = s.mul_d(s.fnma_d(f2u, f1, s.mul_d(f1u, f2)), scale);
+        u = s.sub_d(u, du);
+        v = s.sub_d(v, dv);
+        let limit = s.splat_d(LAST);
+        let small = s.lt_d(s.abs_d(du), limit) & s.lt_d(s.abs_d(dv), limit);
+        if small & used == used || step == LAST_STEPS - 1 {
+            roots.found = small & used;
+            s.store_d(u, &mut roots.u);
+            s.store_d(v, &mut roots.v);
+            let weight = if RATIONAL {
+                s.div_d(s.splat_d(1.0), h[3])
+            } else {
+                s.splat_d(1.0)
+            };
+            for axis in 0..3 {
+                let (mut x, mut xu, mut xv) = (h[axis], hu[axis], hv[axis]);
+                if RATIONAL {
+                    x = s.mul_d(x, weight);
+                    xu = s.mul_d(s.fnma_d(x, hu[3], xu), weight);
+                    xv = s.mul_d(s.fnma_d(x, hv[3], xv), weight);
+                }
+                // The last step moves the point along the tangent plane.
+                x = s.fnma_d(xu, du, s.fnma_d(xv, dv, x));
+                s.store_d(x, &mut roots.point[axis]);
+                s.store_d(xu, &mut roots.by_u[axis]);
+                s.store_d(xv, &mut roots.by_v[axis]);
+            }
+            break;
+        }
+    }
+    roots
+}
+
+/// How far a homogeneous point, or a derivative, is from the ray along one axis across; for
+/// weights of one without the constant.
+#[inline(always)]
+fn distance<S: Simd, const RATIONAL: bool>(
+    s: S,
+    h: &[S::D; 4],
+    [axis, main]: [usize; 2],
+    slope: S::D,
+    constant: S::D,
+) -> S::D {
+    let x = s.fnma_d(slope, h[main], h[axis]);
+    if RATIONAL {
+        s.fnma_d(constant, h[3], x)
+    } else {
+        x
+    }
+}
+
+/// Homogeneous point and derivatives at each lane's parameters, for degrees below `ORDERS`.
+#[inline(always)]
+fn homogeneous<S: Simd, const RATIONAL: bool, const ORDERS: usize>(
+    s: S,
+    piece: &PieceNet<'_>,
+    u: S::D,
+    v: S::D,
+) -> [[S::D; 4]; 3] {
+    let zero = s.splat_d(0.0);
+    let (mut bu, mut du) = ([zero; ORDERS], [zero; ORDERS]);
+    let (mut bv, mut dv) = ([zero; ORDERS], [zero; ORDERS]);
+    let Degrees { p, q } = piece.degrees;
+    basis(s, p, u, &mut bu, &mut du);
+    basis(s, q, v, &mut bv, &mut dv);
+    let mut sums = [[zero; 4]; 3];
+    for (line, (&bu, &du)) in piece.points.chunks_exact(q + 1).zip(bu.iter().zip(&du)) {
+        let (mut value, mut by_v) = ([zero; 4], [zero; 4]);
+        for (point, (&bv, &dv)) in line.iter().zip(bv.iter().zip(&dv)) {
+            for r in 0..4 {
+                if r < 3 || RATIONAL {
+                    let c = s.splat_d(point[r]);
+                    value[r] = s.fma_d(c, bv, value[r]);
+                    by_v[r] = s.fma_d(c, dv, by_v[r]);
+                }
+            }
+        }
+        for r in 0..4 {
+            if r < 3 || RATIONAL {
+                sums[0][r] = s.fma_d(value[r], bu, sums[0][r]);
+                sums[1][r] = s.fma_d(value[r], du, sums[1][r]);
+                sums[2][r] = s.fma_d(by_v[r], bu, sums[2][r]);
+            }
+        }
+    }
+    sums
+}
+
+/// Bernstein polynomials of a degree and their derivatives.
+#[inline(always)]
+fn basis<S: Simd>(s: S, degree: usize, t: S::D, value: &mut [S::D], derivative: &mut [S::D]) {
+    let one = s.splat_d(1.0);
+    let rest = s.sub_d(one, t);
+    value[0] = one;
+    for d in 1..=degree {
+        if d == degree {
+            let scale = s.splat_d(d as f64);
+            derivative[0] = s.sub_d(s.splat_d(0.0), s.mul_d(scale, value[0]));
+            for k in 1..d {
+                derivative[k] = s.mul_d(scale, s.sub_d(value[k - 1], value[k]));
+            }
+            derivative[d] = s.mul_d(scale, value[d - 1]);
+        }
+        value[d] = s.mul_d(t, value[d - 1]);
+        for k in (1..d).rev() {
+            value[k] = s.fma_d(rest, value[k], s.mul_d(t, value[k - 1]));
+        }
+        value[0] = s.mul_d(value[0], rest);
+    }
+}
+
+/// A piece's ball in the coordinates of its hierarchy.
+#[inline(always)]
+pub(super) fn ball(piece: &Piece, tree: &super::tree::Tree) -> ([f64; 3], f64) {
+    (
+        tree.to_local(piece.center).to_array(),
+        piece.radius * tree.scale(),
+    )
+}

@@ -1,0 +1,107 @@
+//! Cells made ready for many rays, and the few that a thread keeps at hand.
+
+use glam::DVec3;
+
+use super::Cluster;
+use super::cells::Cell;
+use super::expansion::{Expansion, ORDER};
+
+/// Cells that a thread keeps; a power of two.
+const KEPT: usize = 2048;
+
+/// Growth of bounds that covers roundings to single precision.
+const GROWTH: f64 = 1.0 + 1e-5;
+
+/// A cell as a polynomial in its own frame, in single precision and in the coordinates of the
+/// hierarchy of its cluster.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+pub(super) struct Model {
+    /// See [`Expansion::terms`].
+    pub(super) terms: [[f32; 4]; ORDER * ORDER],
+    pub(super) rows: [[f32; 3]; 3],
+    /// See [`Expansion::stray`]; infinite where there is no frame.
+    pub(super) stray: [f32; 4],
+    /// The largest of what higher powers contribute.
+    pub(super) dropped: f32,
+    pub(super) center: DVec3,
+    /// Middle and half of the length along u and v, in the parameters of the piece.
+    pub(super) middle: [f64; 2],
+    pub(super) half: [f64; 2],
+    pub(super) cut_v: bool,
+    cluster: u32,
+    key: u64,
+}
+
+impl Model {
+    /// An entry that no cell has.
+    const NONE: Self = Self {
+        terms: [[0.0; 4]; ORDER * ORDER],
+        rows: [[0.0; 3]; 3],
+        stray: [f32::INFINITY; 4],
+        dropped: 0.0,
+        center: DVec3::ZERO,
+        middle: [0.0; 2],
+        half: [0.0; 2],
+        cut_v: false,
+        cluster: u32::MAX,
+        key: u64::MAX,
+    };
+
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "bounds grow by more than the rounding"
+    )]
+    fn fill(&mut self, cluster: &Cluster<'_>, cell: &Cell) {
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let rect = cell.rect();
+        let local = Expansion::of(&cluster.pieces.net(piece), &rect);
+        let size = piece.radius * cluster.tree.scale();
+        self.center = cluster
+            .tree
+            .to_local(piece.center + local.center * piece.radius);
+        self.dropped = 0.0;
+        for r in 0..4 {
+            self.stray[r] = (local.stray[r] * GROWTH) as f32;
+            self.dropped = self.dropped.max((local.dropped[r] * GROWTH) as f32);
+            if r < 3 {
+                self.rows[r] = (local.rows[r] / size).as_vec3().to_array();
+            }
+        }
+        for (to, from) in self.terms.iter_mut().zip(&local.terms) {
+            for r in 0..4 {
+                to[r] = from[r] as f32;
+            }
+        }
+        for (k, (start, end)) in [rect.u, rect.v].into_iter().enumerate() {
+            self.middle[k] = f64::midpoint(start, end);
+            self.half[k] = (end - start) * 0.5;
+        }
+        self.cut_v = local.cut_v;
+    }
+}
+
+/// The cells at hand, each at a place that follows from its number.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Models(Vec<Model>);
+
+impl Models {
+    /// The model of a cell of cluster number `number`.
+    #[inline(always)]
+    pub(super) fn of(&mut self, number: u32, cluster: &Cluster<'_>, cell: &Cell) -> &Model {
+        if self.0.is_empty() {
+            self.0.resize(KEPT, Model::NONE);
+        }
+        let key = cell.key();
+        // The golden ratio spreads neighbouring numbers.
+        let mixed = (key ^ u64::from(number) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let place = (mixed >> 40) as usize % KEPT;
+        let model = &mut self.0[place];
+        if model.key != key || model.cluster != number {
+            model.fill(cluster, cell);
+            (model.key, model.cluster) = (key, number);
+        }
+        model
+    }
+}

@@ -1,0 +1,594 @@
+//! Up to 64 rays at once, from the root of the hierarchy to their roots.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::Ray;
+
+use super::beam::{Beam, BeamBounds, RAYS, Rays};
+use super::cells::Cell;
+use super::leaf::{self, Bits, Lines, Verdict, View};
+use super::model::Models;
+use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, keeps};
+use super::tree::{IS_LEAF, WIDTH};
+use super::{Accelerator, Cluster, Workspace};
+use crate::intersect::newton::Newton;
+use crate::intersect::{Hit, Intersector, Target};
+use crate::simd::{LANES, Simd, Task, WIDE_LANES};
+
+/// Halvings of a cell while rays are traced; what is then still not clear is left to
+/// subdivision in double precision, ray by ray.
+const HALVINGS: u8 = 8;
+
+/// Cells that wait to be examined: two more for each halving.
+const WAITING: usize = HALVINGS as usize + 2;
+
+/// What packets reuse from call to call.
+#[derive(Debug)]
+pub(super) struct PacketRoom {
+    models: Models,
+    beam: Box<Beam>,
+    top_beam: Box<Beam>,
+    rays: Box<Rays>,
+    local: Box<Rays>,
+    from: [f64; RAYS],
+    until: [f64; RAYS],
+    /// Of use where a bit of `met` is set.
+    found: Vec<Found>,
+    met: u64,
+    stack: Vec<(u32, f32)>,
+    top_stack: Vec<(u32, f32)>,
+    stack_alone: Vec<(u32, f32)>,
+    top_stack_alone: Vec<(u32, f32)>,
+}
+
+impl Default for PacketRoom {
+    fn default() -> Self {
+        Self {
+            models: Models::default(),
+            beam: Box::new(Beam::NONE),
+            top_beam: Box::new(Beam::NONE),
+            rays: Box::new(Rays::NONE),
+            local: Box::new(Rays::NONE),
+            from: [0.0; RAYS],
+            until: [0.0; RAYS],
+            found: Vec::new(),
+            met: 0,
+            stack: Vec::new(),
+            top_stack: Vec::new(),
+            stack_alone: Vec::new(),
+            top_stack_alone: Vec::new(),
+        }
+    }
+}
+
+/// The nearest root of a ray so far.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    candidate: Candidate,
+    /// Point and derivatives by the parameters of the piece in the cluster, where known.
+    place: Option<[DVec3; 3]>,
+}
+
+impl Found {
+    const NONE: Self = Self {
+        candidate: Candidate {
+            t: f64::INFINITY,
+            instance: 0,
+            kind: CandidateKind::Triangle {
+                index: 0,
+                barycentric: DVec2::ZERO,
+            },
+        },
+        place: None,
+    };
+}
+
+impl Accelerator<'_> {
+    /// As [`Self::nearest`] for many rays, which should run side by side: their hits replace
+    /// `hits`, one for each ray.
+    ///
+    /// Rays of common origin or direction, in the order of small squares of pixels, take a
+    /// small part of the time that each alone would.
+    pub fn nearest_many(
+        &self,
+        rays: &[Ray],
+        ranges: &[Range<f64>],
+        workspace: &mut Workspace,
+        hits: &mut Vec<Option<Hit>>,
+    ) {
+        hits.clear();
+        for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
+            let task = Trace {
+                accelerator: self,
+                rays,
+                ranges,
+                any: false,
+                workspace,
+            };
+            self.instructions.run(task);
+            for (lane, ray) in rays.iter().enumerate() {
+                let found = &workspace.packet.found[lane];
+                let met = workspace.packet.met >> lane & 1 == 1;
+                hits.push(met.then(|| match &found.place {
+                    Some(place) => self.surface_hit(&found.candidate, place),
+                    None => self.work_out(ray, &found.candidate),
+                }));
+            }
+        }
+    }
+
+    /// As [`Self::any`] for many rays, which should run side by side: `blocked` is replaced.
+    pub fn any_many(
+        &self,
+        rays: &[Ray],
+        ranges: &[Range<f64>],
+        workspace: &mut Workspace,
+        blocked: &mut Vec<bool>,
+    ) {
+        blocked.clear();
+        for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
+            let task = Trace {
+                accelerator: self,
+                rays,
+                ranges,
+                any: true,
+                workspace,
+            };
+            self.instructions.run(task);
+            let met = workspace.packet.met;
+            blocked.extend((0..rays.len()).map(|lane| met >> lane & 1 == 1));
+        }
+    }
+}
+
+/// One packet of rays, for each set of instructions.
+struct Trace<'a, 'b> {
+    accelerator: &'a Accelerator<'a>,
+    rays: &'b [Ray],
+    ranges: &'b [Range<f64>],
+    /// Whether any hit ends a ray, not only the nearest is of interest.
+    any: bool,
+    workspace: &'b mut Workspace,
+}
+
+impl Task for Trace<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let Self {
+            accelerator,
+            rays,
+            ranges,
+            any,
+            workspace,
+        } = self;
+        let Workspace {
+            packet, scratch, ..
+        } = workspace;
+        packet.found.resize(RAYS, Found::NONE);
+        packet.met = 0;
+        let mut alive = 0_u64;
+        for (lane, (ray, range)) in rays.iter().zip(ranges).enumerate() {
+            let way = ray.direction.length_squared();
+            let usable = way > 0.0 && way.is_finite() && ray.origin.is_finite();
+            alive |= u64::from(usable && range.start < range.end) << lane;
+            (packet.from[lane], packet.until[lane]) = (range.start, range.end);
+        }
+        for lane in rays.len()..RAYS {
+            (packet.from[lane], packet.until[lane]) =
+                (packet.from[rays.len() - 1], packet.until[rays.len() - 1]);
+        }
+        packet.rays.gather(rays);
+        let mut tracer = Tracer {
+            s,
+            accelerator,
+            rays,
+            any,
+            packet,
+            scratch,
+            alive,
+            instance: 0,
+        };
+        tracer.instances();
+    }
+}
+
+/// A packet on its way.
+struct Tracer<'a, 'b, S> {
+    s: S,
+    accelerator: &'a Accelerator<'a>,
+    rays: &'b [Ray],
+    any: bool,
+    packet: &'b mut PacketRoom,
+    scratch: &'b mut crate::intersect::Scratch,
+    /// A bit for each ray that is still looked for.
+    alive: u64,
+    /// The instance at hand.
+    instance: u32,
+}
+
+impl<S: Simd> Tracer<'_, '_, S> {
+    #[inline(always)]
+    fn instances(&mut self) {
+        let accelerator = self.accelerator;
+        let top = &accelerator.top;
+        if let [_] = accelerator.instances[..] {
+            self.instance(0);
+            return;
+        }
+        let map = top.map();
+        let packet = &mut *self.packet;
+        let coherent = packet.top_beam.fill(
+            &packet.rays,
+            &map,
+            &packet.from,
+            &packet.until,
+            &mut packet.local,
+        );
+        if !coherent {
+            for lane in Bits(self.alive) {
+                self.alone(lane);
+            }
+            return;
+        }
+        packet.top_stack.clear();
+        packet.top_stack.push((0, f32::NEG_INFINITY));
+        while let Some((child, near)) = self.packet.top_stack.pop() {
+            let far = self.packet.top_beam.farthest(self.alive);
+            if near > far {
+                continue;
+            }
+            if child & IS_LEAF == 0 {
+                let beam = &self.packet.top_beam;
+                let (near, mask) = beam.slabs(top.node(child), far);
+                push(
+                    &mut self.packet.top_stack,
+                    &top.node(child).child,
+                    &near,
+                    mask,
+                );
+                continue;
+            }
+            for number in top.leaf((child & !IS_LEAF) as usize) {
+                self.instance(number);
+                if self.alive == 0 {
+                    return;
+                }
+            }
+            // What was found bounds the rest.
+            let packet = &mut *self.packet;
+            for lane in 0..RAYS {
+                packet.top_beam.shorten(lane, packet.until[lane]);
+            }
+        }
+    }
+
+    /// Follows a ray for itself.
+    #[inline(never)]
+    fn alone(&mut self, lane: usize) {
+        let range = self.packet.from[lane]..self.packet.until[lane];
+        let mut best = Nearest(None);
+        let rooms = (
+            &mut self.packet.top_stack_alone,
+            &mut self.packet.stack_alone,
+            &mut *self.scratch,
+        );
+        self.accelerator
+            .search::<Newton>(&self.rays[lane], range, rooms, &mut best);
+        self.alive &= !(1 << lane);
+        if let Some(candidate) = best.0 {
+            let place = None;
+            self.packet.found[lane] = Found { candidate, place };
+            self.packet.met |= 1 << lane;
+        }
+    }
+
+    #[inline(always)]
+    fn instance(&mut self, number: usize) {
+        let accelerator = self.accelerator;
+        let instance = &accelerator.instances[number];
+        let cluster = &accelerator.clusters[instance.cluster as usize];
+        self.instance = number as u32;
+        if cluster.tree.is_empty() {
+            return;
+        }
+        let packet = &mut *self.packet;
+        let map = cluster.tree.map() * instance.cluster_from_world;
+        let coherent = packet.beam.fill(
+            &packet.rays,
+            &map,
+            &packet.from,
+            &packet.until,
+            &mut packet.local,
+        );
+        if !coherent {
+            for lane in Bits(self.alive) {
+                self.alone(lane);
+            }
+            return;
+        }
+        let bounds = packet.beam.bounds();
+        packet.stack.clear();
+        packet.stack.push((0, f32::NEG_INFINITY));
+        let mut far = packet.beam.farthest(self.alive);
+        while let Some((child, near)) = self.packet.stack.pop() {
+            if near > far {
+                continue;
+            }
+            if child & IS_LEAF == 0 {
+                let node = cluster.tree.node(child);
+                let (near, mask) = self.packet.beam.slabs(node, far);
+                push(&mut self.packet.stack, &node.child, &near, mask);
+                continue;
+            }
+            self.block(cluster, (child & !IS_LEAF) as usize, &bounds, far);
+            if self.alive == 0 {
+                return;
+            }
+            far = self.packet.beam.farthest(self.alive);
+        }
+    }
+
+    #[inline(always)]
+    fn block(&mut self, cluster: &Cluster<'_>, number: usize, bounds: &BeamBounds, far: f32) {
+        let block = &cluster.blocks[number];
+        let mut found = [(0, 0.0); WIDTH];
+        let count = block.meet_beam(bounds, far, &mut found);
+        for &(slot, _) in &found[..count] {
+            self.cell(cluster, block.cells[slot as usize]);
+        }
+    }
+
+    /// Examines a cell, and parts of it for the rays for which it is not clear.
+    #[inline(always)]
+    fn cell(&mut self, cluster: &Cluster<'_>, cell: Cell) {
+        let mut waiting = [(cell, 0_u64, 0_u8); WAITING];
+        waiting[0] = (cell, self.alive, 0);
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let (cell, lanes, depth) = waiting[count];
+            let lanes = lanes & self.alive;
+            if lanes == 0 {
+                continue;
+            }
+            self.scratch.cells += u64::from(lanes.count_ones());
+            let (open, cut_v) = self.examine(cluster, &cell, lanes);
+            if open == 0 {
+                continue;
+            }
+            if depth == HALVINGS {
+                for lane in Bits(open) {
+                    self.subdivide(cluster, &cell, lane);
+                }
+                continue;
+            }
+            for half in cell.halves(usize::from(cut_v)) {
+                waiting[count] = (half, open, depth + 1);
+                count += 1;
+            }
+        }
+    }
+
+    /// What a cell says of the rays: roots are taken, and the rays for which it must be cut
+    /// come back, with the direction of the cut.
+    #[inline(always)]
+    fn examine(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) -> (u64, bool) {
+        let number = self.accelerator.instances[self.instance as usize].cluster;
+        let PacketRoom { models, beam, .. } = &mut *self.packet;
+        let model = models.of(number, cluster, cell);
+        let view = View::new(model, beam);
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let mut open = 0;
+        let mut met = Met::default();
+        for group in 0..RAYS / LANES {
+            let part = (lanes >> (group * LANES)) as u32 & 0xffff;
+            if part == 0 {
+                continue;
+            }
+            let verdict = meet(self.s, &view, beam, group, part, piece.is_rational);
+            open |= u64::from(verdict.open) << (group * LANES);
+            for k in Bits(u64::from(verdict.met)) {
+                met.push(group * LANES + k, verdict.x[k], verdict.y[k]);
+            }
+        }
+        let (middle, half, cut_v) = (model.middle, model.half, model.cut_v);
+        let mut start = 0;
+        while start < met.count {
+            self.finish(cluster, cell, &met, start, (middle, half));
+            start += WIDE_LANES;
+        }
+        (open, cut_v)
+    }
+
+    /// Finishes eight roots in double precision and takes those that count.
+    #[inline(always)]
+    fn finish(
+        &mut self,
+        cluster: &Cluster<'_>,
+        cell: &Cell,
+        met: &Met,
+        first: usize,
+        (middle, half): ([f64; 2], [f64; 2]),
+    ) {
+        let used = (met.count - first).min(WIDE_LANES);
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let mut lanes = [met.lanes[first]; WIDE_LANES];
+        let (mut u, mut v) = ([0.0; WIDE_LANES], [0.0; WIDE_LANES]);
+        for k in 0..WIDE_LANES {
+            let from = first + k.min(used - 1);
+            lanes[k] = met.lanes[from];
+            u[k] = middle[0] + half[0] * f64::from(met.x[from]);
+            v[k] = middle[1] + half[1] * f64::from(met.y[from]);
+        }
+        let beam = &self.packet.beam;
+        let (center, radius) = leaf::ball(piece, &cluster.tree);
+        let lines = Lines::of(beam, &lanes, center, radius);
+        let axes = [beam.across[0], beam.across[1], beam.main];
+        let wanted = (1_u32 << used) - 1;
+        let net = cluster.pieces.net(piece);
+        let roots = if piece.is_rational {
+            leaf::finish::<S, true>(self.s, &net, axes, &lines, (u, v), wanted)
+        } else {
+            leaf::finish::<S, false>(self.s, &net, axes, &lines, (u, v), wanted)
+        };
+        let offset = center[beam.main] * beam.sign;
+        let pace = radius * beam.sign;
+        for k in 0..used {
+            let lane = usize::from(lanes[k]);
+            if roots.found >> k & 1 == 0 {
+                self.subdivide(cluster, cell, lane);
+                continue;
+            }
+            const EDGE: f64 = 1e-12;
+            let inside = |x: f64| (-EDGE..=1.0 + EDGE).contains(&x);
+            if !(inside(roots.u[k]) && inside(roots.v[k])) {
+                continue;
+            }
+            let zeta = offset + pace * roots.point[axes[2]][k];
+            let t = self.packet.beam.time_at(lane, zeta);
+            if !(t >= self.packet.from[lane] && t < self.packet.until[lane]) {
+                continue;
+            }
+            let uv = DVec2::new(roots.u[k], roots.v[k]).clamp(DVec2::ZERO, DVec2::ONE);
+            if cell.is_trimmed && !keeps(cluster, piece, uv) {
+                continue;
+            }
+            let part = |x: &[[f64; WIDE_LANES]; 3]| DVec3::new(x[0][k], x[1][k], x[2][k]);
+            let place = [
+                piece.center + part(&roots.point) * piece.radius,
+                part(&roots.by_u) * (piece.radius / piece.u.1),
+                part(&roots.by_v) * (piece.radius / piece.v.1),
+            ];
+            let candidate = Candidate {
+                t,
+                instance: self.instance,
+                kind: CandidateKind::Surface {
+                    piece: cell.piece,
+                    u: uv.x,
+                    v: uv.y,
+                    tangential: false,
+                },
+            };
+            self.take(lane, candidate, Some(place));
+        }
+    }
+
+    /// Keeps a root that is nearer than what was known.
+    #[inline(always)]
+    fn take(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
+        let packet = &mut *self.packet;
+        packet.found[lane] = Found { candidate, place };
+        packet.met |= 1 << lane;
+        if self.any {
+            self.alive &= !(1 << lane);
+            return;
+        }
+        packet.until[lane] = candidate.t;
+        packet.beam.shorten(lane, candidate.t);
+    }
+
+    /// Leaves a ray and a cell to subdivision in double precision.
+    #[inline(never)]
+    fn subdivide(&mut self, cluster: &Cluster<'_>, cell: &Cell, lane: usize) {
+        let instance = &self.accelerator.instances[self.instance as usize];
+        let ray = self.rays[lane].transformed(&instance.cluster_from_world);
+        let ray = ClusterRay::new(&ray, cluster);
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let target = Target {
+            piece: cluster.pieces.net(piece),
+            line: ray.line(piece),
+            cell: cell.rect(),
+            start: [0.0; 2],
+            rows: [DVec3::ZERO; 3],
+            stray: f64::INFINITY,
+        };
+        Newton::roots(self.scratch, &target);
+        for k in 0..self.scratch.roots.len() {
+            let root = self.scratch.roots[k];
+            if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
+                continue;
+            }
+            let t = ray.time(&target, piece, &root);
+            if t >= self.packet.from[lane] && t < self.packet.until[lane] {
+                let candidate = Candidate {
+                    t,
+                    instance: self.instance,
+                    kind: CandidateKind::Surface {
+                        piece: cell.piece,
+                        u: root.u,
+                        v: root.v,
+                        tangential: root.tangential,
+                    },
+                };
+                self.take(lane, candidate, None);
+            }
+        }
+    }
+}
+
+/// Pushes the children that a beam may meet, the nearest on top.
+#[inline(always)]
+fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH], mask: u32) {
+    let first = stack.len();
+    for k in Bits(u64::from(mask)) {
+        let entry = (children[k], near[k]);
+        stack.push(entry);
+        let mut place = stack.len() - 1;
+        while place > first && stack[place - 1].1 < entry.1 {
+            stack[place] = stack[place - 1];
+            place -= 1;
+        }
+        stack[place] = entry;
+    }
+}
+
+/// Rays that met a cell, and where in its coordinates.
+struct Met {
+    count: usize,
+    lanes: [u8; RAYS],
+    x: [f32; RAYS],
+    y: [f32; RAYS],
+}
+
+impl Default for Met {
+    #[inline(always)]
+    fn default() -> Self {
+        Self {
+            count: 0,
+            lanes: [0; RAYS],
+            x: [0.0; RAYS],
+            y: [0.0; RAYS],
+        }
+    }
+}
+
+impl Met {
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
+    fn push(&mut self, lane: usize, x: f32, y: f32) {
+        self.lanes[self.count] = lane as u8;
+        self.x[self.count] = x;
+        self.y[self.count] = y;
+        self.count += 1;
+    }
+}
+
+/// [`leaf::meet`] for the degrees of a piece.
+#[inline(always)]
+fn meet<S: Simd>(
+    s: S,
+    view: &View<'_>,
+    beam: &Beam,
+    group: usize,
+    lanes: u32,
+    rational: bool,
+) -> Verdict {
+    if rational {
+        leaf::meet::<S, 4, 4, true>(s, view, beam, group, lanes)
+    } else {
+        leaf::meet::<S, 4, 4, false>(s, view, beam, group, lanes)
+    }
+}

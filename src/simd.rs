@@ -1,0 +1,309 @@
+//! Sixteen rays at a time, with the instructions of the processor at hand.
+//!
+//! Kernels are written once, for any [`Simd`]; [`Instructions::run`] compiles a task for each
+//! set of instructions and calls the one that was chosen at run time.
+
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use wide::{f32x4, f64x2};
+
+/// Numbers side by side in single precision.
+pub(crate) const LANES: usize = 16;
+
+/// Numbers side by side in double precision.
+pub(crate) const WIDE_LANES: usize = 8;
+
+/// A set of processor instructions that the program has kernels for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Instructions {
+    /// Sixteen numbers at once, and fused multiplication and addition.
+    Avx512,
+    /// Eight numbers at once, and fused multiplication and addition.
+    Avx2,
+    /// What every processor has.
+    Portable,
+}
+
+impl Instructions {
+    /// All sets, the widest first.
+    pub const ALL: [Self; 3] = [Self::Avx512, Self::Avx2, Self::Portable];
+
+    /// The widest set of this processor.
+    pub fn best() -> Self {
+        let available = Self::ALL.into_iter().find(|set| set.is_available());
+        available.unwrap_or(Self::Portable)
+    }
+
+    /// Whether this processor has the set.
+    pub fn is_available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => pulp::x86::V4::is_available(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => pulp::x86::V3::is_available(),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx512 | Self::Avx2 => false,
+            Self::Portable => true,
+        }
+    }
+
+    /// The name in statistics.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Avx512 => "AVX-512",
+            Self::Avx2 => "AVX2",
+            Self::Portable => "portable",
+        }
+    }
+
+    /// Runs a task with these instructions, or with the portable ones where they are missing.
+    #[inline(always)]
+    pub(crate) fn run<T: Task>(self, task: T) -> T::Output {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if self == Self::Avx512
+                && let Some(set) = pulp::x86::V4::try_new()
+            {
+                return set.vectorize(x86::Call(set, task));
+            }
+            if self == Self::Avx2
+                && let Some(set) = pulp::x86::V3::try_new()
+            {
+                return set.vectorize(x86::Call(set, task));
+            }
+        }
+        task.run(Portable)
+    }
+}
+
+/// Work that is compiled for each set of instructions. All that it calls must be inlined.
+pub(crate) trait Task {
+    type Output;
+
+    fn run<S: Simd>(self, s: S) -> Self::Output;
+}
+
+/// Arithmetic on lanes. Comparisons with what is not a number are false.
+pub(crate) trait Simd: Copy {
+    /// [`LANES`] numbers in single precision.
+    type F: Copy;
+    /// A yes or no for each.
+    type M: Copy;
+    /// [`WIDE_LANES`] numbers in double precision.
+    type D: Copy;
+
+    fn splat(self, x: f32) -> Self::F;
+    fn load(self, from: &[f32; LANES]) -> Self::F;
+    fn store(self, x: Self::F, to: &mut [f32; LANES]);
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a b + c`.
+    fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// `c - a b`.
+    fn fnma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// The lesser; `b` where one is not a number.
+    fn min(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The greater; `b` where one is not a number.
+    fn max(self, a: Self::F, b: Self::F) -> Self::F;
+    fn abs(self, a: Self::F) -> Self::F;
+    fn lt(self, a: Self::F, b: Self::F) -> Self::M;
+    fn le(self, a: Self::F, b: Self::F) -> Self::M;
+    /// One bit for each lane, the first lowest.
+    fn bits(self, mask: Self::M) -> u32;
+
+    fn splat_d(self, x: f64) -> Self::D;
+    fn load_d(self, from: &[f64; WIDE_LANES]) -> Self::D;
+    fn store_d(self, x: Self::D, to: &mut [f64; WIDE_LANES]);
+    fn sub_d(self, a: Self::D, b: Self::D) -> Self::D;
+    fn mul_d(self, a: Self::D, b: Self::D) -> Self::D;
+    fn div_d(self, a: Self::D, b: Self::D) -> Self::D;
+    /// `a b + c`.
+    fn fma_d(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D;
+    /// `c - a b`.
+    fn fnma_d(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D;
+    fn abs_d(self, a: Self::D) -> Self::D;
+    /// A bit for each lane in which `a < b`.
+    fn lt_d(self, a: Self::D, b: Self::D) -> u32;
+}
+
+/// What every processor of its kind has, four numbers at a time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Portable;
+
+/// Applies an operation to the parts of its arguments, one by one.
+macro_rules! parts {
+    ($a:ident => $e:expr) => {{
+        let $a = $a;
+        [
+            {
+                let $a = $a[0];
+                $e
+            },
+            {
+                let $a = $a[1];
+                $e
+            },
+            {
+                let $a = $a[2];
+                $e
+            },
+            {
+                let $a = $a[3];
+                $e
+            },
+        ]
+    }};
+    ($a:ident, $b:ident => $e:expr) => {
+        [
+            {
+                let ($a, $b) = ($a[0], $b[0]);
+                $e
+            },
+            {
+                let ($a, $b) = ($a[1], $b[1]);
+                $e
+            },
+            {
+                let ($a, $b) = ($a[2], $b[2]);
+                $e
+            },
+            {
+                let ($a, $b) = ($a[3], $b[3]);
+                $e
+            },
+        ]
+    };
+    ($a:ident, $b:ident, $c:ident => $e:expr) => {
+        [
+            {
+                let ($a, $b, $c) = ($a[0], $b[0], $c[0]);
+                $e
+            },
+            {
+                let ($a, $b, $c) = ($a[1], $b[1], $c[1]);
+                $e
+            },
+            {
+                let ($a, $b, $c) = ($a[2], $b[2], $c[2]);
+                $e
+            },
+            {
+                let ($a, $b, $c) = ($a[3], $b[3], $c[3]);
+                $e
+            },
+        ]
+    };
+}
+
+impl Simd for Portable {
+    type F = [f32x4; 4];
+    type M = [f32x4; 4];
+    type D = [f64x2; 4];
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> Self::F {
+        [f32x4::splat(x); 4]
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32; LANES]) -> Self::F {
+        pulp::cast(*from)
+    }
+    #[inline(always)]
+    fn store(self, x: Self::F, to: &mut [f32; LANES]) {
+        *to = pulp::cast(x);
+    }
+    #[inline(always)]
+    fn add(self, a: Self::F, b: Self::F) -> Self::F {
+        parts!(a, b => a + b)
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
+        parts!(a, b => a - b)
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
+        parts!(a, b => a * b)
+    }
+    #[inline(always)]
+    fn div(self, a: Self::F, b: Self::F) -> Self::F {
+        parts!(a, b => a / b)
+    }
+    #[inline(always)]
+    fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
+        parts!(a, b, c => a * b + c)
+    }
+    #[inline(always)]
+    fn fnma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
+        parts!(a, b, c => c - a * b)
+    }
+    #[inline(always)]
+    fn min(self, a: Self::F, b: Self::F) -> Self::F {
+        parts!(a, b => a.fast_min(b))
+    }
+    #[inline(always)]
+    fn max(self, a: Self::F, b: Self::F) -> Self::F {
+        parts!(a, b => a.fast_max(b))
+    }
+    #[inline(always)]
+    fn abs(self, a: Self::F) -> Self::F {
+        parts!(a => a.abs())
+    }
+    #[inline(always)]
+    fn lt(self, a: Self::F, b: Self::F) -> Self::M {
+        parts!(a, b => a.simd_lt(b))
+    }
+    #[inline(always)]
+    fn le(self, a: Self::F, b: Self::F) -> Self::M {
+        parts!(a, b => a.simd_le(b))
+    }
+    #[inline(always)]
+    fn bits(self, mask: Self::M) -> u32 {
+        let [a, b, c, d] = parts!(mask => mask.to_bitmask());
+        a | b << 4 | c << 8 | d << 12
+    }
+
+    #[inline(always)]
+    fn splat_d(self, x: f64) -> Self::D {
+        [f64x2::splat(x); 4]
+    }
+    #[inline(always)]
+    fn load_d(self, from: &[f64; WIDE_LANES]) -> Self::D {
+        pulp::cast(*from)
+    }
+    #[inline(always)]
+    fn store_d(self, x: Self::D, to: &mut [f64; WIDE_LANES]) {
+        *to = pulp::cast(x);
+    }
+    #[inline(always)]
+    fn sub_d(self, a: Self::D, b: Self::D) -> Self::D {
+        parts!(a, b => a - b)
+    }
+    #[inline(always)]
+    fn mul_d(self, a: Self::D, b: Self::D) -> Self::D {
+        parts!(a, b => a * b)
+    }
+    #[inline(always)]
+    fn div_d(self, a: Self::D, b: Self::D) -> Self::D {
+        parts!(a, b => a / b)
+    }
+    #[inline(always)]
+    fn fma_d(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D {
+        parts!(a, b, c => a * b + c)
+    }
+    #[inline(always)]
+    fn fnma_d(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D {
+        parts!(a, b, c => c - a * b)
+    }
+    #[inline(always)]
+    fn abs_d(self, a: Self::D) -> Self::D {
+        parts!(a => a.abs())
+    }
+    #[inline(always)]
+    fn lt_d(self, a: Self::D, b: Self::D) -> u32 {
+        let [a, b, c, d] = parts!(a, b => a.simd_lt(b).to_bitmask());
+        a | b << 2 | c << 4 | d << 6
+    }
+}
