@@ -16,6 +16,9 @@ const SINGULAR: f64 = 1e-8;
 /// Below this multiple of what its terms can be, a first derivative is mostly rounding.
 const ROUNDING: f64 = 1e4 * f64::EPSILON;
 
+/// Above this square of the sine, and of the ratio of lengths, nothing is singular.
+const PLAIN: f64 = 1e-8;
+
 /// How many times its error bound a coefficient of the normal must exceed: six digits, and
 /// where nothing has them, two.
 const CERTAINTY: [f64; 2] = [1e6, 1e2];
@@ -24,7 +27,27 @@ const CERTAINTY: [f64; 2] = [1e6, 1e2];
 /// one of them vanishes.
 ///
 /// `sizes` are bounds of the terms that the derivatives are the sums of.
+#[inline]
 pub fn regular([du, dv]: [DVec3; 2], sizes: [f64; 2]) -> Option<DVec3> {
+    let (square_u, square_v) = (du.length_squared(), dv.length_squared());
+    let normal = du.cross(dv);
+    let square = normal.length_squared();
+    let above = |square: f64, size: f64| square > (ROUNDING * size) * (ROUNDING * size);
+    // Far from all that is singular one root is enough.
+    if square > PLAIN * square_u * square_v
+        && square_u.min(square_v) > PLAIN * square_u.max(square_v)
+        && square.is_normal()
+        && above(square_u, sizes[0])
+        && above(square_v, sizes[1])
+    {
+        return Some(normal / square.sqrt());
+    }
+    irregular([du, dv], sizes)
+}
+
+/// [`regular`] for derivatives that are nearly singular, very long or very short.
+#[cold]
+fn irregular([du, dv]: [DVec3; 2], sizes: [f64; 2]) -> Option<DVec3> {
     let (length_u, length_v) = (du.length(), dv.length());
     if length_u <= ROUNDING * sizes[0] || length_v <= ROUNDING * sizes[1] {
         return None;

@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::beam::BeamBounds;
+use super::beam::{Beam, BeamBounds};
 use super::cells::{Cell, NewCell};
+use super::leaf::View;
 use super::tree::{LocalRay, Tree, WIDTH};
 
 /// Rounding errors of positions in a tree of size one.
@@ -203,6 +204,25 @@ impl Block {
             count += 1;
         }
         count
+    }
+
+    /// A cell as a beam sees it, but for what only its pieces know.
+    #[inline(always)]
+    pub(super) fn view(&self, slot: usize, beam: &Beam) -> View {
+        let (mut center, mut rows, mut stray) = ([0.0; 3], [[0.0; 3]; 3], [0.0; 4]);
+        for axis in 0..3 {
+            center[axis] = f64::from(self.center[axis][slot]);
+            for r in 0..3 {
+                rows[r][axis] = self.rows[r][axis][slot];
+            }
+        }
+        for r in 0..4 {
+            stray[r] = self.stray[r][slot];
+        }
+        // The center, too, is rounded.
+        let size = |row: &[f32; 3]| row[0].abs() + row[1].abs() + row[2].abs();
+        let blur = size(&rows[0]).max(size(&rows[1])).max(size(&rows[2])) * f32::EPSILON;
+        View::new(center, rows, stray, blur, beam)
     }
 
     /// As [`Self::lane`] for all rays of a beam: what may be different from ray to ray is kept

@@ -13,6 +13,12 @@ use crate::intersect::net::Degrees;
 /// Halvings of a piece at most; what is then still uneven is divided while rays are traced.
 const HALVINGS: u8 = 6;
 
+static H: std::sync::LazyLock<u8> = std::sync::LazyLock::new(|| {
+    std::env::var("NB_H")
+        .ok()
+        .and_then(|s| s.parse().ok())
+        .unwrap_or(HALVINGS)
+});
 /// Further halvings of cells through which a trim loop passes: two along each direction.
 const TRIM_HALVINGS: u8 = 4;
 
@@ -175,7 +181,7 @@ impl Pieces {
             v: piece.v(),
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
-        divider.divide(cell, HALVINGS, trims, cells);
+        divider.divide(cell, *H, trims, cells);
     }
 
     /// The net of a piece.

@@ -4,7 +4,7 @@
 //! coordinates that invert the matrix of `a`, `b` and a normal, what is not linear is small
 //! once the part is, and sums of its coefficients bound values and derivatives.
 
-use glam::{DMat3, DVec3, DVec4};
+use glam::{DVec3, DVec4};
 use kernel::MAX_DEGREE;
 
 use crate::intersect::net::Degrees;
@@ -12,6 +12,9 @@ use crate::intersect::{PieceNet, Rect};
 
 /// Powers that are kept along one direction.
 pub(super) const ORDER: usize = 4;
+
+/// Terms that are kept.
+pub(super) const TERMS: usize = ORDER * ORDER;
 
 /// Bounds hold for `x` and `y` up to this size, so that a root next to a cell can be told
 /// from one in it.
@@ -31,7 +34,7 @@ pub(super) struct Expansion {
     pub(super) rows: [DVec3; 3],
     /// Coefficients of `x^i y^j` at `i * ORDER + j`: the three coordinates of the frame times
     /// the weight, and the weight, which is one in the middle.
-    pub(super) terms: [[f64; 4]; ORDER * ORDER],
+    pub(super) terms: [[f64; 4]; TERMS],
     /// For each of the four: bounds the sum of both derivatives of what is not linear, for `x`
     /// and `y` up to [`WIDE`].
     pub(super) stray: [f64; 4],
@@ -72,7 +75,7 @@ impl Expansion {
     #[inline(always)]
     fn with_room<const N: usize>(net: &[[f64; 4]], degrees: Degrees, rect: &Rect) -> Self {
         let Degrees { p, q } = degrees;
-        let (along_u, along_v) = (powers::<N>(rect.u, p), powers::<N>(rect.v, q));
+        let (along_u, along_v) = (along::<N>(rect.u, p), along::<N>(rect.v, q));
         let mut terms = [[[0.0; 4]; N]; N];
         for i in 0..=p {
             let mut line = [[0.0; 4]; N];
@@ -92,76 +95,55 @@ impl Expansion {
                 }
             }
         }
-        Self::from_terms(degrees, &terms)
-    }
-
-    /// Frame and bounds from the coefficients of the homogeneous piece.
-    #[inline(always)]
-    fn from_terms<const N: usize>(degrees: Degrees, terms: &[[[f64; 4]; N]; N]) -> Self {
-        let middle = DVec4::from_array(terms[0][0]);
-        let inverse_weight = middle.w.recip();
-        let center = middle.truncate() * inverse_weight;
-        let (a, b) = (
-            relative(terms[1][0], center, inverse_weight).truncate(),
-            relative(terms[0][1], center, inverse_weight).truncate(),
-        );
-        let (length_a, length_b) = (a.length(), b.length());
-        let normal = a.cross(b);
-        let area = normal.length();
-        let mut expansion = Self {
-            center,
-            rows: [DVec3::ZERO; 3],
-            terms: [[0.0; 4]; ORDER * ORDER],
-            stray: [f64::INFINITY; 4],
-            dropped: [0.0; 4],
-            half_size: DVec3::ZERO,
-            cut_v: length_b > length_a,
-        };
-        // Not a number, too, is degenerate.
-        let regular = area > DEGENERATE * length_a * length_b;
-        if regular {
-            let normal = normal * (0.5 * (length_a + length_b) / area);
-            let inverse = DMat3::from_cols(a, b, normal).inverse().transpose();
-            // The rows are kept in single precision; the bounds hold for what is kept.
-            expansion.rows = [
-                inverse.x_axis.as_vec3().as_dvec3(),
-                inverse.y_axis.as_vec3().as_dvec3(),
-                inverse.z_axis.as_vec3().as_dvec3(),
-            ];
-        }
-        let rows = expansion.rows;
-        let mut sums = Sums::default();
-        let mut half_size = DVec3::ZERO;
-        for k in 0..=degrees.p {
-            for l in 0..=degrees.q {
-                let h = relative(terms[k][l], center, inverse_weight);
-                let x = h.truncate();
-                let own = [rows[0].dot(x), rows[1].dot(x), rows[2].dot(x), h.w];
-                if k < ORDER && l < ORDER {
-                    expansion.terms[k * ORDER + l] = own;
-                } else {
-                    for (sum, value) in expansion.dropped.iter_mut().zip(own) {
-                        *sum += value.abs();
-                    }
-                }
-                if k + l > 0 {
-                    sums.add(k, l, own);
-                    half_size += x.abs();
+        let mut low = [[0.0; 4]; TERMS];
+        for k in 0..ORDER {
+            for l in 0..ORDER {
+                if k < N && l < N {
+                    low[k * ORDER + l] = terms[k][l];
                 }
             }
         }
+        let frame = Frame::of(&low);
+        let mut sums = Sums::default();
+        let mut own = [[0.0; 4]; TERMS];
+        sums.add_low(&frame, &low, &mut own);
+        let mut dropped = [0.0; 4];
+        if N > ORDER {
+            for k in 0..=p {
+                for l in 0..=q {
+                    if k >= ORDER || l >= ORDER {
+                        sums.add_high(&frame, &terms[k][l], [k, l], &mut dropped);
+                    }
+                }
+            }
+        }
+        Self::from_sums(&frame, &sums, own, dropped)
+    }
+
+    /// Frame and bounds from the sums over all terms.
+    #[inline(always)]
+    fn from_sums(frame: &Frame, sums: &Sums, terms: [[f64; 4]; TERMS], dropped: [f64; 4]) -> Self {
         let least = 1.0 - sums.weight;
         let bounded = least >= LEAST_WEIGHT;
-        expansion.half_size = if bounded {
-            half_size / least
-        } else {
-            DVec3::INFINITY
-        };
-        if regular && bounded {
-            expansion.stray = sums.stray;
-            expansion.cut_v = sums.excess_after(1) < sums.excess_after(0);
+        let sure = frame.is_regular && bounded;
+        let [a, b] = frame.lengths;
+        Self {
+            center: frame.center,
+            rows: frame.rows,
+            terms,
+            stray: if sure { sums.stray } else { [f64::INFINITY; 4] },
+            dropped,
+            half_size: if bounded {
+                DVec3::from_array(sums.half_size) / least
+            } else {
+                DVec3::INFINITY
+            },
+            cut_v: if sure {
+                excess(&sums.cut[1]) < excess(&sums.cut[0])
+            } else {
+                b > a
+            },
         }
-        expansion
     }
 
     /// How much too uneven the part is, one for what is just right.
@@ -171,11 +153,50 @@ impl Expansion {
     }
 }
 
-/// A homogeneous term as seen from the center, in units of the weight there.
-#[inline(always)]
-fn relative(term: [f64; 4], center: DVec3, inverse_weight: f64) -> DVec4 {
-    let h = DVec4::from_array(term) * inverse_weight;
-    (h.truncate() - center * h.w).extend(h.w)
+/// Middle and axes of a part.
+struct Frame {
+    center: DVec3,
+    inverse_weight: f64,
+    rows: [DVec3; 3],
+    lengths: [f64; 2],
+    is_regular: bool,
+}
+
+impl Frame {
+    #[inline(always)]
+    fn of(terms: &[[f64; 4]; TERMS]) -> Self {
+        let middle = DVec4::from_array(terms[0]);
+        let inverse_weight = middle.w.recip();
+        let center = middle.truncate() * inverse_weight;
+        let along = |term: &[f64; 4]| {
+            let h = DVec4::from_array(*term) * inverse_weight;
+            h.truncate() - center * h.w
+        };
+        let (a, b) = (along(&terms[ORDER]), along(&terms[1]));
+        let lengths = [a.length(), b.length()];
+        let normal = a.cross(b);
+        let area = normal.length();
+        // Not a number, too, is degenerate.
+        let is_regular = area > DEGENERATE * lengths[0] * lengths[1];
+        let mut rows = [DVec3::ZERO; 3];
+        if is_regular {
+            // The inverse of the matrix of `a`, `b` and a normal half as long as both.
+            let n = normal / area;
+            let length = 0.5 * (lengths[0] + lengths[1]);
+            let inverse = area.recip();
+            // They are kept in single precision; the bounds hold for what is kept.
+            rows[0] = (b.cross(n) * inverse).as_vec3().as_dvec3();
+            rows[1] = (n.cross(a) * inverse).as_vec3().as_dvec3();
+            rows[2] = (n / length).as_vec3().as_dvec3();
+        }
+        Self {
+            center,
+            inverse_weight,
+            rows,
+            lengths,
+            is_regular,
+        }
+    }
 }
 
 /// A cell is divided while its derivatives stray from those in its middle by more than this,
@@ -198,37 +219,119 @@ struct Sums {
     /// After a cut along u and along v.
     cut: [[f64; 4]; 2],
     weight: f64,
+    half_size: [f64; 3],
 }
 
+/// How much a term counts in derivatives, and in these after a cut along u or v.
+struct Counts {
+    derivative: [f64; TERMS],
+    cut: [[f64; TERMS]; 2],
+}
+
+/// Growth of the rows by a cut along u and along v: a row grows to the double when the
+/// derivative that it inverts is halved; the normal is as long as both on average.
+const GROWTH: [[f64; 4]; 2] = [[2.0, 1.0, 4.0 / 3.0, 1.0], [1.0, 2.0, 4.0 / 3.0, 1.0]];
+
+/// What is lost of the linear terms, of which the derivatives are expected, by rounding.
+const LINEAR: f64 = f32::EPSILON as f64;
+
+/// [`Counts`] of the terms that are kept. The linear ones are left out.
+const COUNTS: Counts = {
+    let mut counts = Counts {
+        derivative: [0.0; TERMS],
+        cut: [[0.0; TERMS]; 2],
+    };
+    let (half, wide) = (powers_of::<ORDER>(0.5), powers_of::<{ 2 * ORDER }>(WIDE));
+    let mut t = 1;
+    while t < TERMS {
+        let (k, l) = (t / ORDER, t % ORDER);
+        if k + l > 1 {
+            let count = (k + l) as f64 * wide[k + l - 1];
+            counts.derivative[t] = count;
+            counts.cut[0][t] = count * half[k];
+            counts.cut[1][t] = count * half[l];
+        }
+        t += 1;
+    }
+    counts
+};
+
 impl Sums {
+    /// Adds the terms that are kept; `own` takes them in the frame.
     #[inline(always)]
-    fn add(&mut self, k: usize, l: usize, own: [f64; 4]) {
-        const HALF: [f64; MAX_DEGREE + 1] = powers_of(0.5);
-        const WIDE: [f64; 2 * MAX_DEGREE + 1] = powers_of(super::expansion::WIDE);
-        let mut own = [own[0].abs(), own[1].abs(), own[2].abs(), own[3].abs()];
-        self.weight += own[3];
-        if k + l == 1 {
-            // The expected derivative, but for rounding, is one or nothing.
-            own = [0.0, 0.0, 0.0, own[3]];
-            self.stray[0] += f64::from(f32::EPSILON);
-            self.stray[1] += f64::from(f32::EPSILON);
-            self.stray[2] += f64::from(f32::EPSILON);
+    fn add_low(&mut self, frame: &Frame, terms: &[[f64; 4]; TERMS], own: &mut [[f64; 4]; TERMS]) {
+        let [cx, cy, cz] = frame.center.to_array();
+        let center = [cx, cy, cz, 0.0];
+        let mut columns = [[0.0; 4]; 4];
+        columns[3][3] = 1.0;
+        for axis in 0..3 {
+            for r in 0..3 {
+                columns[axis][r] = frame.rows[r][axis];
+            }
         }
-        let order = (k + l) as f64 * WIDE[k + l - 1];
+        // Values, derivatives and both cuts, each for the four coordinates.
+        let mut sums = [[0.0; 4]; 4];
+        for t in 0..TERMS {
+            let weight = terms[t][3] * frame.inverse_weight;
+            let mut relative = [0.0; 4];
+            for r in 0..4 {
+                relative[r] = terms[t][r] * frame.inverse_weight - center[r] * weight;
+            }
+            for r in 0..4 {
+                own[t][r] = columns[0][r] * relative[0]
+                    + columns[1][r] * relative[1]
+                    + columns[2][r] * relative[2]
+                    + columns[3][r] * relative[3];
+            }
+            if t > 0 {
+                for r in 0..4 {
+                    sums[0][r] += relative[r].abs();
+                }
+            }
+            for r in 0..4 {
+                let size = own[t][r].abs();
+                sums[1][r] += size * COUNTS.derivative[t];
+                sums[2][r] += size * COUNTS.cut[0][t];
+                sums[3][r] += size * COUNTS.cut[1][t];
+            }
+        }
+        let [x, y, z, weight] = sums[0];
+        self.half_size = [x, y, z];
+        self.weight = weight;
         for r in 0..4 {
-            let value = own[r] * order;
-            self.stray[r] += value;
-            // A row grows to the double when the derivative that it inverts is halved; the
-            // normal is as long as both on average.
-            const SCALE: [[f64; 4]; 2] = [[2.0, 1.0, 4.0 / 3.0, 1.0], [1.0, 2.0, 4.0 / 3.0, 1.0]];
-            self.cut[0][r] += value * HALF[k] * SCALE[0][r];
-            self.cut[1][r] += value * HALF[l] * SCALE[1][r];
+            self.stray[r] = sums[1][r] + LINEAR;
+            self.cut[0][r] = sums[2][r] * GROWTH[0][r];
+            self.cut[1][r] = sums[3][r] * GROWTH[1][r];
         }
+        // The derivatives of the weight are not expected.
+        self.stray[3] += own[1][3].abs() + own[ORDER][3].abs();
     }
 
-    #[inline(always)]
-    fn excess_after(&self, axis: usize) -> f64 {
-        excess(&self.cut[axis])
+    /// Adds a term of powers `k` and `l` that is not kept.
+    fn add_high(
+        &mut self,
+        frame: &Frame,
+        term: &[f64; 4],
+        [k, l]: [usize; 2],
+        dropped: &mut [f64; 4],
+    ) {
+        const HALF: [f64; MAX_DEGREE + 1] = powers_of(0.5);
+        const POWERS: [f64; 2 * MAX_DEGREE + 1] = powers_of(WIDE);
+        let h = DVec4::from_array(*term) * frame.inverse_weight;
+        let x = h.truncate() - frame.center * h.w;
+        let rows = &frame.rows;
+        let own = [rows[0].dot(x), rows[1].dot(x), rows[2].dot(x), h.w].map(f64::abs);
+        for axis in 0..3 {
+            self.half_size[axis] += x[axis].abs();
+        }
+        self.weight += own[3];
+        for r in 0..4 {
+            let count = own[r] * (k + l) as f64 * POWERS[k + l - 1];
+            dropped[r] += own[r] * POWERS[k + l];
+            self.stray[r] += count;
+            self.cut[0][r] += count * HALF[k] * GROWTH[0][r];
+            self.cut[1][r] += count * HALF[l] * GROWTH[1][r];
+        }
     }
 }
 
@@ -240,6 +343,43 @@ const fn powers_of<const N: usize>(base: f64) -> [f64; N] {
         k += 1;
     }
     powers
+}
+
+/// [`powers`], quickly for cubics.
+#[inline(always)]
+fn along<const N: usize>(interval: (f64, f64), degree: usize) -> [[f64; N]; N] {
+    if N != ORDER || degree != 3 {
+        return powers(interval, degree);
+    }
+    let (m, h) = (
+        f64::midpoint(interval.0, interval.1),
+        (interval.1 - interval.0) * 0.5,
+    );
+    let a = 1.0 - m;
+    let (a2, m2, h2) = (a * a, m * m, h * h);
+    let cubic = [
+        [a2 * a, -3.0 * a2 * h, 3.0 * a * h2, -h2 * h],
+        [
+            3.0 * m * a2,
+            3.0 * h * (a2 - 2.0 * m * a),
+            3.0 * h2 * (m - 2.0 * a),
+            3.0 * h2 * h,
+        ],
+        [
+            3.0 * m2 * a,
+            3.0 * h * (2.0 * m * a - m2),
+            3.0 * h2 * (a - 2.0 * m),
+            -3.0 * h2 * h,
+        ],
+        [m2 * m, 3.0 * m2 * h, 3.0 * m * h2, h2 * h],
+    ];
+    let mut rows = [[0.0; N]; N];
+    for i in 0..ORDER.min(N) {
+        for k in 0..ORDER.min(N) {
+            rows[i][k] = cubic[i][k];
+        }
+    }
+    rows
 }
 
 /// The Bernstein polynomials of a degree below `N` on an interval, as polynomials of a

@@ -31,8 +31,9 @@ const MARGIN: f32 = 1e-4;
 const STEPS: usize = 5;
 
 /// A cell as the rays of a beam see it: axes in the order of the beam, signs along its way.
-pub(super) struct View<'a> {
-    model: &'a Model,
+pub(super) struct View {
+    stray: [f32; 4],
+    dropped: f32,
     /// Middle of the cell along the beam, and the beam's middle there relative to it.
     zeta: f32,
     way: f32,
@@ -45,35 +46,56 @@ pub(super) struct View<'a> {
     sizes: [f32; 3],
 }
 
-impl<'a> View<'a> {
+impl View {
+    #[inline(always)]
+    pub(super) fn of_model(model: &Model, beam: &Beam) -> Self {
+        Self::new(
+            model.center.to_array(),
+            model.rows,
+            model.stray,
+            model.dropped,
+            beam,
+        )
+    }
+
+    /// As seen by a beam: the frame of a cell.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "differences are formed before; errors are allowed for"
     )]
-    pub(super) fn new(model: &'a Model, beam: &Beam) -> Self {
+    pub(super) fn new(
+        center: [f64; 3],
+        rows: [[f32; 3]; 3],
+        stray: [f32; 4],
+        dropped: f32,
+        beam: &Beam,
+    ) -> Self {
         let [i, j] = beam.across;
-        let zeta = model.center[beam.main] * beam.sign;
+        let zeta = center[beam.main] * beam.sign;
         let way = zeta - beam.start;
-        let place = [(0, i), (1, j)].map(|(axis, side)| {
+        let (mut place, mut slope) = ([0.0; 2], [0.0; 2]);
+        for (axis, side) in [(0, i), (1, j)] {
             let at = beam.middle_origin[axis] + beam.middle_slope[axis] * way;
-            (at - model.center[side]) as f32
-        });
+            place[axis] = (at - center[side]) as f32;
+            slope[axis] = beam.middle_slope[axis] as f32;
+        }
         let sign = beam.sign as f32;
-        let rows = model
-            .rows
-            .map(|row| [row[i], row[j], row[beam.main] * sign]);
-        let slope = beam.middle_slope.map(|x| x as f32);
-        let sizes = rows.map(|row| row[0].abs() + row[1].abs());
-        let size = |r: usize| 4.0 * sizes[r] + rows[r][2].abs();
+        let (mut own, mut sizes, mut direction_size) = ([[0.0; 3]; 3], [0.0; 3], 0.0_f32);
+        for r in 0..3 {
+            own[r] = [rows[r][i], rows[r][j], rows[r][beam.main] * sign];
+            sizes[r] = own[r][0].abs() + own[r][1].abs();
+            direction_size = direction_size.max(4.0 * sizes[r] + own[r][2].abs());
+        }
         Self {
-            model,
+            stray,
+            dropped,
             zeta: zeta as f32,
             way: way as f32,
             place,
             slope,
-            rows,
-            direction_size: size(0).max(size(1)).max(size(2)),
+            rows: own,
+            direction_size,
             sizes,
         }
     }
@@ -160,16 +182,35 @@ fn clamp<S: Simd>(s: S, x: S::F, limit: S::F) -> S::F {
     s.max(s.min(x, limit), s.sub(s.splat(0.0), limit))
 }
 
-/// Tests rays `16 group ..` of the beam whose bits are set in `lanes` against a cell.
+/// How sixteen rays come to a cell.
+struct Approach<F> {
+    /// A bit for each that certainly misses it.
+    beside: u32,
+    /// Where the tangent plane is met, in the cell's coordinates, and the tilt against it.
+    place: [F; 2],
+    tilt: [F; 2],
+    /// How far the cell strays from its frame as seen along the ray, and what is uncertain.
+    stray: F,
+    error: F,
+}
+
+/// Whether one of the rays `16 group ..` of the beam may meet a cell: a bit for each.
 #[inline(always)]
-pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+pub(super) fn pass<S: Simd>(s: S, view: &View, beam: &Beam, group: usize, rational: bool) -> u32 {
+    if rational {
+        !approach::<S, true>(s, view, beam, group).beside
+    } else {
+        !approach::<S, false>(s, view, beam, group).beside
+    }
+}
+
+#[inline(always)]
+fn approach<S: Simd, const RATIONAL: bool>(
     s: S,
-    view: &View<'_>,
+    view: &View,
     beam: &Beam,
     group: usize,
-    lanes: u32,
-) -> Verdict {
-    let model = view.model;
+) -> Approach<S::F> {
     let [row1, row2, row3] = view.rows;
     let way = s.splat(view.way);
     let turn = [load(s, &beam.turn[0], group), load(s, &beam.turn[1], group)];
@@ -198,14 +239,14 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
         s.splat(view.sizes[0] + view.sizes[1]),
         s.splat(1.0),
     );
-    let [k1, k2, k3, k4] = model.stray;
+    let [k1, k2, k3, k4] = view.stray;
     let (k1, k2, k3, k4) = (s.splat(k1), s.splat(k2), s.splat(k3), s.splat(k4));
     let tilt = s.max(size1, size2);
     let rounding = s.mul(
         s.splat(ROUNDING),
         s.fma(s.mul(s.add(s.splat(1.0), tilt), depth), blur, width),
     );
-    let dropped = s.mul(s.splat(model.dropped), s.add(s.splat(1.0), tilt));
+    let dropped = s.mul(s.splat(view.dropped), s.add(s.splat(1.0), tilt));
     let error = if RATIONAL {
         s.fma(
             dropped,
@@ -230,15 +271,15 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
     let stray = s.max(stray1, stray2);
     // Where the cell is met along the beam, at the least and at the most.
     let height = if RATIONAL {
-        let room = 1.0 - model.stray[3];
+        let room = 1.0 - view.stray[3];
         let room = if room > 0.0 {
             room.recip()
         } else {
             f32::INFINITY
         };
-        0.5 * model.stray[2] * room
+        0.5 * view.stray[2] * room
     } else {
-        0.5 * model.stray[2]
+        0.5 * view.stray[2]
     };
     let time = s.fnma(p3, inverse, s.splat(view.zeta));
     let spread = s.fma(
@@ -251,6 +292,32 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
         | s.bits(s.lt(reach2, s.abs(y0)))
         | s.bits(s.lt(load(s, &beam.far, group), s.sub(time, spread)))
         | s.bits(s.lt(s.add(time, spread), load(s, &beam.near, group)));
+    Approach {
+        beside,
+        place: [x0, y0],
+        tilt: [g1, g2],
+        stray,
+        error,
+    }
+}
+
+/// Tests rays `16 group ..` of the beam whose bits are set in `lanes` against a cell.
+#[inline(always)]
+pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    model: &Model,
+    view: &View,
+    beam: &Beam,
+    group: usize,
+    lanes: u32,
+) -> Verdict {
+    let Approach {
+        beside,
+        place: [x0, y0],
+        tilt: [g1, g2],
+        stray,
+        error,
+    } = approach::<S, RATIONAL>(s, view, beam, group);
     let lanes = lanes & !beside;
     let sure = s.bits(s.lt(stray, s.splat(SURE))) & s.bits(s.lt(error, s.splat(BLURRED)));
     let mut verdict = Verdict {

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Cluster;
 use super::cells::Cell;
-use super::expansion::{Expansion, ORDER};
+use super::expansion::{Expansion, TERMS};
 
 /// Cells that a thread keeps; a power of two.
 const KEPT: usize = 2048;
@@ -18,7 +18,7 @@ const GROWTH: f64 = 1.0 + 1e-5;
 #[repr(align(64))]
 pub(super) struct Model {
     /// See [`Expansion::terms`].
-    pub(super) terms: [[f32; 4]; ORDER * ORDER],
+    pub(super) terms: [[f32; 4]; TERMS],
     pub(super) rows: [[f32; 3]; 3],
     /// See [`Expansion::stray`]; infinite where there is no frame.
     pub(super) stray: [f32; 4],
@@ -29,14 +29,12 @@ pub(super) struct Model {
     pub(super) middle: [f64; 2],
     pub(super) half: [f64; 2],
     pub(super) cut_v: bool,
-    cluster: u32,
-    key: u64,
 }
 
 impl Model {
     /// An entry that no cell has.
     const NONE: Self = Self {
-        terms: [[0.0; 4]; ORDER * ORDER],
+        terms: [[0.0; 4]; TERMS],
         rows: [[0.0; 3]; 3],
         stray: [f32::INFINITY; 4],
         dropped: 0.0,
@@ -44,8 +42,6 @@ impl Model {
         middle: [0.0; 2],
         half: [0.0; 2],
         cut_v: false,
-        cluster: u32::MAX,
-        key: u64::MAX,
     };
 
     #[inline(always)]
@@ -69,9 +65,9 @@ impl Model {
                 self.rows[r] = (local.rows[r] / size).as_vec3().to_array();
             }
         }
-        for (to, from) in self.terms.iter_mut().zip(&local.terms) {
+        for t in 0..TERMS {
             for r in 0..4 {
-                to[r] = from[r] as f32;
+                self.terms[t][r] = local.terms[t][r] as f32;
             }
         }
         for (k, (start, end)) in [rect.u, rect.v].into_iter().enumerate() {
@@ -84,23 +80,28 @@ impl Model {
 
 /// The cells at hand, each at a place that follows from its number.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Models(Vec<Model>);
+pub(super) struct Models {
+    models: Vec<Model>,
+    /// Cluster and cell of each.
+    tags: Vec<(u32, u64)>,
+}
 
 impl Models {
     /// The model of a cell of cluster number `number`.
     #[inline(always)]
     pub(super) fn of(&mut self, number: u32, cluster: &Cluster<'_>, cell: &Cell) -> &Model {
-        if self.0.is_empty() {
-            self.0.resize(KEPT, Model::NONE);
+        if self.models.is_empty() {
+            self.models.resize(KEPT, Model::NONE);
+            self.tags.resize(KEPT, (u32::MAX, u64::MAX));
         }
-        let key = cell.key();
+        let tag = (number, cell.key());
         // The golden ratio spreads neighbouring numbers.
-        let mixed = (key ^ u64::from(number) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mixed = (tag.1 ^ u64::from(number) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let place = (mixed >> 40) as usize % KEPT;
-        let model = &mut self.0[place];
-        if model.key != key || model.cluster != number {
+        let model = &mut self.models[place];
+        if self.tags[place] != tag {
             model.fill(cluster, cell);
-            (model.key, model.cluster) = (key, number);
+            self.tags[place] = tag;
         }
         model
     }

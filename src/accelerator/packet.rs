@@ -8,7 +8,7 @@ use kernel::Ray;
 use super::beam::{Beam, BeamBounds, RAYS, Rays};
 use super::cells::Cell;
 use super::leaf::{self, Bits, Lines, Verdict, View};
-use super::model::Models;
+use super::model::{Model, Models};
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, keeps};
 use super::tree::{IS_LEAF, WIDTH};
 use super::{Accelerator, Cluster, Workspace};
@@ -337,15 +337,28 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let mut found = [(0, 0.0); WIDTH];
         let count = block.meet_beam(bounds, far, &mut found);
         for &(slot, _) in &found[..count] {
-            self.cell(cluster, block.cells[slot as usize]);
+            let cell = block.cells[slot as usize];
+            let rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
+            let view = block.view(slot as usize, &self.packet.beam);
+            let mut lanes = 0;
+            for group in 0..RAYS / LANES {
+                if self.alive >> (group * LANES) & 0xffff != 0 {
+                    let pass = leaf::pass(self.s, &view, &self.packet.beam, group, rational);
+                    lanes |= u64::from(pass & 0xffff) << (group * LANES);
+                }
+            }
+            let lanes = lanes & self.alive;
+            if lanes != 0 {
+                self.cell(cluster, cell, lanes);
+            }
         }
     }
 
     /// Examines a cell, and parts of it for the rays for which it is not clear.
     #[inline(always)]
-    fn cell(&mut self, cluster: &Cluster<'_>, cell: Cell) {
+    fn cell(&mut self, cluster: &Cluster<'_>, cell: Cell, lanes: u64) {
         let mut waiting = [(cell, 0_u64, 0_u8); WAITING];
-        waiting[0] = (cell, self.alive, 0);
+        waiting[0] = (cell, lanes, 0);
         let mut count = 1;
         while count > 0 {
             count -= 1;
@@ -379,7 +392,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let number = self.accelerator.instances[self.instance as usize].cluster;
         let PacketRoom { models, beam, .. } = &mut *self.packet;
         let model = models.of(number, cluster, cell);
-        let view = View::new(model, beam);
+        let view = View::of_model(model, beam);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         let mut open = 0;
         let mut met = Met::default();
@@ -388,7 +401,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             if part == 0 {
                 continue;
             }
-            let verdict = meet(self.s, &view, beam, group, part, piece.is_rational);
+            let verdict = meet(self.s, model, &view, beam, group, part, piece.is_rational);
             open |= u64::from(verdict.open) << (group * LANES);
             for k in Bits(u64::from(verdict.met)) {
                 met.push(group * LANES + k, verdict.x[k], verdict.y[k]);
@@ -580,15 +593,16 @@ impl Met {
 #[inline(always)]
 fn meet<S: Simd>(
     s: S,
-    view: &View<'_>,
+    model: &Model,
+    view: &View,
     beam: &Beam,
     group: usize,
     lanes: u32,
     rational: bool,
 ) -> Verdict {
     if rational {
-        leaf::meet::<S, 4, 4, true>(s, view, beam, group, lanes)
+        leaf::meet::<S, 4, 4, true>(s, model, view, beam, group, lanes)
     } else {
-        leaf::meet::<S, 4, 4, false>(s, view, beam, group, lanes)
+        leaf::meet::<S, 4, 4, false>(s, model, view, beam, group, lanes)
     }
 }

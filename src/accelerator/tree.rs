@@ -100,12 +100,11 @@ impl Tree {
         let count = u32::try_from(boxes.len()).expect("a scene has fewer than 2^32 cells");
         let mut builder = Builder {
             boxes,
-            centers: boxes.iter().map(Aabb::center).collect(),
             order: (0..count).collect(),
             fill,
         };
         if !boxes.is_empty() {
-            tree.add_node(&mut builder, 0..boxes.len());
+            tree.add_node(&mut builder, Part::new(0..boxes.len(), bounds));
         }
         (tree, builder.order)
     }
@@ -210,18 +209,23 @@ impl Tree {
         }
     }
 
-    fn add_node(&mut self, builder: &mut Builder<'_>, range: Range<usize>) -> u32 {
+    fn add_node(&mut self, builder: &mut Builder<'_>, part: Part) -> u32 {
         // Divide the widest part again and again until there are eight.
-        let mut parts = vec![range];
-        while parts.len() < WIDTH {
-            let widest = (0..parts.len())
-                .filter(|&k| parts[k].len() > builder.fill)
-                .max_by(|&a, &b| builder.area(&parts[a]).total_cmp(&builder.area(&parts[b])));
-            let Some(widest) = widest else { break };
-            let part = parts[widest].clone();
-            let middle = builder.divide(part.clone());
-            parts[widest] = part.start..middle;
-            parts.insert(widest + 1, middle..part.end);
+        let mut parts = [const { None::<Part> }; WIDTH];
+        parts[0] = Some(part);
+        for free in 1..WIDTH {
+            let wide = |part: &Option<Part>| {
+                let part = part.as_ref()?;
+                (part.range.len() > builder.fill).then_some(part.area)
+            };
+            let widest = (0..free)
+                .filter_map(|k| Some((k, wide(&parts[k])?)))
+                .max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((widest, _)) = widest else { break };
+            if let Some(part) = parts[widest].take() {
+                let (left, right) = builder.divide(&part);
+                (parts[widest], parts[free]) = (Some(left), Some(right));
+            }
         }
         let index = self.nodes.len();
         self.nodes.push(Node {
@@ -229,16 +233,15 @@ impl Tree {
             max: [[f32::NEG_INFINITY; WIDTH]; 3],
             child: [0; WIDTH],
         });
-        for (k, part) in parts.into_iter().enumerate() {
-            let bounds = builder.bounds(&part);
+        for (k, part) in parts.into_iter().flatten().enumerate() {
             for axis in 0..3 {
-                let low = (bounds.min[axis] - self.center[axis]) * self.scale;
-                let high = (bounds.max[axis] - self.center[axis]) * self.scale;
+                let low = (part.bounds.min[axis] - self.center[axis]) * self.scale;
+                let high = (part.bounds.max[axis] - self.center[axis]) * self.scale;
                 self.nodes[index].min[axis][k] = below(low - PADDING);
                 self.nodes[index].max[axis][k] = -below(-high - PADDING);
             }
-            let child = if part.len() <= builder.fill {
-                self.add_leaf(&part)
+            let child = if part.range.len() <= builder.fill {
+                self.add_leaf(&part.range)
             } else {
                 self.add_node(builder, part)
             };
@@ -338,73 +341,107 @@ impl Node {
 
 struct Builder<'a> {
     boxes: &'a [Aabb],
-    centers: Vec<DVec3>,
     order: Vec<u32>,
     fill: usize,
 }
 
-impl Builder<'_> {
-    fn bounds(&self, part: &Range<usize>) -> Aabb {
-        let boxes = self.order[part.clone()]
-            .iter()
-            .map(|&k| self.boxes[k as usize]);
-        boxes.fold(Aabb::EMPTY, Aabb::union)
-    }
+/// Primitives that belong together.
+struct Part {
+    range: Range<usize>,
+    bounds: Aabb,
+    area: f64,
+}
 
-    fn area(&self, part: &Range<usize>) -> f64 {
-        half_area(&self.bounds(part))
-    }
-
-    /// Sorts a part into two by the surface area heuristic and returns the border.
-    fn divide(&mut self, part: Range<usize>) -> usize {
-        let Self {
-            boxes,
-            centers,
-            order,
-            ..
-        } = self;
-        let order = &mut order[part.clone()];
-        let all = Aabb::around(order.iter().map(|&k| centers[k as usize]));
-        let axis = all.size().max_position();
-        let (low, width) = (all.min[axis], all.size()[axis]);
-        if width <= 0.0 || width.is_nan() {
-            return part.start + part.len() / 2;
+impl Part {
+    fn new(range: Range<usize>, bounds: Aabb) -> Self {
+        let area = half_area(&bounds);
+        Self {
+            range,
+            bounds,
+            area,
         }
+    }
+}
+
+/// Twice the center of a box.
+fn middle(bounds: &Aabb) -> DVec3 {
+    bounds.min + bounds.max
+}
+
+impl Builder<'_> {
+    /// Sorts a part into two by the surface area heuristic.
+    fn divide(&mut self, part: &Part) -> (Part, Part) {
+        let boxes = self.boxes;
+        let order = &mut self.order[part.range.clone()];
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for &k in order.iter() {
+            let middle = middle(&boxes[k as usize]);
+            (low, high) = (low.min(middle), high.max(middle));
+        }
+        let axis = (high - low).max_position();
+        let (low, width) = (low[axis], (high - low)[axis]);
+        if !(width > 0.0 && width.is_finite()) {
+            return self.halve(part);
+        }
+        let scale = BINS as f64 / width;
         let bin_of = |k: u32| {
-            let place = (centers[k as usize][axis] - low) / width * BINS as f64;
-            (0..BINS - 1)
-                .rev()
-                .find(|&b| place >= (b + 1) as f64)
-                .map_or(0, |b| b + 1)
+            let place = (middle(&boxes[k as usize])[axis] - low) * scale;
+            // Never negative; what is not a number becomes zero.
+            (place as usize).min(BINS - 1)
         };
         let mut bins = [(0_usize, Aabb::EMPTY); BINS];
         for &k in order.iter() {
             let bin = &mut bins[bin_of(k)];
             *bin = (bin.0 + 1, bin.1.union(boxes[k as usize]));
         }
-        // Cost of cutting before each bin: areas times counts on both sides.
-        let mut costs = [0.0; BINS];
-        for backwards in [false, true] {
-            let (mut count, mut bounds) = (0, Aabb::EMPTY);
-            for step in 0..BINS - 1 {
-                let bin = if backwards { BINS - 1 - step } else { step };
-                count += bins[bin].0;
-                bounds = bounds.union(bins[bin].1);
-                let cut = if backwards { bin } else { bin + 1 };
-                costs[cut] += count as f64 * half_area(&bounds);
+        // What lies behind each cut, then the costs: areas times counts on both sides.
+        let mut behind = [(0, Aabb::EMPTY); BINS + 1];
+        for cut in (1..BINS).rev() {
+            let (count, bounds) = behind[cut + 1];
+            behind[cut] = (count + bins[cut].0, bounds.union(bins[cut].1));
+        }
+        let mut best: Option<(f64, usize, Aabb)> = None;
+        let mut before = (0, Aabb::EMPTY);
+        for cut in 1..BINS {
+            before = (before.0 + bins[cut - 1].0, before.1.union(bins[cut - 1].1));
+            if before.0 == 0 || behind[cut].0 == 0 {
+                continue;
+            }
+            let cost = before.0 as f64 * half_area(&before.1)
+                + behind[cut].0 as f64 * half_area(&behind[cut].1);
+            if best.is_none_or(|(least, ..)| cost < least) {
+                best = Some((cost, cut, before.1));
             }
         }
-        let cut = (1..BINS)
-            .min_by(|&a, &b| costs[a].total_cmp(&costs[b]))
-            .unwrap_or(1);
-        order.sort_by_key(|&k| bin_of(k) >= cut);
-        let left = order.partition_point(|&k| bin_of(k) < cut);
-        part.start
-            + if left == 0 || left == part.len() {
-                part.len() / 2
+        let Some((_, cut, first)) = best else {
+            return self.halve(part);
+        };
+        let (mut left, mut right) = (0, order.len());
+        while left < right {
+            if bin_of(order[left]) < cut {
+                left += 1;
             } else {
-                left
+                right -= 1;
+                order.swap(left, right);
             }
+        }
+        let border = part.range.start + left;
+        (
+            Part::new(part.range.start..border, first),
+            Part::new(border..part.range.end, behind[cut].1),
+        )
+    }
+
+    /// Two parts of a part that cannot be told apart by place.
+    fn halve(&self, part: &Part) -> (Part, Part) {
+        let border = part.range.start + part.range.len() / 2;
+        let half = |range: Range<usize>| {
+            let boxes = self.order[range.clone()]
+                .iter()
+                .map(|&k| self.boxes[k as usize]);
+            Part::new(range, boxes.fold(Aabb::EMPTY, Aabb::union))
+        };
+        (half(part.range.start..border), half(border..part.range.end))
     }
 }
 
