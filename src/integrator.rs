@@ -52,6 +52,13 @@ struct ActiveLight {
     shadows: bool,
 }
 
+/// What a light adds to the colour of a hit, and where it stands.
+struct Lit {
+    color: DVec3,
+    direction: DVec3,
+    reach: f64,
+}
+
 /// A colour with its coverage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Radiance {
@@ -75,9 +82,72 @@ impl<'a> Integrator<'a> {
         }
     }
 
+    /// The light that comes back along each of many rays, which should run side by side.
+    /// Counts the rays it sends in `count`.
+    pub(crate) fn radiances(
+        &self,
+        rays: &[Ray],
+        hits: &[Option<Hit>],
+        workspace: &mut Workspace,
+        count: &mut u64,
+    ) -> Vec<Radiance> {
+        if self.transparent {
+            let shots = rays.iter().zip(hits);
+            return shots
+                .map(|(ray, hit)| match hit {
+                    Some(hit) => self.radiance(ray, hit, workspace, count),
+                    None => Radiance::default(),
+                })
+                .collect();
+        }
+        let mut light: Vec<_> = rays
+            .iter()
+            .zip(hits)
+            .map(|(_, hit)| match hit {
+                Some(hit) => Radiance {
+                    color: self.unlit(self.material(hit)),
+                    coverage: 1.0,
+                },
+                None => Radiance::default(),
+            })
+            .collect();
+        let (mut shadows, mut ranges, mut pending) = (Vec::new(), Vec::new(), Vec::new());
+        let mut blocked = Vec::new();
+        for active in &self.lights {
+            shadows.clear();
+            ranges.clear();
+            pending.clear();
+            for (number, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+                let Some(hit) = hit else { continue };
+                let Some(lit) = self.lit(ray, hit, self.material(hit), &active.light) else {
+                    continue;
+                };
+                if !active.shadows {
+                    light[number].color += lit.color;
+                    continue;
+                }
+                let (shadow, range) = self.towards(ray, hit, &lit);
+                shadows.push(shadow);
+                ranges.push(range);
+                pending.push((number, lit.color));
+            }
+            *count += shadows.len() as u64;
+            self.accelerator
+                .any_many(&shadows, &ranges, workspace, &mut blocked);
+            for (&(number, color), _) in pending.iter().zip(&blocked).filter(|(_, b)| !**b) {
+                light[number].color += color;
+            }
+        }
+        light
+    }
+
+    fn material(&self, hit: &Hit) -> &Material {
+        self.accelerator.material(hit).unwrap_or(&self.fallback)
+    }
+
     /// The light that comes back along `ray` from its first hit and, where that is
     /// transparent, from what lies behind. Counts the rays it sends in `rays`.
-    pub(crate) fn radiance(
+    fn radiance(
         &self,
         ray: &Ray,
         first: &Hit,
@@ -87,7 +157,7 @@ impl<'a> Integrator<'a> {
         let mut hit = *first;
         let (mut sum, mut share) = (Radiance::default(), 1.0);
         for _ in 0..LAYERS {
-            let material = self.accelerator.material(&hit).unwrap_or(&self.fallback);
+            let material = self.material(&hit);
             let opacity = material.opacity.clamp(0.0, 1.0);
             if opacity > 0.0 {
                 let local = self.local(ray, &hit, material, workspace, rays);
@@ -117,80 +187,89 @@ impl<'a> Integrator<'a> {
         workspace: &mut Workspace,
         rays: &mut u64,
     ) -> DVec3 {
+        let mut color = self.unlit(material);
+        for ActiveLight { light, shadows } in &self.lights {
+            let Some(lit) = self.lit(ray, hit, material, light) else {
+                continue;
+            };
+            let visible = if *shadows {
+                self.visibility(ray, hit, &lit, workspace, rays)
+            } else {
+                1.0
+            };
+            color += lit.color * visible;
+        }
+        color
+    }
+
+    /// What needs no light in particular.
+    fn unlit(&self, material: &Material) -> DVec3 {
+        material.emissive + material.ambient * self.ambient
+    }
+
+    /// What one light adds where nothing is in its way; `None` where it does not shine.
+    fn lit(&self, ray: &Ray, hit: &Hit, material: &Material, light: &Light) -> Option<Lit> {
         let view = -ray.direction.normalize();
-        let mut color = material.emissive + material.ambient * self.ambient;
         // Both sides of a surface are lit; without a normal it faces the viewer.
         let normal = match hit.normal.dot(view) {
             0.0 if hit.normal == DVec3::ZERO => view,
             cosine if cosine < 0.0 => -hit.normal,
             _ => hit.normal,
         };
-        for ActiveLight { light, shadows } in &self.lights {
-            let Some((direction, reach, strength)) = arrival(light, hit.point) else {
-                continue;
-            };
-            let cosine = normal.dot(direction);
-            if cosine <= 0.0 || strength <= 0.0 {
-                continue;
-            }
-            let visible = if *shadows {
-                self.visibility(ray, hit, direction, reach, workspace, rays)
-            } else {
-                1.0
-            };
-            if visible <= 0.0 {
-                continue;
-            }
-            let highlight = match self.shading {
-                Shading::Blinn => {
-                    let half = (direction + view).normalize_or_zero();
-                    half.dot(normal).max(0.0).powf(material.shininess)
-                }
-                _ => {
-                    let mirrored = normal * (2.0 * cosine) - direction;
-                    mirrored
-                        .dot(view)
-                        .max(0.0)
-                        .powf(material.shininess * PHONG_EXPONENT)
-                }
-            };
-            let reflected = material.diffuse * cosine + material.specular * highlight;
-            color += reflected * light.color * (strength * visible);
+        let (direction, reach, strength) = arrival(light, hit.point)?;
+        let cosine = normal.dot(direction);
+        if cosine <= 0.0 || strength <= 0.0 {
+            return None;
         }
-        color
+        let highlight = match self.shading {
+            Shading::Blinn => {
+                let half = (direction + view).normalize_or_zero();
+                half.dot(normal).max(0.0).powf(material.shininess)
+            }
+            _ => {
+                let mirrored = normal * (2.0 * cosine) - direction;
+                mirrored
+                    .dot(view)
+                    .max(0.0)
+                    .powf(material.shininess * PHONG_EXPONENT)
+            }
+        };
+        let reflected = material.diffuse * cosine + material.specular * highlight;
+        Some(Lit {
+            color: reflected * light.color * strength,
+            direction,
+            reach,
+        })
     }
 
-    /// The share of light that arrives from `direction`, up to the distance `reach`.
+    /// The ray from a hit towards a light.
+    fn towards(&self, ray: &Ray, hit: &Hit, lit: &Lit) -> (Ray, Range<f64>) {
+        let (shadow, mut range) = self.leave(ray, hit, lit.direction);
+        range.end = lit.reach - (shadow.origin - hit.point).dot(lit.direction);
+        (shadow, range)
+    }
+
+    /// The share of a light that arrives through what may be transparent.
     fn visibility(
         &self,
         ray: &Ray,
         hit: &Hit,
-        direction: DVec3,
-        reach: f64,
+        lit: &Lit,
         workspace: &mut Workspace,
         rays: &mut u64,
     ) -> f64 {
-        let (mut shadow, mut range) = self.leave(ray, hit, direction);
-        range.end = reach - (shadow.origin - hit.point).dot(direction);
+        let (mut shadow, mut range) = self.towards(ray, hit, lit);
         *rays += 1;
-        if !self.transparent {
-            let blocked = self.accelerator.any(&shadow, range, workspace);
-            return if blocked { 0.0 } else { 1.0 };
-        }
         let mut share = 1.0;
         for _ in 0..LAYERS {
             let Some(blocker) = self.accelerator.nearest(&shadow, range.clone(), workspace) else {
                 return share;
             };
-            let material = self
-                .accelerator
-                .material(&blocker)
-                .unwrap_or(&self.fallback);
-            share *= 1.0 - material.opacity.clamp(0.0, 1.0);
+            share *= 1.0 - self.material(&blocker).opacity.clamp(0.0, 1.0);
             if share < LEAST_SHARE {
                 return 0.0;
             }
-            let (next, _) = self.leave(&shadow, &blocker, direction);
+            let (next, _) = self.leave(&shadow, &blocker, lit.direction);
             range.end -= blocker.t;
             shadow = next;
             *rays += 1;

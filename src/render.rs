@@ -114,21 +114,33 @@ struct Tile {
 }
 
 impl Tile {
+    /// The pixels, square by square, so that those of a packet of rays lie close together.
     fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        self.y
-            .clone()
-            .flat_map(|y| self.x.clone().map(move |x| (x, y)))
+        let squares = blocks(&self.y, &self.x, 8);
+        let parts = squares.flat_map(|(y, x)| blocks(&y, &x, 4));
+        parts.flat_map(|(y, x)| y.flat_map(move |y| x.clone().map(move |x| (x, y))))
     }
 }
 
-fn tiles(options: &RenderOptions) -> impl Iterator<Item = Tile> + '_ {
-    let steps = |size: u32| {
-        (0..size)
-            .step_by(TILE as usize)
-            .map(move |a| a..size.min(a + TILE))
+/// A rectangle cut into squares, row by row.
+fn blocks(
+    y: &Range<u32>,
+    x: &Range<u32>,
+    side: u32,
+) -> impl Iterator<Item = (Range<u32>, Range<u32>)> + use<> {
+    let steps = move |range: &Range<u32>| {
+        let end = range.end;
+        range
+            .clone()
+            .step_by(side as usize)
+            .map(move |a| a..end.min(a + side))
     };
-    steps(options.height)
-        .flat_map(move |y| steps(options.width).map(move |x| Tile { x, y: y.clone() }))
+    let across = steps(x);
+    steps(y).flat_map(move |y| across.clone().map(move |x| (y.clone(), x)))
+}
+
+fn tiles(options: &RenderOptions) -> impl Iterator<Item = Tile> + use<> {
+    blocks(&(0..options.height), &(0..options.width), TILE).map(|(y, x)| Tile { x, y })
 }
 
 type Pixel = ([f32; 4], PixelData);
@@ -146,26 +158,31 @@ impl Painter<'_> {
         let mut stats = RenderStats::default();
         let cells_before = workspace.cells_examined();
         let started = Instant::now();
-        let shots: Vec<_> = tile
+        let rays: Vec<_> = tile
             .pixels()
             .flat_map(|(x, y)| self.places(x, y))
-            .map(|place| {
-                let ray = self.ray(place);
-                (
-                    ray,
-                    self.accelerator
-                        .nearest(&ray, 0.0..f64::INFINITY, workspace),
-                )
-            })
+            .map(|place| self.ray(place))
             .collect();
+        let mut hits = Vec::with_capacity(rays.len());
+        let ranges = vec![0.0..f64::INFINITY; rays.len()];
+        self.accelerator
+            .nearest_many(&rays, &ranges, workspace, &mut hits);
         stats.trace = started.elapsed();
-        stats.primary_rays = shots.len() as u64;
-        stats.hits = shots.iter().filter(|(_, hit)| hit.is_some()).count() as u64;
+        stats.primary_rays = rays.len() as u64;
+        stats.hits = hits.iter().flatten().count() as u64;
         let started = Instant::now();
         let per_pixel = self.rays_per_pixel();
-        let pixels = shots
-            .chunks_exact(per_pixel)
-            .map(|shots| self.develop(shots, workspace, &mut stats.secondary_rays))
+        let mut light = Vec::new();
+        if self.options.shading != Shading::None {
+            light = self
+                .integrator
+                .radiances(&rays, &hits, workspace, &mut stats.secondary_rays);
+        }
+        let pixels = (0..hits.len() / per_pixel)
+            .map(|k| {
+                let part = k * per_pixel..(k + 1) * per_pixel;
+                self.develop(&hits[part.clone()], light.get(part).unwrap_or_default())
+            })
             .collect();
         stats.shade = started.elapsed();
         stats.cells_examined = workspace.cells_examined() - cells_before;
@@ -214,30 +231,21 @@ impl Painter<'_> {
         film_ray(self.camera, size, place)
     }
 
-    /// Colour and data of a pixel from its rays and hits.
-    fn develop(
-        &self,
-        shots: &[(Ray, Option<Hit>)],
-        workspace: &mut Workspace,
-        rays: &mut u64,
-    ) -> Pixel {
+    /// Colour and data of a pixel from the hits of its rays and the light along them.
+    fn develop(&self, hits: &[Option<Hit>], light: &[Radiance]) -> Pixel {
         let mut sum = Radiance::default();
         let samples = (self.side() * self.side()) as usize;
-        if self.options.shading != Shading::None {
-            for (ray, hit) in &shots[..samples] {
-                let Some(hit) = hit else { continue };
-                let radiance = self.integrator.radiance(ray, hit, workspace, rays);
-                sum.color += radiance.color;
-                sum.coverage += radiance.coverage;
-            }
+        for radiance in light.iter().take(samples) {
+            sum.color += radiance.color;
+            sum.coverage += radiance.coverage;
         }
         let mean = 1.0 / samples as f64;
         let color = (sum.color * mean)
             .extend(sum.coverage * mean)
             .as_vec4()
             .to_array();
-        let data = match shots.last() {
-            Some((_, Some(hit))) if self.options.data => pixel_data(self.camera, hit),
+        let data = match hits.last() {
+            Some(Some(hit)) if self.options.data => pixel_data(self.camera, hit),
             _ => PixelData::MISS,
         };
         (color, data)

@@ -226,6 +226,10 @@ impl Beam {
     /// Where along the beam it may enter each box of a node, and a bit for each that it may
     /// meet before `far`.
     #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the bounds are padded for it"
+    )]
     pub(super) fn slabs(&self, node: &Node, far: f32) -> ([f32; WIDTH], u32) {
         let (min, max) = (&node.min, &node.max);
         let forward = self.sign > 0.0;

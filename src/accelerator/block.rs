@@ -212,12 +212,12 @@ impl Block {
         let (mut center, mut rows, mut stray) = ([0.0; 3], [[0.0; 3]; 3], [0.0; 4]);
         for axis in 0..3 {
             center[axis] = f64::from(self.center[axis][slot]);
-            for r in 0..3 {
-                rows[r][axis] = self.rows[r][axis][slot];
+            for (row, from) in rows.iter_mut().zip(&self.rows) {
+                row[axis] = from[axis][slot];
             }
         }
-        for r in 0..4 {
-            stray[r] = self.stray[r][slot];
+        for (to, from) in stray.iter_mut().zip(&self.stray) {
+            *to = from[slot];
         }
         // The center, too, is rounded.
         let size = |row: &[f32; 3]| row[0].abs() + row[1].abs() + row[2].abs();

@@ -3,6 +3,8 @@
 use glam::DAffine3;
 use kernel::{Aabb, Child, NodeId, Scene, Shape, TrimRegion};
 
+use rayon::prelude::*;
+
 use super::block::Block;
 use super::cells::Pieces;
 use super::tree::{Tree, WIDTH};
@@ -128,11 +130,10 @@ impl Plan {
 
     /// Gathers and divides the shapes of the cluster that begins at `root`.
     fn cluster<'a>(&self, scene: &'a Scene, root: NodeId) -> Cluster<'a> {
-        let mut pieces = Pieces::default();
         let mut triangles: Vec<Triangle> = Vec::new();
         let mut items: Vec<ClusterItem<'a>> = Vec::new();
         let mut regions: Vec<TrimRegion> = Vec::new();
-        let mut cells = Vec::new();
+        let mut placed = Vec::new();
         self.walk(scene, root, |child, cluster_from_object, before| {
             let Child::Item(item) = child else { return };
             let number = u32::try_from(items.len()).expect("fewer items than fit");
@@ -143,10 +144,8 @@ impl Plan {
             };
             let offset = match shape {
                 ItemShape::Patch(surface) => {
-                    let surface = surface.transformed(&cluster_from_object);
-                    for piece in surface.bezier_pieces() {
-                        pieces.add(&piece, number, trims.as_ref(), &mut cells);
-                    }
+                    let region = trims.as_ref().map(|_| regions.len());
+                    placed.push((number, surface, cluster_from_object, region));
                     before.patches
                 }
                 ItemShape::Mesh(mesh) => {
@@ -174,6 +173,22 @@ impl Plan {
                 region,
             });
         });
+        let halvings = Pieces::halvings(scene.patches().len());
+        let parts: Vec<_> = placed
+            .par_iter()
+            .map(|(number, surface, cluster_from_object, region)| {
+                let (mut pieces, mut cells) = (Pieces::default(), Vec::new());
+                let trims = region.map(|k| &regions[k]);
+                for piece in surface.transformed(cluster_from_object).bezier_pieces() {
+                    pieces.add(&piece, (*number, halvings), trims, &mut cells);
+                }
+                (pieces, cells)
+            })
+            .collect();
+        let (mut pieces, mut cells) = (Pieces::default(), Vec::new());
+        for part in parts {
+            pieces.append(part, &mut cells);
+        }
         let boxes: Vec<_> = cells.iter().map(|cell| cell.bounds).collect();
         let (tree, order) = Tree::build(&boxes, WIDTH);
         let cells: Vec<_> = order.iter().map(|&k| cells[k as usize]).collect();

@@ -13,12 +13,13 @@ use crate::intersect::net::Degrees;
 /// Halvings of a piece at most; what is then still uneven is divided while rays are traced.
 const HALVINGS: u8 = 6;
 
-static H: std::sync::LazyLock<u8> = std::sync::LazyLock::new(|| {
-    std::env::var("NB_H")
-        .ok()
-        .and_then(|s| s.parse().ok())
-        .unwrap_or(HALVINGS)
-});
+/// As [`HALVINGS`] where there are many patches: each is then seen by few rays, and memory
+/// counts.
+const FEW_HALVINGS: u8 = 2;
+
+/// More patches than this are many.
+const MANY: usize = 2048;
+
 /// Further halvings of cells through which a trim loop passes: two along each direction.
 const TRIM_HALVINGS: u8 = 4;
 
@@ -125,14 +126,40 @@ pub(crate) struct NewCell {
 }
 
 impl Pieces {
-    /// Adds a piece of item number `item`, and its cells to `cells`.
+    /// How often a piece is halved at most in a scene of so many patches.
+    pub(crate) fn halvings(patches: usize) -> u8 {
+        if patches > MANY {
+            FEW_HALVINGS
+        } else {
+            HALVINGS
+        }
+    }
+
+    /// Appends other pieces, and their cells to `cells`.
+    pub(crate) fn append(&mut self, (other, new): (Self, Vec<NewCell>), cells: &mut Vec<NewCell>) {
+        let (first, number) = (self.nets.len(), self.pieces.len());
+        self.nets.extend(other.nets);
+        self.pieces
+            .extend(other.pieces.into_iter().map(|piece| Piece {
+                first: piece.first + first,
+                ..piece
+            }));
+        let number = u32::try_from(number).expect("fewer pieces than fit");
+        cells.extend(new.into_iter().map(|mut new| {
+            new.cell.piece += number;
+            new
+        }));
+    }
+
+    /// Adds a piece of item number `item`, and its cells to `cells`; it is halved `halvings`
+    /// times at most.
     ///
     /// A piece that is no more than a point has nothing to hit and is left out, and so are
     /// cells outside of `trims`.
     pub(crate) fn add(
         &mut self,
         piece: &BezierSurface,
-        item: u32,
+        (item, halvings): (u32, u8),
         trims: Option<&TrimRegion>,
         cells: &mut Vec<NewCell>,
     ) {
@@ -181,7 +208,7 @@ impl Pieces {
             v: piece.v(),
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
-        divider.divide(cell, *H, trims, cells);
+        divider.divide(cell, halvings, trims, cells);
     }
 
     /// The net of a piece.

@@ -96,11 +96,9 @@ impl Expansion {
             }
         }
         let mut low = [[0.0; 4]; TERMS];
-        for k in 0..ORDER {
-            for l in 0..ORDER {
-                if k < N && l < N {
-                    low[k * ORDER + l] = terms[k][l];
-                }
+        for (line, terms) in low.as_chunks_mut::<ORDER>().0.iter_mut().zip(&terms) {
+            for (to, from) in line.iter_mut().zip(terms) {
+                *to = *from;
             }
         }
         let frame = Frame::of(&low);
@@ -109,11 +107,10 @@ impl Expansion {
         sums.add_low(&frame, &low, &mut own);
         let mut dropped = [0.0; 4];
         if N > ORDER {
-            for k in 0..=p {
-                for l in 0..=q {
-                    if k >= ORDER || l >= ORDER {
-                        sums.add_high(&frame, &terms[k][l], [k, l], &mut dropped);
-                    }
+            for (k, line) in terms[..=p].iter().enumerate() {
+                let first = if k < ORDER { ORDER } else { 0 };
+                for (l, term) in line[..=q].iter().enumerate().skip(first) {
+                    sums.add_high(&frame, term, [k, l], &mut dropped);
                 }
             }
         }
@@ -264,9 +261,9 @@ impl Sums {
         let center = [cx, cy, cz, 0.0];
         let mut columns = [[0.0; 4]; 4];
         columns[3][3] = 1.0;
-        for axis in 0..3 {
-            for r in 0..3 {
-                columns[axis][r] = frame.rows[r][axis];
+        for (axis, column) in columns[..3].iter_mut().enumerate() {
+            for (entry, row) in column.iter_mut().zip(&frame.rows) {
+                *entry = row[axis];
             }
         }
         // Values, derivatives and both cuts, each for the four coordinates.
@@ -442,16 +439,14 @@ mod tests {
             assert!(e.stray[2] < 2.0, "{p} {q} {:?}", e.stray);
             for (x, y) in [(-1.0, 1.0), (0.3, -0.6), (1.0, 1.0), (0.0, 0.0_f64)] {
                 let [h, ..] = evaluate_at(&piece, 0.375 + 0.125 * x, 0.625 + 0.125 * y);
-                let mut sum = [0.0; 4];
-                for k in 0..ORDER {
-                    for l in 0..ORDER {
-                        for r in 0..4 {
-                            let power = x.powi(k as i32) * y.powi(l as i32);
-                            sum[r] += e.terms[k * ORDER + l][r] * power;
-                        }
+                let mut sum = DVec4::ZERO;
+                for (k, line) in e.terms.as_chunks::<ORDER>().0.iter().enumerate() {
+                    for (l, term) in line.iter().enumerate() {
+                        let power = f64::powf(x, k as f64) * f64::powf(y, l as f64);
+                        sum += DVec4::from_array(*term) * power;
                     }
                 }
-                let weight = sum[3];
+                let weight = sum.w;
                 let offset = h.truncate() / h.w - e.center;
                 assert!(
                     (offset.abs() - e.half_size).max_element() <= 1e-14,

@@ -27,6 +27,10 @@ const CLOSE: f32 = 2e-3;
 /// open at a border is found from both sides.
 const MARGIN: f32 = 1e-4;
 
+/// [`WIDE`] in single precision.
+#[expect(clippy::cast_possible_truncation, reason = "it has few digits")]
+const WIDE_LIMIT: f32 = WIDE as f32;
+
 /// Steps in single precision.
 const STEPS: usize = 5;
 
@@ -204,13 +208,21 @@ pub(super) fn pass<S: Simd>(s: S, view: &View, beam: &Beam, group: usize, ration
     }
 }
 
+/// Sixteen rays in the frame of a cell.
+struct Sight<F> {
+    /// Where they pass the middle along the main axis, across it.
+    offset: [F; 2],
+    /// The third coordinate there, and the way of one unit of it along the ray.
+    depth: F,
+    inverse: F,
+    /// Advance of the first two coordinates with the third.
+    tilt: [F; 2],
+    /// The first two where the third is zero.
+    place: [F; 2],
+}
+
 #[inline(always)]
-fn approach<S: Simd, const RATIONAL: bool>(
-    s: S,
-    view: &View,
-    beam: &Beam,
-    group: usize,
-) -> Approach<S::F> {
+fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
     let [row1, row2, row3] = view.rows;
     let way = s.splat(view.way);
     let turn = [load(s, &beam.turn[0], group), load(s, &beam.turn[1], group)];
@@ -228,9 +240,31 @@ fn approach<S: Simd, const RATIONAL: bool>(
     let inverse = s.div(s.splat(1.0), along(s, row3, m));
     let g1 = s.mul(along(s, row1, m), inverse);
     let g2 = s.mul(along(s, row2, m), inverse);
+    Sight {
+        offset: y,
+        depth: p3,
+        inverse,
+        tilt: [g1, g2],
+        place: [s.fnma(g1, p3, p1), s.fnma(g2, p3, p2)],
+    }
+}
+
+#[inline(always)]
+fn approach<S: Simd, const RATIONAL: bool>(
+    s: S,
+    view: &View,
+    beam: &Beam,
+    group: usize,
+) -> Approach<S::F> {
+    let Sight {
+        offset: y,
+        depth: p3,
+        inverse,
+        tilt: [g1, g2],
+        place: [x0, y0],
+    } = sight(s, view, beam, group);
+    // How well it is known where the tangent plane is met.
     let (size1, size2) = (s.abs(g1), s.abs(g2));
-    // Where the tangent plane is met, and how well that is known.
-    let (x0, y0) = (s.fnma(g1, p3, p1), s.fnma(g2, p3, p2));
     let distance = s.max(s.abs(y[0]), s.abs(y[1]));
     let blur = s.fma(s.splat(view.direction_size), s.abs(inverse), s.splat(1.0));
     let depth = s.fma(distance, s.splat(view.sizes[2]), s.splat(1.0));
@@ -333,7 +367,7 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
     let factor = s.div(s.splat(1.0), s.sub(s.splat(1.0), stray));
     let contraction = s.mul(stray, factor);
     let limit = s.fma(error, factor, s.splat(1.0 + MARGIN));
-    let wide = s.splat(WIDE as f32);
+    let wide = s.splat(WIDE_LIMIT);
     let close = s.fma(error, s.splat(2.0), s.splat(CLOSE));
     let (mut x, mut y) = (clamp(s, x0, wide), clamp(s, y0, wide));
     for _ in 0..STEPS {

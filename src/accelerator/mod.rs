@@ -112,6 +112,7 @@ pub struct Workspace {
     stack: Vec<(u32, f32)>,
     scratch: Scratch,
     packet: PacketRoom,
+    candidates: Vec<trace::Candidate>,
 }
 
 impl Workspace {

@@ -9,7 +9,7 @@ use super::beam::{Beam, BeamBounds, RAYS, Rays};
 use super::cells::Cell;
 use super::leaf::{self, Bits, Lines, Verdict, View};
 use super::model::{Model, Models};
-use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, keeps};
+use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps};
 use super::tree::{IS_LEAF, WIDTH};
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
@@ -279,9 +279,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             .search::<Newton>(&self.rays[lane], range, rooms, &mut best);
         self.alive &= !(1 << lane);
         if let Some(candidate) = best.0 {
-            let place = None;
-            self.packet.found[lane] = Found { candidate, place };
-            self.packet.met |= 1 << lane;
+            self.keep(lane, candidate, None);
         }
     }
 
@@ -290,7 +288,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let accelerator = self.accelerator;
         let instance = &accelerator.instances[number];
         let cluster = &accelerator.clusters[instance.cluster as usize];
-        self.instance = number as u32;
+        self.instance = u32::try_from(number).expect("fewer instances than fit");
+        if !cluster.triangles.is_empty() {
+            for lane in Bits(self.alive) {
+                self.triangles(cluster, lane);
+            }
+        }
         if cluster.tree.is_empty() {
             return;
         }
@@ -331,6 +334,30 @@ impl<S: Simd> Tracer<'_, '_, S> {
         }
     }
 
+    /// Meets the triangles of a cluster, ray by ray.
+    #[inline(never)]
+    fn triangles(&mut self, cluster: &Cluster<'_>, lane: usize) {
+        let instance = &self.accelerator.instances[self.instance as usize];
+        let ray = self.rays[lane].transformed(&instance.cluster_from_world);
+        let mut best = Nearest(None);
+        let mut visitor = TriangleVisitor {
+            cluster,
+            ray: &ray,
+            instance: self.instance,
+            collector: &mut best,
+            go_on: true,
+        };
+        let mut range = self.packet.from[lane]..self.packet.until[lane];
+        let local = cluster.triangle_tree.local_ray(&ray);
+        let stack = &mut self.packet.stack_alone;
+        cluster
+            .triangle_tree
+            .traverse(&local, &mut range, stack, &mut visitor);
+        if let Some(candidate) = best.0 {
+            self.keep(lane, candidate, None);
+        }
+    }
+
     #[inline(always)]
     fn block(&mut self, cluster: &Cluster<'_>, number: usize, bounds: &BeamBounds, far: f32) {
         let block = &cluster.blocks[number];
@@ -342,7 +369,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             let view = block.view(slot as usize, &self.packet.beam);
             let mut lanes = 0;
             for group in 0..RAYS / LANES {
-                if self.alive >> (group * LANES) & 0xffff != 0 {
+                if group_of(self.alive, group) != 0 {
                     let pass = leaf::pass(self.s, &view, &self.packet.beam, group, rational);
                     lanes |= u64::from(pass & 0xffff) << (group * LANES);
                 }
@@ -397,7 +424,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let mut open = 0;
         let mut met = Met::default();
         for group in 0..RAYS / LANES {
-            let part = (lanes >> (group * LANES)) as u32 & 0xffff;
+            let part = group_of(lanes, group);
             if part == 0 {
                 continue;
             }
@@ -492,15 +519,20 @@ impl<S: Simd> Tracer<'_, '_, S> {
     /// Keeps a root that is nearer than what was known.
     #[inline(always)]
     fn take(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
+        self.keep(lane, candidate, place);
+        self.packet.beam.shorten(lane, candidate.t);
+    }
+
+    /// As [`Self::take`], before the beam of the cluster is there.
+    #[inline(always)]
+    fn keep(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
         let packet = &mut *self.packet;
         packet.found[lane] = Found { candidate, place };
         packet.met |= 1 << lane;
+        packet.until[lane] = candidate.t;
         if self.any {
             self.alive &= !(1 << lane);
-            return;
         }
-        packet.until[lane] = candidate.t;
-        packet.beam.shorten(lane, candidate.t);
     }
 
     /// Leaves a ray and a cell to subdivision in double precision.
@@ -540,6 +572,13 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
         }
     }
+}
+
+/// The bits of sixteen lanes.
+#[inline(always)]
+fn group_of(lanes: u64, group: usize) -> u32 {
+    let [a, b, ..] = (lanes >> (group * LANES)).to_le_bytes();
+    u32::from(u16::from_le_bytes([a, b]))
 }
 
 /// Pushes the children that a beam may meet, the nearest on top.

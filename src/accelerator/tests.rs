@@ -2,10 +2,11 @@
 
 use glam::{DAffine3, DVec3};
 use kernel::modelling::{self, Frame};
-use kernel::{Child, Item, Node, NodeId, Patch, Ray, Scene, Shape};
+use kernel::{Child, Item, KnotVector, Mesh, Node, NodeId, Patch, Ray, Scene, Shape, Surface};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::{Accelerator, Workspace};
+use crate::Instructions;
 use crate::intersect::{Hit, METHODS};
 
 /// Pseudo-random numbers from -1 to 1, the same in every run.
@@ -252,4 +253,154 @@ fn rays_that_are_none_meet_nothing() {
         direction: DVec3::NEG_Z,
     };
     assert!(!accelerator.any(&ray, 0.0..f64::INFINITY, &mut workspace));
+}
+
+/// A scene of all that packets treat in ways of their own: cubic, quadratic and rational
+/// pieces, higher degrees, a trimmed face, triangles, and one shape shown twice.
+fn medley() -> Scene {
+    let points = |n: usize, bend: f64| -> Vec<DVec3> {
+        let at = |k: usize| k as f64 / (n - 1) as f64 * 2.0 - 1.0;
+        let place = |k: usize| {
+            let (x, y) = (at(k / n), at(k % n));
+            DVec3::new(
+                x,
+                y,
+                bend * (x * x * x - y * y + ((k * 7) % 5) as f64 * 0.2),
+            )
+        };
+        (0..n * n).map(place).collect()
+    };
+    let sheet = |degree: usize, n: usize, bend: f64| {
+        let knots = || KnotVector::clamped_uniform(degree, n, 0.0..1.0).unwrap();
+        Surface::new(knots(), knots(), &points(n, bend), None).unwrap()
+    };
+    let mut scene = Scene::default();
+    let sheets = vec![
+        Patch::from(sheet(3, 7, 0.8)),
+        Patch::from(sheet(2, 5, 0.5).transformed(&DAffine3::from_translation(DVec3::Z * 0.7))),
+        Patch::from(sheet(5, 8, 0.6).transformed(&DAffine3::from_translation(DVec3::Z * -0.8))),
+        ball(0.6, DVec3::new(0.3, 0.2, 0.1)),
+    ];
+    let shared = leaf_node(
+        &mut scene,
+        sheets,
+        DAffine3::from_scale(DVec3::new(0.5, 0.7, 0.6)),
+    );
+    let mesh = Mesh::new(
+        points(4, 0.4),
+        Vec::new(),
+        Vec::new(),
+        vec![[0, 1, 5], [0, 5, 4], [5, 6, 10], [5, 10, 9]],
+    )
+    .unwrap();
+    let shape = Shape::Mesh(scene.add_mesh(mesh).unwrap());
+    let mut children = vec![Child::Item(Item {
+        shape,
+        material: None,
+    })];
+    for (x, turn) in [(-0.9, 0.3), (0.9, 1.8)] {
+        let place = DAffine3::from_translation(DVec3::X * x) * DAffine3::from_rotation_y(turn);
+        let node = Node {
+            parent_from_node: place,
+            children: vec![Child::Node(shared)],
+            ..Node::default()
+        };
+        children.push(Child::Node(scene.add_node(node).unwrap()));
+    }
+    let root = scene.add_node(Node {
+        children,
+        ..Node::default()
+    });
+    scene.set_root(root.unwrap()).unwrap();
+    scene
+}
+
+/// Packets of rays: through the pixels of squares, side by side, and in all directions.
+fn packets() -> Vec<Vec<Ray>> {
+    let mut numbers = Numbers(11);
+    let mut packets = Vec::new();
+    for k in 0..120 {
+        let eye = numbers.vector().normalize() * 4.0;
+        let aim = (numbers.vector() - eye).normalize();
+        let (right, up) = aim.any_orthonormal_pair();
+        let size = [0.002, 0.05, 0.4][k % 3];
+        let rays = (0..64 - k % 5).map(|lane| {
+            let (x, y) = ((lane % 8) as f64 - 3.5, (lane / 8) as f64 - 3.5);
+            let shift = (right * x + up * y) * size / 8.0;
+            match k % 4 {
+                0 | 1 => Ray {
+                    origin: eye,
+                    direction: aim + shift,
+                },
+                2 => Ray {
+                    origin: eye + shift * 3.0,
+                    direction: aim,
+                },
+                _ => Ray {
+                    origin: numbers.vector(),
+                    direction: numbers.vector(),
+                },
+            }
+        });
+        packets.push(rays.collect());
+    }
+    packets
+}
+
+#[test]
+fn packets_meet_what_single_rays_meet_with_all_instructions() {
+    let scene = medley();
+    for instructions in Instructions::ALL {
+        let accelerator = Accelerator::build(&scene, &METHODS[0]).with_instructions(instructions);
+        let mut workspace = Workspace::default();
+        let (mut hits, mut blocked) = (Vec::new(), Vec::new());
+        let mut met = 0;
+        for rays in packets() {
+            let ranges = vec![0.25..6.0; rays.len()];
+            accelerator.nearest_many(&rays, &ranges, &mut workspace, &mut hits);
+            accelerator.any_many(&rays, &ranges, &mut workspace, &mut blocked);
+            for (k, ray) in rays.iter().enumerate() {
+                let alone = accelerator.nearest(ray, ranges[k].clone(), &mut workspace);
+                let context = format!("{instructions:?} {ray:?}: {:?}, {alone:?}", hits[k]);
+                assert_eq!(blocked[k], alone.is_some(), "{context}");
+                match (&hits[k], &alone) {
+                    (None, None) => {}
+                    (Some(a), Some(b)) => {
+                        met += 1;
+                        assert!((a.t - b.t).abs() < 1e-12 * 8.0, "{context}");
+                        let off = ray.at(a.t).distance(a.point);
+                        assert!(off < 1e-9 * accelerator.bounds().diagonal(), "{context}");
+                        if a.shape == b.shape {
+                            assert!(a.normal.distance(b.normal) < 1e-8, "{context}");
+                        }
+                    }
+                    _ => panic!("{context}"),
+                }
+            }
+        }
+        assert!(met > 2000, "only {met} hits say nothing");
+    }
+}
+
+#[test]
+fn packets_take_any_number_of_rays() {
+    let scene = scene_of(vec![ball(1.0, DVec3::ZERO)]);
+    let accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let (mut workspace, mut hits) = (Workspace::default(), vec![None; 3]);
+    accelerator.nearest_many(&[], &[], &mut workspace, &mut hits);
+    assert!(hits.is_empty());
+    let ray = Ray {
+        origin: DVec3::new(0.1, 0.2, 3.0),
+        direction: -DVec3::Z,
+    };
+    let broken = Ray {
+        direction: DVec3::NAN,
+        ..ray
+    };
+    let rays = [&[broken][..], &[ray; 100], &[broken; 2]].concat();
+    let ranges = vec![0.0..f64::INFINITY; rays.len()];
+    accelerator.nearest_many(&rays, &ranges, &mut workspace, &mut hits);
+    let met: Vec<_> = hits.iter().map(Option::is_some).collect();
+    let expected: Vec<_> = (0..103).map(|k| (1..101).contains(&k)).collect();
+    assert_eq!(met, expected);
 }

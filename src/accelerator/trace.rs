@@ -89,16 +89,23 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         hits: &mut Vec<Hit>,
     ) {
-        let mut found = All(Vec::new());
+        let mut found = All(std::mem::take(&mut workspace.candidates));
+        found.0.clear();
         self.search::<I>(ray, range, workspace.rooms(), &mut found);
+        let candidates = found.0;
         hits.clear();
         hits.extend(
-            found
-                .0
+            candidates
                 .iter()
                 .map(|candidate| self.work_out(ray, candidate)),
         );
-        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.shape.cmp(&b.shape)));
+        workspace.candidates = candidates;
+        hits.sort_unstable_by(|a, b| {
+            a.t.total_cmp(&b.t)
+                .then(a.shape.cmp(&b.shape))
+                .then(a.uv.x.total_cmp(&b.uv.x))
+                .then(a.uv.y.total_cmp(&b.uv.y))
+        });
         self.merge(hits);
     }
 
@@ -313,12 +320,12 @@ impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
 }
 
 /// Meets the triangles of the leaves that a ray passes.
-struct TriangleVisitor<'a, C> {
-    cluster: &'a Cluster<'a>,
-    ray: &'a Ray,
-    instance: u32,
-    collector: &'a mut C,
-    go_on: bool,
+pub(super) struct TriangleVisitor<'a, C> {
+    pub(super) cluster: &'a Cluster<'a>,
+    pub(super) ray: &'a Ray,
+    pub(super) instance: u32,
+    pub(super) collector: &'a mut C,
+    pub(super) go_on: bool,
 }
 
 impl<C: Collector> Visitor for TriangleVisitor<'_, C> {

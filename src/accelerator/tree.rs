@@ -384,9 +384,13 @@ impl Builder<'_> {
             return self.halve(part);
         }
         let scale = BINS as f64 / width;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "never negative; what is not a number becomes zero"
+        )]
         let bin_of = |k: u32| {
             let place = (middle(&boxes[k as usize])[axis] - low) * scale;
-            // Never negative; what is not a number becomes zero.
             (place as usize).min(BINS - 1)
         };
         let mut bins = [(0_usize, Aabb::EMPTY); BINS];
