@@ -7,20 +7,26 @@
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 
+mod boundary;
+mod conic;
 mod curves;
 mod directory;
 mod entities;
 mod global;
 mod leftovers;
+mod net;
+mod offset;
 mod parameters;
+mod quadric;
 mod records;
-mod surface;
+mod sheets;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 mod transform;
 mod tree;
+mod trims;
 mod types;
 
 /// The row of this format.
