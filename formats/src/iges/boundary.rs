@@ -15,8 +15,6 @@ pub(super) enum Boundary {
     Loops(Vec<i64>),
     /// The border of the domain, with holes.
     Holes(Vec<i64>),
-    /// One closed curve of space.
-    Curve(i64),
 }
 
 /// A loop as the file has it.

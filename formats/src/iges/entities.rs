@@ -60,18 +60,6 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         Ok(Some(Entity { name, content }))
     };
     match entry.kind {
-        108 if entry.form != 0 => {
-            let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-            for _ in 0..4 {
-                parameters.real()?;
-            }
-            let curve = parameters.integer_or(0)?;
-            let surface = i64::try_from(entry.number).unwrap_or_default();
-            return plain(Content::Face {
-                surface,
-                boundary: Boundary::Curve(curve),
-            });
-        }
         106 if matches!(entry.form, 1..=3) => {
             let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
             return plain(Content::Points(curves::copious(&mut parameters)?));
@@ -125,7 +113,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
     // How many parameters stand before the pointers, and how many pointers there are.
     let (before, count) = match entry.kind {
         108 if entry.form != 0 => (4, 1),
-        118 | 120 | 190 | 192 | 194 | 198 => (0, 4),
+        118 | 120 | 190 | 192 | 194 | 198 => (0, 2),
         122 | 130 | 412 | 414 | 430 => (0, 1),
         140 => (4, 1),
         142 => (1, 3),
@@ -169,11 +157,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
         parameters.text();
     }
     let mut pointers = Vec::new();
-    for place in 0..count {
-        // The last two of a ruled surface or revolution are none.
-        if matches!(entry.kind, 118 | 120) && place == 2 {
-            break;
-        }
+    for _ in 0..count {
         pointers.push(parameters.integer_or(0)?);
     }
     Ok(pointers)

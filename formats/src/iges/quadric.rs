@@ -36,15 +36,12 @@ pub(super) enum Shape {
     Torus { major: f64, minor: f64 },
 }
 
-/// Reads a plane of type 108 or a surface of the types 190 to 198.
+/// Reads a surface of the types 190 to 198.
 pub(super) fn read(
     file: &File<'_>,
     entry: &Entry,
     p: &mut Parameters<'_>,
 ) -> Result<Quadric, Problem> {
-    if entry.kind == 108 {
-        return plane(p);
-    }
     let location = vector(file, p.integer()?, 116)?;
     let axis = match entry.kind {
         196 => None,
@@ -90,14 +87,10 @@ pub(super) fn read(
 }
 
 /// A plane by its equation `A x + B y + C z = D` (type 108).
-fn plane(parameters: &mut Parameters<'_>) -> Result<Quadric, Problem> {
+pub(super) fn plane(parameters: &mut Parameters<'_>) -> Result<Quadric, Problem> {
     let mut real = || parameters.real();
     let normal = DVec3::new(real()?, real()?, real()?);
     let distance = real()?;
-    // The boundary is read elsewhere; the rest places a symbol.
-    for _ in 0..5 {
-        parameters.real_or(0.0)?;
-    }
     let square = normal.length_squared();
     let origin = normal * (distance / square);
     let frame = Frame::about(origin, normal).map_err(Problem::Geometry)?;
@@ -131,9 +124,25 @@ impl Quadric {
         )
     }
 
-    /// The coordinates in the plane of the x and y axes.
-    pub(super) fn flat(&self, point: DVec3) -> DVec2 {
-        self.local(point).truncate()
+    /// The same surface, told from where some points of it are: a cone goes on beyond its apex.
+    pub(super) fn near(self, points: &[DVec3]) -> Result<Self, Problem> {
+        let Shape::Cone { radius, half_angle } = self.shape else {
+            return Ok(self);
+        };
+        let heights: f64 = points.iter().map(|&p| self.local(p).z).sum();
+        let height = heights / points.len().max(1) as f64;
+        let there = radius + height * half_angle.tan();
+        if there >= 0.0 {
+            return Ok(self);
+        }
+        let frame = &self.frame;
+        let origin = frame.origin() + frame.z() * height;
+        let frame = Frame::new(origin, frame.z(), frame.x()).map_err(Problem::Geometry)?;
+        let shape = Shape::Cone {
+            radius: -there,
+            half_angle: -half_angle,
+        };
+        Ok(Self { frame, shape })
     }
 
     /// The parameters of a point on the surface, angles in radians. Angles are taken next to

@@ -19,6 +19,8 @@ pub(super) struct Sheet {
     pub shape: SheetShape,
     /// Where it stands, from its own transformation.
     pub place: DAffine3,
+    /// Pointer to the closed curve that bounds a plane, or zero.
+    pub border: i64,
     /// The name among its properties.
     pub name: String,
 }
@@ -103,8 +105,19 @@ fn nested(
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
     let p = &mut parameters;
     let one = |surface: Surface, warps| SheetShape::Splines(vec![surface], warps);
+    let mut border = 0;
     let shape = match entry.kind {
-        108 | 190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(file, entry, p)?),
+        108 => {
+            let plane = quadric::plane(p)?;
+            let curve = p.integer_or(0)?;
+            // What follows places a symbol.
+            for _ in 0..4 {
+                p.real_or(0.0)?;
+            }
+            border = if entry.form == 0 { 0 } else { curve };
+            SheetShape::Quadric(plane)
+        }
+        190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(file, entry, p)?),
         114 => one(cubics(p, limit)?, Default::default()),
         118 => ruled(reader, index, p, entry.form)?,
         120 => revolved(reader, p)?,
@@ -148,7 +161,12 @@ fn nested(
         shape => shape,
     };
     let name = super::entities::trailing_name(file, &mut parameters);
-    Ok(Sheet { shape, place, name })
+    Ok(Sheet {
+        shape,
+        place,
+        border,
+        name,
+    })
 }
 
 /// A ruled surface (type 118) between points with equal parameters.

@@ -51,6 +51,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     }
     leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
     if tree.scene.patches().is_empty()
+        && tree.scene.wires().is_empty()
         && let Some(failure) = tree.failure
     {
         return Err(failure);
@@ -109,8 +110,7 @@ fn links(file: &File<'_>) -> Links {
     };
     for (index, entry) in file.entries.iter().enumerate() {
         for pointer in entities::references(file, index) {
-            // A bounded plane names itself.
-            if let Some(owned) = file.find(pointer).filter(|owned| *owned != index) {
+            if let Some(owned) = file.find(pointer) {
                 links.owners[owned] = Some(index);
                 links.is_base[owned] |= matches!(entry.kind, 143 | 144 | 510);
             }
@@ -233,7 +233,6 @@ impl<'a, 'b> Tree<'a, 'b> {
         let mut place = match &entity.content {
             // Those of surfaces and curves are in their numbers.
             Content::Surface | Content::Curve => DAffine3::IDENTITY,
-            Content::Face { .. } if sheets::is_sheet(entry.kind) => DAffine3::IDENTITY,
             _ => self.transforms.follow(file, entry.transform)?,
         };
         let color = if entry.color == 0 {

@@ -36,37 +36,30 @@ pub(super) fn faces(
     reader: &mut Reader<'_, '_>,
     lists: &mut Edges,
     face: usize,
-    sheet: Sheet,
+    mut sheet: Sheet,
     boundary: &Boundary,
 ) -> Result<Parts, Problem> {
-    let loops = match loops(reader, lists, boundary) {
+    let loops = match loops(reader, lists, boundary, sheet.border) {
         Ok(loops) => loops,
         Err(problem) => {
             untrimmed(reader, face, &problem);
             None
         }
     };
-    let border = matches!(boundary, Boundary::Holes(_));
-    let surfaces = match &sheet.shape {
-        SheetShape::Splines(pieces, _) => pieces.clone(),
+    let border = matches!(boundary, Boundary::Holes(_)) && sheet.border == 0;
+    let surfaces = match sheet.shape.clone() {
+        SheetShape::Splines(pieces, _) => pieces,
         SheetShape::Quadric(quadric) => {
-            let mut hull = Vec::new();
-            for space in loops
-                .iter()
-                .flatten()
-                .flat_map(|l| &l.uses)
-                .filter(|u| u.space != 0)
-            {
-                let index = reader.file.follow(space.space, "a curve")?;
-                for rail in reader.rails(index)? {
-                    let back = sheet.place.inverse();
-                    hull.extend(rail.curve.points().map(|p| back.transform_point3(p)));
-                }
-            }
-            let surface = quadric.surface(&hull)?.ok_or_else(|| {
-                let text = "it has no border: without curves of space around it there is no end";
-                Problem::Unsupported(text.to_owned())
-            })?;
+            let hull = hull(reader, loops.as_deref().unwrap_or_default(), &sheet)?;
+            let quadric = quadric.near(&hull)?;
+            let Some(surface) = quadric.surface(&hull)? else {
+                let text = "it has no end, because no curves of space bound it; it is not shown";
+                reader
+                    .repairs
+                    .push((face, Problem::Unsupported(text.to_owned())));
+                return Ok(Vec::new());
+            };
+            sheet.shape = SheetShape::Quadric(quadric);
             vec![surface.transformed(&sheet.place)]
         }
     };
@@ -87,6 +80,20 @@ pub(super) fn faces(
     Ok(parts)
 }
 
+/// The control points of the curves of space around a face, in the coordinates of its sheet
+/// before that is placed.
+fn hull(reader: &mut Reader<'_, '_>, loops: &[Loop], sheet: &Sheet) -> Result<Vec<DVec3>, Problem> {
+    let mut hull = Vec::new();
+    let back = sheet.place.inverse();
+    for stretch in loops.iter().flat_map(|l| &l.uses).filter(|u| u.space != 0) {
+        let index = reader.file.follow(stretch.space, "a curve")?;
+        for rail in reader.rails(index)? {
+            hull.extend(rail.curve.points().map(|p| back.transform_point3(p)));
+        }
+    }
+    Ok(hull)
+}
+
 /// Notes that the loops of a face cannot be used.
 fn untrimmed(reader: &mut Reader<'_, '_>, face: usize, problem: &Problem) {
     let why = match problem {
@@ -104,19 +111,10 @@ fn loops(
     reader: &Reader<'_, '_>,
     lists: &mut Edges,
     boundary: &Boundary,
+    border: i64,
 ) -> Result<Option<Vec<Loop>>, Problem> {
-    let pointers = match boundary {
-        Boundary::Natural => return Ok(None),
-        Boundary::Curve(space) => {
-            let uses = vec![Use {
-                space: *space,
-                ..Use::default()
-            }];
-            return Ok(Some(vec![Loop {
-                uses,
-                ..Loop::default()
-            }]));
-        }
+    let pointers: &[i64] = match boundary {
+        Boundary::Natural => &[],
         Boundary::Loops(pointers) | Boundary::Holes(pointers) => pointers,
     };
     let mut loops = Vec::new();
@@ -125,6 +123,16 @@ fn loops(
             lists.resolve(reader.file, &mut one)?;
             loops.push(one);
         }
+    }
+    if border != 0 && !matches!(boundary, Boundary::Loops(_)) {
+        let uses = vec![Use {
+            space: border,
+            ..Use::default()
+        }];
+        loops.push(Loop {
+            uses,
+            ..Loop::default()
+        });
     }
     Ok(Some(loops).filter(|loops| !loops.is_empty()))
 }
