@@ -19,6 +19,9 @@ const TRIED: usize = 4;
 /// Two sides of a surface meet if no farther apart than this share of its size.
 const MEETS: f64 = 1e-6;
 
+/// A point found from a guess is taken if it is no farther away than this share of the size.
+const TRUSTED: f64 = 1e-3;
+
 /// A point of a surface and how far away it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
@@ -98,11 +101,11 @@ impl<'a> Nearby<'a> {
     /// The point nearest to `target`.
     ///
     /// With a `guess` the point near it, found by Newton's iteration \[Piegl 97, section
-    /// 6.1\], is taken if no other can be nearer by much; else the best of the samples are
+    /// 6.1\], is taken if its distance is below a thousandth of the surface's size; else the best of the samples are
     /// tried as guesses. Where the surface is closed, parameters may leave the domain.
     pub fn nearest(&self, target: DVec3, guess: Option<DVec2>) -> Nearest {
         let guessed = guess.map(|uv| self.iterate(target, uv));
-        if let Some(found) = guessed.filter(|found| found.distance <= MEETS * self.size) {
+        if let Some(found) = guessed.filter(|found| found.distance <= TRUSTED * self.size) {
             return found;
         }
         let mut order: Vec<_> = self

@@ -56,6 +56,14 @@ impl Warp {
         self.angles.is_none()
     }
 
+    /// The length of a full turn, where the parameter is an angle throughout.
+    pub(super) fn turn(&self, domain: &Range<f64>) -> Option<f64> {
+        let (knots, arcs) = self.angles.as_ref()?;
+        let own = knots.domain();
+        let scale = (own.end - own.start) / (domain.end - domain.start);
+        (*arcs == [own]).then_some(TAU / scale)
+    }
+
     /// The parameter of the surface for one of the file; `domain` is that of both.
     pub(super) fn apply(&self, parameter: f64, domain: &Range<f64>) -> f64 {
         let Some((knots, arcs)) = &self.angles else {

@@ -4,12 +4,12 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine2, DVec2, DVec3};
 use kernel::nearest::{self, Nearby};
 use kernel::{Curve, Orientation, Surface, TrimLoop, modelling};
 
 use super::boundary::{self, Boundary, Edges, Loop, Use};
-use super::curves::Reader;
+use super::curves::{Rail, Reader};
 use super::quadric::{Quadric, wound};
 use super::sheets::{self, Sheet, SheetShape, Warp};
 use crate::Problem;
@@ -278,6 +278,7 @@ impl<'a> Trimmer<'a> {
             return Ok(curves);
         };
         if warps.iter().any(|warp| !warp.is_identity()) {
+            self.wind(&mut curves, warps);
             let warped = curves.iter().map(|curve| self.warped(curve, warps));
             curves = warped.collect::<Result<_, _>>()?;
         }
@@ -289,27 +290,21 @@ impl<'a> Trimmer<'a> {
             // Nothing to compare with.
             return Ok(curves);
         };
-        let mut ends: Vec<DVec3> = Vec::new();
-        for rail in &rails {
-            let domain = rail.curve.domain();
-            let middle = f64::midpoint(domain.start, domain.end);
-            ends.extend([
-                rail.curve.start(),
-                rail.curve.evaluate(middle),
-                rail.curve.end(),
-            ]);
-        }
         if rails.len() == curves.len() {
-            for curve in &curves {
-                let start = self.point(curve.start());
-                let miss = ends
-                    .iter()
-                    .map(|p| p.distance(start))
-                    .fold(f64::INFINITY, f64::min);
-                if miss > self.size * MISSES {
-                    let text = "a curve of the parameter domain is not where its curve of space is";
-                    return Err(Problem::Invalid(text.to_owned()));
-                }
+            let apart = |curve: &Curve<DVec2>, rail: &Rail| {
+                let own = [self.point(curve.start()), self.point(curve.end())];
+                let other = [rail.curve.start(), rail.curve.end()];
+                let with = own[0].distance(other[0]).max(own[1].distance(other[1]));
+                let against = own[0].distance(other[1]).max(own[1].distance(other[0]));
+                with.min(against)
+            };
+            if curves
+                .iter()
+                .zip(&rails)
+                .any(|(c, r)| apart(c, r) > self.size * MISSES)
+            {
+                let text = "a curve of the parameter domain is not where its curve of space is";
+                return Err(Problem::Invalid(text.to_owned()));
             }
         }
         if let ([curve], [rail]) = (curves.as_slice(), rails.as_slice()) {
@@ -322,6 +317,29 @@ impl<'a> Trimmer<'a> {
             }
         }
         Ok(curves)
+    }
+
+    /// Moves curves by whole turns into the domain, along parameters that are angles.
+    fn wind(&self, curves: &mut Chain, warps: &[Warp; 2]) {
+        for (axis, warp) in warps.iter().enumerate() {
+            let domain = &self.domain[axis];
+            let Some(turn) = warp.turn(domain) else {
+                continue;
+            };
+            let points = || curves.iter().flat_map(Curve::points).map(|p| p[axis]);
+            let least = points().fold(f64::INFINITY, f64::min);
+            let largest = points().fold(f64::NEG_INFINITY, f64::max);
+            let off = f64::midpoint(domain.start, domain.end) - f64::midpoint(least, largest);
+            let turns = (off / turn).round();
+            if turns != 0.0 && turns.is_finite() {
+                let mut shift = DVec2::ZERO;
+                shift[axis] = turns * turn;
+                let map = DAffine2::from_translation(shift);
+                for curve in curves.iter_mut() {
+                    *curve = curve.transformed(&map);
+                }
+            }
+        }
     }
 
     /// Whether a curve of the parameter domain runs against a curve of space.
