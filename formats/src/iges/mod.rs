@@ -12,6 +12,8 @@ mod conic;
 mod curves;
 mod directory;
 mod entities;
+#[cfg(test)]
+mod face_tests;
 mod global;
 mod leftovers;
 mod net;

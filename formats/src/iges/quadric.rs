@@ -18,6 +18,9 @@ const ON_AXIS: f64 = 1e-9;
 /// How much larger than its trim curves a surface is made, as a share of their size.
 const MARGIN: f64 = 1e-3;
 
+/// Apexes farther away than this many times the size of a cone are left out.
+const FAR: f64 = 100.0;
+
 /// A surface by its shape.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Quadric {
@@ -212,13 +215,7 @@ impl Quadric {
             },
             Shape::Cone { radius, half_angle } => match span(2) {
                 Some(heights) => {
-                    let apex = -radius / half_angle.tan();
-                    // What lies beyond the apex is another cone.
-                    let heights = if half_angle > 0.0 {
-                        heights.start.max(apex)..heights.end
-                    } else {
-                        heights.start..heights.end.min(apex)
-                    };
+                    let heights = self.with_apex(radius, half_angle, &heights);
                     modelling::cone(frame, radius, half_angle, 0.0..TAU, heights)
                 }
                 None => return Ok(None),
@@ -231,6 +228,27 @@ impl Quadric {
             }
         };
         made.map(Some).map_err(Problem::Geometry)
+    }
+
+    /// Heights of a cone up to its apex, unless that is far away: a single curve around the
+    /// cone bounds its tip.
+    fn with_apex(&self, radius: f64, half_angle: f64, heights: &Range<f64>) -> Range<f64> {
+        let apex = -radius / half_angle.tan();
+        let Range { start, end } = *heights;
+        let grows = half_angle > 0.0;
+        let [near, far] = if grows { [start, end] } else { [end, start] };
+        let size = (end - start) + (radius + far * half_angle.tan()).abs();
+        let tip = if (near - apex).abs() <= FAR * size {
+            apex
+        } else {
+            near
+        };
+        // What lies beyond the apex is another cone.
+        if grows {
+            tip.max(apex)..end
+        } else {
+            start..tip.min(apex)
+        }
     }
 
     /// Which parameters are angles.

@@ -26,7 +26,7 @@ const MISSES: f64 = 2e-2;
 
 /// A curve of space may lie this share of the surface's size beside it; farther off it is
 /// not taken for a curve on it.
-const BESIDE: f64 = 5e-2;
+const BESIDE: f64 = 0.2;
 
 /// A face in parts: each a surface with its loops.
 pub(super) type Parts = Vec<(Surface, Vec<TrimLoop>)>;

@@ -80,6 +80,10 @@ pub fn close(
     }
     let mut inverted = false;
     for (axis, paths) in open.into_iter().enumerate() {
+        let paths: Vec<_> = paths
+            .iter()
+            .map(|path| closer.leveled(path, 1 - axis))
+            .collect();
         if !paths.is_empty() {
             inverted = closer.is_inverted(&paths, axis);
         }
@@ -220,8 +224,8 @@ impl Closer<'_> {
 
     /// Whether the surface has no border, up to poles.
     fn is_boundless(&self) -> bool {
-        let [u, v] = self.closed;
-        (u || v) && (u || self.ends_in_points(0)) && (v || self.ends_in_points(1))
+        let ends = |axis: usize| self.closed[axis] || self.ends_in_points(axis);
+        self.closed != [false; 2] && ends(0) && ends(1)
     }
 
     /// Whether the sides across `axis`, at its start and end, are single points.
@@ -240,25 +244,15 @@ impl Closer<'_> {
     /// loops around it leave out, belongs to the face, or the other way round.
     fn is_inverted(&self, paths: &[Vec<Curve<DVec2>>], axis: usize) -> bool {
         let other = 1 - axis;
-        if paths.len() % 2 == 0 && !self.closed[other] {
+        if paths.len().is_multiple_of(2) && !self.closed[other] {
             return false;
         }
-        let height = |path: &Vec<Curve<DVec2>>| {
-            let heights: Vec<f64> = path.iter().map(|c| c.start()[other]).collect();
-            let mean = heights.iter().sum::<f64>() / heights.len() as f64;
-            let periods = ((mean - self.start[other]) / self.size[other]).floor();
-            mean - if self.closed[other] {
-                periods * self.size[other]
-            } else {
-                0.0
-            }
-        };
         let mut sorted: Vec<(f64, bool)> = paths
             .iter()
             .filter_map(|path| {
                 let forward = path.last()?.end()[axis] > path.first()?.start()[axis];
                 // To the left of u is the larger v, to the left of v the smaller u.
-                Some((height(path), forward == (axis == 0)))
+                Some((mean(path, other), forward == (axis == 0)))
             })
             .collect();
         sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -272,6 +266,16 @@ impl Closer<'_> {
             }) += 1;
         }
         differ > agree
+    }
+
+    /// A path moved by whole periods along `axis` so that its middle is in the domain.
+    fn leveled(&self, path: &[Curve<DVec2>], axis: usize) -> Vec<Curve<DVec2>> {
+        let periods = ((mean(path, axis) - self.start[axis]) / self.size[axis]).floor();
+        let mut shift = DVec2::ZERO;
+        if self.closed[axis] {
+            shift[axis] = -periods * self.size[axis];
+        }
+        path.iter().map(|curve| moved(curve, shift)).collect()
     }
 
     /// The loop around what lies between a path along a whole period and the lower border.
@@ -416,6 +420,11 @@ fn cut(curve: &Curve<DVec2>, axis: usize, values: &[f64]) -> Result<Vec<Curve<DV
     }
     pieces.push(rest);
     Ok(pieces)
+}
+
+/// The mean of one coordinate of the curves' starts.
+fn mean(path: &[Curve<DVec2>], axis: usize) -> f64 {
+    path.iter().map(|c| c.start()[axis]).sum::<f64>() / path.len() as f64
 }
 
 /// A curve moved in the parameter domain.
