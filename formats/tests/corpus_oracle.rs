@@ -7,10 +7,11 @@
 )]
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Aabb, Child, Curve, Patch, Scene, Shape, TrimLoop, TrimRegion, WireShape};
+use nurbray_formats::Limits;
 use serde_json::Value;
 
 /// Cells of the grid over a face, along each parameter.
@@ -28,8 +29,8 @@ const GAUSS: [(f64, f64); 8] = [
     (0.019_855_071_751_231_9, 0.050_614_268_145_188_1),
     (0.101_666_761_293_186_6, 0.111_190_517_226_687_2),
     (0.237_233_795_041_835_5, 0.156_853_322_938_943_6),
-    (0.408_282_678_752_175_1, 0.181_341_891_689_181_0),
-    (0.591_717_321_247_824_9, 0.181_341_891_689_181_0),
+    (0.408_282_678_752_175_1, 0.181_341_891_689_181),
+    (0.591_717_321_247_825, 0.181_341_891_689_181),
     (0.762_766_204_958_164_5, 0.156_853_322_938_943_6),
     (0.898_333_238_706_813_4, 0.111_190_517_226_687_2),
     (0.980_144_928_248_768_1, 0.050_614_268_145_188_1),
@@ -66,7 +67,7 @@ impl Placed<'_> {
             du.cross(dv).length()
         };
         let spans = self.breaks.windows(2).take_while(|w| w[0] < u);
-        spans.map(|w| integral(density, w[0], w[1].min(u), 1)).sum()
+        spans.map(|w| integral(density, w[0], w[1].min(u), 2)).sum()
     }
 
     /// The area inside a loop, by Green's theorem: positive if it lies to the left.
@@ -113,7 +114,7 @@ impl Placed<'_> {
                 let t = domain.start + (domain.end - domain.start) * share;
                 region.contains(segment.evaluate(t))
             };
-            let depth = others.len() > 0 && inside(0.37);
+            let depth = !others.is_empty() && inside(0.37);
             self.inside(trim).abs() * if depth { -1.0 } else { 1.0 }
         };
         loops.iter().enumerate().map(signed).sum()
@@ -217,75 +218,147 @@ fn wires(scene: &Scene) -> Aabb {
     bounds
 }
 
-#[test]
-#[ignore = "takes minutes"]
-fn real_files_agree_with_the_oracle() {
+/// Files of which we show other numbers of faces, and why.
+const OTHERS: [(&str, usize, &str); 9] = [
+    (
+        "cmp_analytic_cone_surface.igs",
+        0,
+        "has no end; theirs has no area",
+    ),
+    (
+        "cmp_analytic_cylinder_surface.igs",
+        0,
+        "has no end; theirs has no area",
+    ),
+    ("cmp_colored_explicit_vertex_loop.igs", 1, "a whole sphere"),
+    ("cmp_explicit_vertex_loop.igs", 1, "a whole sphere"),
+    (
+        "cmp_explicit_tetrahedron_solid_with_boolean.igs",
+        4,
+        "not imported there",
+    ),
+    (
+        "made_odd_number_of_D_lines.igs",
+        1,
+        "its boundary is lost, its surface not",
+    ),
+    ("made_truncated_in_P_section.igs", 28, "cut short"),
+    ("splinelib_read.iges", 0, "blanked"),
+    ("splinelib_read2.iges", 0, "blanked"),
+];
+
+/// How far areas may be off, as a share: the integrals of this test, and the rounding of
+/// numbers in files.
+const AREA: f64 = 1e-3;
+
+/// Files of which the areas are not compared, and why.
+const UNEVEN: [(&str, &str); 3] = [
+    (
+        "bench_128-004.igs",
+        "sharp folds, on which all integrals disagree",
+    ),
+    (
+        "bench_nentity.igs",
+        "holds the surface of bench_128-004.igs",
+    ),
+    ("bench_144-000-example-1.igs", "faces are degenerate"),
+];
+
+/// The corpus and what the oracle tells of it; nothing where it is not at hand.
+fn oracle() -> Vec<(String, PathBuf, Value)> {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/corpus");
     let Ok(text) = std::fs::read_to_string(corpus.join("oracle.json")) else {
-        return;
+        return Vec::new();
     };
     let oracle: serde_json::Map<String, Value> = serde_json::from_str(&text).unwrap();
+    let files = oracle.into_iter().filter_map(|(path, entry)| {
+        let name = path.strip_prefix("iges/")?.to_owned();
+        Some((name, corpus.join(path), entry))
+    });
+    files.collect()
+}
+
+#[test]
+fn real_files_have_the_faces_of_the_oracle() {
+    for (name, path, entry) in oracle() {
+        let other = OTHERS.iter().find(|(other, ..)| *other == name);
+        let theirs = entry["n_faces"].as_u64().unwrap_or(0);
+        let expected = other.map_or(theirs, |(_, count, _)| *count as u64);
+        let found = match nurbray_formats::open(path, &Limits::default()) {
+            Ok(import) => import.scene.placement_count(),
+            Err(_) => 0,
+        };
+        assert_eq!(found, expected, "{name}");
+    }
+}
+
+#[test]
+#[ignore = "takes half a minute; prints a table of all files"]
+fn real_files_agree_with_the_oracle() {
+    // One file, and more points in each face, by these variables.
     let wanted = std::env::var("FILES").unwrap_or_default();
     let cells = std::env::var("CELLS")
         .ok()
         .and_then(|c| c.parse().ok())
         .unwrap_or(CELLS);
-    for (name, entry) in oracle.iter().filter(|(name, _)| name.starts_with("iges/")) {
-        if !name.contains(&wanted) {
-            continue;
-        }
+    let mut bad = Vec::new();
+    for (name, path, entry) in oracle()
+        .into_iter()
+        .filter(|(name, ..)| name.contains(&wanted))
+    {
         let started = std::time::Instant::now();
-        let result = nurbray_formats::open(corpus.join(name), &Default::default());
-        let took = started.elapsed();
-        let count = entry["n_faces"].as_u64();
-        let import = match result {
+        let import = match nurbray_formats::open(path, &Limits::default()) {
             Ok(import) => import,
             Err(error) => {
-                println!("{name}: {error}; expected faces {count:?}");
+                println!("{name}: {error}");
                 continue;
             }
         };
+        let took = started.elapsed();
         let found = faces(&import.scene, cells);
         let area: f64 = found.iter().map(|f| f.area).sum();
-        let expected = entry["area"].as_f64().unwrap_or(0.0);
-        let wires = wires(&import.scene);
-        let bounds = found.iter().fold(wires, |b, f| b.union(f.bounds));
-        let numbers: Vec<f64> = entry["bbox"].as_array().map_or_else(Vec::new, |list| {
-            list.iter().filter_map(Value::as_f64).collect()
-        });
-        let off = match numbers.as_slice() {
-            [a, b, c, d, e, f] if !bounds.is_empty() => {
-                let wanted = [DVec3::new(*a, *b, *c), DVec3::new(*d, *e, *f)];
-                let off = (bounds.min - wanted[0])
-                    .abs()
-                    .max((bounds.max - wanted[1]).abs());
-                off.max_element() / wanted[0].distance(wanted[1])
-            }
-            _ => 0.0,
-        };
+        // Two rules of integration; the second one bounds its error.
+        let theirs = ["area", "area_adaptive"].map(|key| entry[key].as_f64());
+        let off = theirs
+            .into_iter()
+            .flatten()
+            .map(|theirs| (area / theirs - 1.0).abs());
+        let off = off.fold(f64::INFINITY, f64::min);
+        let bounds = found
+            .iter()
+            .fold(wires(&import.scene), |b, f| b.union(f.bounds));
         let wires = import.scene.wires().len();
         let warnings: usize = import.warnings.as_slice().iter().map(|w| w.count).sum();
-        let mark = |bad: bool| if bad { "  <<<" } else { "" };
-        let count = count.unwrap_or(0) as usize;
         println!(
-            "{name}: {} faces of {count}{}, area {:+.1e}{}, box {off:.1e}{}, {wires} wires, \
+            "{name}: {} faces, area {area:e} off {off:.1e}, box off {:.1e}, {wires} wires, \
              {warnings} warnings, {took:?}",
             found.len(),
-            mark(found.len() != count),
-            area / expected - 1.0,
-            mark(expected > 0.0 && (area / expected - 1.0).abs() > 1e-6),
-            mark(off > 2e-3),
+            box_off(&bounds, &entry["bbox"]),
         );
         for warning in import.warnings.as_slice() {
             println!("      {}: {warning}", warning.problem.kind());
         }
-        if std::env::var("DUMP").is_ok() {
-            for face in &found {
-                println!("FACE {} {:.9e}", face.source, face.area);
-            }
-        }
         compare(&found, &entry["faces"]);
+        let is_uneven = UNEVEN.iter().any(|(uneven, _)| *uneven == name);
+        if theirs[0].is_some() && !found.is_empty() && off > AREA && !is_uneven {
+            bad.push(format!("{name}: {off:e}"));
+        }
     }
+    assert!(bad.is_empty(), "{bad:#?}");
+}
+
+/// How far two boxes are apart, relative to their size.
+fn box_off(found: &Aabb, expected: &Value) -> f64 {
+    let list = expected.as_array().into_iter().flatten();
+    let numbers: Vec<f64> = list.filter_map(Value::as_f64).collect();
+    let [a, b, c, d, e, f] = numbers[..] else {
+        return 0.0;
+    };
+    let wanted = [DVec3::new(a, b, c), DVec3::new(d, e, f)];
+    let off = (found.min - wanted[0])
+        .abs()
+        .max((found.max - wanted[1]).abs());
+    off.max_element() / wanted[0].distance(wanted[1])
 }
 
 /// Prints faces whose areas have no partner.

@@ -1,4 +1,5 @@
 //! Loops on closed surfaces: which part of a sphere, cylinder or torus they bound.
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests, too")]
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

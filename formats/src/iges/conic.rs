@@ -96,8 +96,8 @@ fn open_arc(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
     let across = tangents[0].perp_dot(tangents[1]);
     let size = tangents[0].length() * tangents[1].length();
     let line = || Curve::line(start.extend(z), end.extend(z), 0.0..1.0);
-    let is_straight = !(across.abs() > PARABOLA * size);
-    if is_straight {
+    let is_bent = across.abs() > PARABOLA * size;
+    if !is_bent {
         return (start != end)
             .then(|| line().ok().map(Rail::from))
             .flatten();

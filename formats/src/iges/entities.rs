@@ -73,7 +73,7 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         kind if types::is_curve(kind, entry.form) => return plain(Content::Curve),
         _ => {}
     }
-    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 408 | 510 | 514)
+    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 408 | 430 | 510 | 514)
         || types::is_group(entry.kind, entry.form);
     if !is_readable {
         return Ok(None);
@@ -92,6 +92,7 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         }
         402 => Content::Members(parameters.pointers("members")?),
         408 => instance(&mut parameters)?,
+        430 => Content::Members(vec![parameters.integer()?]),
         514 => Content::Members(with_flags(&mut parameters, |_| Ok(Vec::new()))?),
         kind => face(kind, &mut parameters)?,
     };

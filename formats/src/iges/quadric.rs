@@ -81,7 +81,7 @@ pub(super) fn read(
     let quadric = Quadric { frame, shape };
     // The shape is checked where its surface is made, here only what finds points on it.
     match shape {
-        Shape::Cone { half_angle, .. } if !(half_angle.abs() < FRAC_PI_2) => {
+        Shape::Cone { half_angle, .. } if half_angle.abs() >= FRAC_PI_2 => {
             let text = format!("the half angle of the cone is {}", half_angle.to_degrees());
             Err(Problem::Invalid(text))
         }

@@ -3,7 +3,7 @@
 //! Each entity is built once and shared by all that refer to it. What an entity may refer to
 //! is collected first, because only entities to which nothing refers stand for themselves.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::{DAffine3, DVec3};
 use kernel::{
@@ -18,11 +18,12 @@ use super::leftovers::{self, is_geometry};
 use super::transform::Transforms;
 use super::types::{self, Class};
 use super::{sheets, trims};
-use crate::{Error, Import, Limits, Place, Problem, Warnings};
+use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
 
 /// Makes the scene of a file.
 pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Result<Import, Error> {
     let Links { owners, is_base } = links(file);
+    file.take_asked();
     let mut tree = Tree::new(file, limits, warnings, is_base);
     let mut children = Vec::new();
     for (index, entry) in file.entries.iter().enumerate() {
@@ -49,6 +50,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     if let Some(error) = tree.fatal {
         return Err(error);
     }
+    let ledger = tree.ledger();
     leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
     if tree.scene.patches().is_empty()
         && tree.scene.wires().is_empty()
@@ -89,6 +91,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     Ok(Import {
         scene,
         warnings,
+        ledger,
         ..Import::default()
     })
 }
@@ -155,6 +158,9 @@ struct Tree<'a, 'b> {
     tried: Vec<bool>,
     /// Entities that are members of a group that is built, or surfaces of faces.
     grouped: Vec<bool>,
+    /// Entities that were repaired, or could not be used.
+    repaired: BTreeSet<usize>,
+    refused: BTreeSet<usize>,
     points_left: usize,
     /// How many more children may be stored twice for the sake of an inherited colour.
     copies_left: usize,
@@ -180,6 +186,8 @@ impl<'a, 'b> Tree<'a, 'b> {
             busy: vec![false; count],
             tried: vec![false; count],
             grouped: is_base,
+            repaired: BTreeSet::new(),
+            refused: BTreeSet::new(),
             points_left: limits.points,
             copies_left: count.saturating_mul(8),
             failure: None,
@@ -364,8 +372,32 @@ impl<'a, 'b> Tree<'a, 'b> {
     /// Notes what was repaired.
     fn repairs(&mut self, repairs: Vec<(usize, Problem)>) {
         for (index, problem) in repairs {
+            self.repaired.insert(index);
             self.problem(index, problem);
         }
+    }
+
+    /// What became of the entities, by type.
+    fn ledger(&self) -> Vec<Tally> {
+        let asked = self.file.take_asked();
+        let mut rows: BTreeMap<i64, Tally> = BTreeMap::new();
+        for (index, entry) in self.file.entries.iter().enumerate() {
+            let row = rows.entry(entry.kind).or_insert_with(|| Tally {
+                kind: format!("{} {}", entry.kind, types::noun(entry.kind)),
+                ..Tally::default()
+            });
+            row.count += 1;
+            let is_refused = self.refused.contains(&index);
+            let is_used = asked[index] && !is_refused;
+            for (list, is_in) in [
+                (&mut row.used, is_used),
+                (&mut row.repaired, is_used && self.repaired.contains(&index)),
+                (&mut row.refused, is_refused),
+            ] {
+                list.extend(is_in.then_some(entry.number));
+            }
+        }
+        rows.into_values().collect()
     }
 
     /// The patches of a surface or face; `base` is the entity with the surface.
@@ -453,6 +485,7 @@ impl<'a, 'b> Tree<'a, 'b> {
     /// Notes that an entity cannot be shown.
     fn fail(&mut self, index: usize, problem: Problem) {
         let error = super::error(self.file.place(index), problem.clone());
+        self.refused.insert(index);
         if let Problem::TooLarge(_) = problem {
             self.fatal.get_or_insert(error);
             return;

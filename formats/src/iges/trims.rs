@@ -394,10 +394,10 @@ impl<'a> Trimmer<'a> {
     /// A curve of space in the parameters of the surface: exactly in planes and along lines
     /// of constant parameters, else to [`ACCURACY`].
     fn on_surface(&self, curve: &Curve<DVec3>) -> Result<Curve<DVec2>, Problem> {
-        if let Some(corner) = sheets::parallelogram(self.surface) {
-            if let Some(flat) = sheets::in_parallelogram(self.surface, corner, curve) {
-                return Ok(flat);
-            }
+        let flat = sheets::parallelogram(self.surface)
+            .and_then(|corner| sheets::in_parallelogram(self.surface, corner, curve));
+        if let Some(flat) = flat {
+            return Ok(flat);
         }
         let table = self.table(curve)?;
         let at = |t: f64| {

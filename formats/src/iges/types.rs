@@ -88,7 +88,7 @@ const TYPES: &[(i64, &str, Class)] = &[
     (414, "circular array", Missing),
     (416, "external reference", Missing),
     (420, "network subfigure instance", Missing),
-    (430, "solid instance", Missing),
+    (430, "solid instance", Shown),
     (502, "vertex list", Helper),
     (504, "edge list", Helper),
     (508, "loop", Helper),
