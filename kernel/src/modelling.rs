@@ -1,6 +1,6 @@
 //! Exact rational curves and surfaces: arcs, quadrics, tori, and what sweeps make of curves.
 //!
-//! Everything here is exact up to the rounding of the control points, but what [`fit`]
+//! Everything here is exact up to the rounding of the control points, but what [`fit()`]
 //! and [`fit_surface`] make.
 //! A parameter that is an angle equals it, in radians, at the knots, which stand every 90
 //! degrees or closer; between them see [`arc_parameter`].

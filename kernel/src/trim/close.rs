@@ -18,6 +18,9 @@ const WIDE_GAP: f64 = 1e-2;
 /// What lies this share of a period beyond the border of a domain lies in it.
 const NEAR: f64 = 1e-9;
 
+/// What lies this share of a domain beside a pole is the pole.
+const POLE: f64 = 1e-6;
+
 /// How a file orients its loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Orientation {
@@ -62,6 +65,7 @@ pub fn close(
         start: DVec2::new(u.start, v.start),
         size: DVec2::new(u.end - u.start, v.end - v.start),
         accuracy,
+        orientation,
     };
     let mut result = ClosedLoops::default();
     let (mut simple, mut open) = (Vec::new(), [Vec::new(), Vec::new()]);
@@ -126,6 +130,7 @@ struct Closer<'a> {
     start: DVec2,
     size: DVec2,
     accuracy: f64,
+    orientation: Orientation,
 }
 
 impl Closer<'_> {
@@ -140,16 +145,51 @@ impl Closer<'_> {
         let mut path: Vec<Curve<DVec2>> = Vec::new();
         let mut end = first;
         for (index, curve) in chain.into_iter().enumerate() {
-            let shift = self.periods(end - curve.start());
+            let mut shift = self.periods(end - curve.start());
+            if index > 0 {
+                shift += self.around_pole(end, curve.start() + shift);
+            }
             let curve = moved(&curve, shift);
             self.bridge(&mut path, index, curve.start(), wide_gaps)?;
             end = curve.end();
             path.push(curve);
         }
-        let turn = self.periods(end - first);
+        let mut turn = self.periods(end - first);
+        turn += self.around_pole(end, first + turn);
         let index = path.len();
         self.bridge(&mut path, index, first + turn, wide_gaps)?;
         Ok((path, turn / self.size))
+    }
+
+    /// One period more, or none, for a path that arrives at a pole at `end` and leaves it at
+    /// `next`: with the face to the left, it goes around the pole the other way than around
+    /// its middle, and all the way round if it leaves where it arrived.
+    fn around_pole(&self, end: DVec2, next: DVec2) -> DVec2 {
+        let mut turn = DVec2::ZERO;
+        if self.orientation == Orientation::Unknown {
+            return turn;
+        }
+        for axis in 0..2 {
+            let other = 1 - axis;
+            if !self.closed[axis] || self.closed[other] {
+                continue;
+            }
+            let height = (end[other] - self.start[other]) / self.size[other];
+            let side = if height < 0.5 { 0 } else { 1 };
+            if (height - side as f64).abs() > POLE || !self.is_point(other, side) {
+                continue;
+            }
+            // Along the lower border of v the path goes towards larger u, and so on.
+            let forward = (side == 0) == (axis == 0);
+            let way = next[axis] - end[axis];
+            let near = self.size[axis] * NEAR;
+            if forward && way < near {
+                turn[axis] = self.size[axis];
+            } else if !forward && way > -near {
+                turn[axis] = -self.size[axis];
+            }
+        }
+        turn
     }
 
     /// The whole periods nearest to a difference, in parameters.
@@ -180,8 +220,8 @@ impl Closer<'_> {
             return Ok(());
         }
         let (gap, diagonal) = (end.distance(next), self.size.length());
-        let is_point = || self.point(end).distance(self.point(next)) <= self.accuracy;
-        if gap > diagonal * GAP && !is_point() {
+        let meets = || self.point(end).distance(self.point(next)) <= self.accuracy;
+        if gap > diagonal * GAP && !meets() {
             let allowed = diagonal * WIDE_GAP;
             if gap > allowed {
                 let index = index.saturating_sub(1);
@@ -224,20 +264,19 @@ impl Closer<'_> {
 
     /// Whether the surface has no border, up to poles.
     fn is_boundless(&self) -> bool {
-        let ends = |axis: usize| self.closed[axis] || self.ends_in_points(axis);
+        let ends =
+            |axis: usize| self.closed[axis] || self.is_point(axis, 0) && self.is_point(axis, 1);
         self.closed != [false; 2] && ends(0) && ends(1)
     }
 
-    /// Whether the sides across `axis`, at its start and end, are single points.
-    fn ends_in_points(&self, axis: usize) -> bool {
-        [0.0, 1.0].into_iter().all(|side| {
-            let at = |share: f64| {
-                let mut shares = DVec2::splat(share);
-                shares[axis] = side;
-                self.surface.evaluate(self.start + self.size * shares)
-            };
-            (1..=7).all(|k| at(f64::from(k) / 8.0).distance(at(0.0)) <= self.accuracy)
-        })
+    /// Whether the side of the domain at the start (0) or end (1) of `axis` is a single point.
+    fn is_point(&self, axis: usize, side: usize) -> bool {
+        let at = |share: f64| {
+            let mut shares = DVec2::splat(share);
+            shares[axis] = side as f64;
+            self.surface.evaluate(self.start + self.size * shares)
+        };
+        (1..=7).all(|k| at(f64::from(k) / 8.0).distance(at(0.0)) <= self.accuracy)
     }
 
     /// Whether the part of the domain next to the lower border, which an even number of
