@@ -141,13 +141,14 @@ impl Closer<'_> {
         chain: Vec<Curve<DVec2>>,
         wide_gaps: &mut usize,
     ) -> Result<(Vec<Curve<DVec2>>, DVec2), Error> {
-        let first = chain.first().ok_or(Error::EmptyLoop)?.start();
+        let opening = chain.first().ok_or(Error::EmptyLoop)?.clone();
+        let first = opening.start();
         let mut path: Vec<Curve<DVec2>> = Vec::new();
         let mut end = first;
         for (index, curve) in chain.into_iter().enumerate() {
             let mut shift = self.periods(end - curve.start());
-            if index > 0 {
-                shift += self.around_pole(end, curve.start() + shift);
+            if let Some(before) = path.last() {
+                shift += self.around_pole(before, &curve, shift);
             }
             let curve = moved(&curve, shift);
             self.bridge(&mut path, index, curve.start(), wide_gaps)?;
@@ -155,16 +156,20 @@ impl Closer<'_> {
             path.push(curve);
         }
         let mut turn = self.periods(end - first);
-        turn += self.around_pole(end, first + turn);
+        if let Some(before) = path.last() {
+            turn += self.around_pole(before, &opening, turn);
+        }
         let index = path.len();
         self.bridge(&mut path, index, first + turn, wide_gaps)?;
         Ok((path, turn / self.size))
     }
 
-    /// One period more, or none, for a path that arrives at a pole at `end` and leaves it at
-    /// `next`: with the face to the left, it goes around the pole the other way than around
-    /// its middle, and all the way round if it leaves where it arrived.
-    fn around_pole(&self, end: DVec2, next: DVec2) -> DVec2 {
+    /// One period more, or none, for a path that arrives at a pole with one curve and leaves it
+    /// with the next one, moved by `shift`: with the face to the left, it goes around the pole
+    /// the other way than around its middle, and all the way round if it leaves where it
+    /// arrived.
+    fn around_pole(&self, before: &Curve<DVec2>, after: &Curve<DVec2>, shift: DVec2) -> DVec2 {
+        let (end, next) = (before.end(), after.start() + shift);
         let mut turn = DVec2::ZERO;
         if self.orientation == Orientation::Unknown {
             return turn;
@@ -174,9 +179,12 @@ impl Closer<'_> {
             if !self.closed[axis] || self.closed[other] {
                 continue;
             }
-            let height = (end[other] - self.start[other]) / self.size[other];
-            let side = if height < 0.5 { 0 } else { 1 };
-            if (height - side as f64).abs() > POLE || !self.is_point(other, side) {
+            let height = |uv: DVec2| (uv[other] - self.start[other]) / self.size[other];
+            let side = if height(end) < 0.5 { 0 } else { 1 };
+            let is_there = |uv: DVec2| (height(uv) - side as f64).abs() <= POLE;
+            // The file may have curves along the pole of its own.
+            let is_told = is_there(before.start()) || is_there(after.end());
+            if !is_there(end) || is_told || !self.is_point(other, side) {
                 continue;
             }
             // Along the lower border of v the path goes towards larger u, and so on.
