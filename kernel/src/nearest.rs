@@ -160,6 +160,10 @@ impl<'a> Nearby<'a> {
     fn step(&self, d: &SurfaceDerivatives, miss: DVec3, uv: DVec2, damping: f64) -> DVec2 {
         let (a, b, c) = (d.du.dot(d.du), d.du.dot(d.dv), d.dv.dot(d.dv));
         let slope = DVec2::new(d.du.dot(miss), d.dv.dot(miss));
+        // Next to a pole one parameter means nothing, and stays as it is.
+        let domain = self.end - self.start;
+        let is_still = |slope: DVec3, length: f64| slope.length() * length <= MEETS * self.size;
+        let still = [is_still(d.du, domain.x), is_still(d.dv, domain.y)];
         let raised = damping * a.max(c);
         let (a, c) = (a + raised, c + raised);
         // The second derivatives, as long as they bend the right way; else none.
@@ -181,7 +185,9 @@ impl<'a> Nearby<'a> {
             };
             step
         };
-        let step = if definite([a, b, c]) {
+        let step = if still[0] != still[1] {
+            alone(usize::from(still[0]))
+        } else if definite([a, b, c]) {
             DVec2::new(c * slope.x - b * slope.y, a * slope.y - b * slope.x) / (a * c - b * b)
         } else {
             alone(usize::from(a < c))

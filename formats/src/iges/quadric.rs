@@ -13,7 +13,7 @@ use super::parameters::Parameters;
 use crate::Problem;
 
 /// Points this near to an axis, relative to the size, have no angle around it.
-const ON_AXIS: f64 = 1e-9;
+const ON_AXIS: f64 = 1e-6;
 
 /// How much larger than its trim curves a surface is made, as a share of their size.
 const MARGIN: f64 = 1e-3;

@@ -176,7 +176,7 @@ impl<'a> Trimmer<'a> {
             chains.push(self.chain(reader, face, one, from_flat(one))?);
         }
         let mut closed = self.closed(&chains, loops);
-        if closed.is_err() {
+        if closed.is_err() && self.quadric().is_none() {
             // The other curves may fit better.
             let mut others = Vec::new();
             for one in loops {
