@@ -25,7 +25,7 @@ pub(super) fn tell(
         if types::is_wire(kind) && (tried[index] || !is_free) {
             continue;
         }
-        let is_annotation = kind == 106 && !types::is_curve(kind, form) && !(1..=3).contains(&form);
+        let is_annotation = kind == 106 && !types::is_free_form(kind, form);
         let text = match types::class(kind) {
             Class::Shown if !is_annotation && (kind != 402 || types::is_group(kind, form)) => {
                 match (tried[index], entry.blanked) {

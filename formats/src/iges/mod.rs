@@ -17,6 +17,8 @@ mod entities;
 #[cfg(test)]
 mod face_tests;
 mod global;
+#[cfg(test)]
+mod hostile_tests;
 mod leftovers;
 mod net;
 mod offset;

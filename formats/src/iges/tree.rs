@@ -43,8 +43,13 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     }
     for index in cycles(&owners) {
         let entry = &file.entries[index];
-        if types::is_group(entry.kind, entry.form) && !entry.blanked && !tree.tried[index] {
+        if entry.blanked || tree.tried[index] {
+            continue;
+        }
+        if types::is_group(entry.kind, entry.form) {
             children.extend(tree.child(index, 0, 0));
+        } else {
+            tree.fail(index, Problem::Invalid("it contains itself".to_owned()));
         }
     }
     if let Some(error) = tree.fatal {
@@ -497,6 +502,10 @@ impl<'a, 'b> Tree<'a, 'b> {
 
 /// Whether an entity can be shown for its own sake.
 fn is_shown(entry: &Entry) -> bool {
-    let is_group = entry.kind != 402 || types::is_group(entry.kind, entry.form);
-    types::class(entry.kind) == Class::Shown && is_geometry(entry) && is_group
+    let Entry { kind, form, .. } = *entry;
+    let is_readable = match kind {
+        402 => types::is_group(kind, form),
+        kind => !types::is_wire(kind) || types::is_free_form(kind, form),
+    };
+    types::class(kind) == Class::Shown && is_geometry(entry) && is_readable
 }

@@ -126,6 +126,11 @@ pub(super) fn is_curve(kind: i64, form: i64) -> bool {
     }
 }
 
+/// Whether it is a curve or are points that may stand for themselves.
+pub(super) fn is_free_form(kind: i64, form: i64) -> bool {
+    kind == 116 || kind == 106 && matches!(form, 1..=3) || is_curve(kind, form)
+}
+
 /// Whether it is a curve or point, which need not be shown for the sake of others.
 pub(super) fn is_wire(kind: i64) -> bool {
     matches!(kind, 100..=106 | 110 | 112 | 116 | 126 | 130)
