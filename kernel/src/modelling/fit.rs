@@ -8,6 +8,9 @@ use crate::{Curve, Error, KnotVector, Surface};
 /// How often an interval of a fit is halved at most.
 const DEPTH: u32 = 10;
 
+/// How many points a fitted curve, and pieces a fitted surface, may have.
+const PIECES: usize = 10_000;
+
 /// A curve that was fitted, and how far it strays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit<P: Point> {
@@ -21,7 +24,8 @@ pub struct Fit<P: Point> {
 ///
 /// Each interval is halved until the curve that meets the function at both ends and at both
 /// thirds strays at most `tolerance` between them, as `distance(found, wanted)` tells; after
-/// ten halvings it is left as it is, and [`Fit::deviation`] tells how far it strays.
+/// ten halvings, or with ten thousand points, it is left as it is, and [`Fit::deviation`] tells
+/// how far it strays.
 ///
 /// # Errors
 /// If there are fewer than two breaks, they do not rise, or a point is not finite.
@@ -44,7 +48,8 @@ pub fn fit<P: Point>(
             strays = strays.max(if off.is_nan() { f64::INFINITY } else { off });
         }
         let middle = at(0.5);
-        if strays > tolerance && depth < DEPTH && start < middle && middle < end {
+        let has_room = points.len() < PIECES + 3 * breaks.len();
+        if strays > tolerance && depth < DEPTH && has_room && start < middle && middle < end {
             stack.push((middle, end, depth + 1));
             stack.push((start, middle, depth + 1));
             continue;
@@ -70,9 +75,6 @@ pub struct FitSurface {
     /// The largest distance that was found at the points of control.
     pub deviation: f64,
 }
-
-/// How many pieces a fitted surface may have.
-const PIECES: usize = 10_000;
 
 /// A bicubic surface through points of a function over the rectangles between the breaks of
 /// both parameters; rectangles are halved along the parameter that needs it, in whole rows,
