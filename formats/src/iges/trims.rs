@@ -20,6 +20,9 @@ const ACCURACY: f64 = 1e-7;
 /// Ends of curves no farther apart than this share of the surface's size meet.
 const MEETS: f64 = 1e-5;
 
+/// The resolution that a file states counts up to this share of the surface's size.
+const COARSE: f64 = 1e-3;
+
 /// Curves of the parameter domain that miss their curves of space by more than this share of
 /// the surface's size are not believed.
 const MISSES: f64 = 2e-2;
@@ -68,7 +71,8 @@ pub(super) fn faces(
         let trims = match &loops {
             None => Vec::new(),
             Some(loops) => {
-                let made = Trimmer::new(&surface, &sheet).trims(reader, face, loops, border);
+                let made = Trimmer::new(&surface, &sheet, reader.file.global.resolution)
+                    .trims(reader, face, loops, border);
                 made.unwrap_or_else(|problem| {
                     untrimmed(reader, face, &problem);
                     Vec::new()
@@ -144,6 +148,8 @@ struct Trimmer<'a> {
     domain: [Range<f64>; 2],
     closed: [bool; 2],
     size: f64,
+    /// Points no farther apart are one.
+    accuracy: f64,
     nearby: OnceCell<Nearby<'a>>,
 }
 
@@ -151,13 +157,16 @@ struct Trimmer<'a> {
 type Chain = Vec<Curve<DVec2>>;
 
 impl<'a> Trimmer<'a> {
-    fn new(surface: &'a Surface, sheet: &'a Sheet) -> Self {
+    fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64) -> Self {
+        let size = surface.hull_bounds().diagonal();
+        let most = size * COARSE;
         Self {
             surface,
             sheet,
             domain: [surface.knots_u().domain(), surface.knots_v().domain()],
             closed: nearest::closed(surface),
-            size: surface.hull_bounds().diagonal(),
+            size,
+            accuracy: (size * MEETS).max(resolution.min(most)),
             nearby: OnceCell::new(),
         }
     }
@@ -219,7 +228,7 @@ impl<'a> Trimmer<'a> {
         } else {
             Orientation::Unknown
         };
-        let accuracy = self.size * MEETS;
+        let accuracy = self.accuracy;
         kernel::close_loops(
             self.surface,
             self.closed,
