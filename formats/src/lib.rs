@@ -57,6 +57,23 @@ pub struct Import {
     pub scene: Scene,
     /// What was not used or was repaired.
     pub warnings: Warnings,
+    /// What became of the entities of the file, by type; empty for formats without entities.
+    pub ledger: Vec<Tally>,
+}
+
+/// What became of the entities of one type, by their numbers in the file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// The type, as the format names and numbers it.
+    pub kind: String,
+    /// How many there are.
+    pub count: usize,
+    /// Those that the scene is made of.
+    pub used: Vec<usize>,
+    /// Those of them that had to be repaired.
+    pub repaired: Vec<usize>,
+    /// Those that were wanted and could not be used. What is in neither list was not needed.
+    pub refused: Vec<usize>,
 }
 
 /// All formats, those with the surest signs first.

@@ -26,6 +26,7 @@ mod knots;
 mod material;
 mod mesh;
 pub mod modelling;
+pub mod nearest;
 mod normal;
 mod patch;
 mod ray;
@@ -48,7 +49,8 @@ pub use patch::Patch;
 pub use ray::Ray;
 pub use scene::{
     Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Shape, Unit, UpAxis,
+    Wire, WireId, WireShape,
 };
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
-pub use trim::{Cover, TrimLoop, TrimRegion};
+pub use trim::{ClosedLoops, Cover, Orientation, TrimLoop, TrimRegion, close as close_loops};

@@ -1,10 +1,12 @@
 //! Exact rational curves and surfaces: arcs, quadrics, tori, and what sweeps make of curves.
 //!
-//! Everything here is exact up to the rounding of the control points; nothing is fitted.
+//! Everything here is exact up to the rounding of the control points, but what [`fit()`]
+//! and [`fit_surface`] make.
 //! A parameter that is an angle equals it, in radians, at the knots, which stand every 90
 //! degrees or closer; between them see [`arc_parameter`].
 
 mod arc;
+mod fit;
 mod quadric;
 mod sweep;
 
@@ -13,6 +15,7 @@ use glam::DVec3;
 use crate::Error;
 
 pub use arc::{arc, arc_parameter, circle};
+pub use fit::{Fit, FitSurface, fit, fit_surface};
 pub use quadric::{cone, cylinder, plane, sphere, torus};
 pub use sweep::{extrude, revolve, ruled, swung};
 

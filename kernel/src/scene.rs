@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use crate::{Aabb, Camera, Error, Light, Material, Mesh, Patch};
+use crate::{Aabb, Camera, Curve, Error, Light, Material, Mesh, Patch};
 
 /// Index of a patch in its scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -19,6 +19,32 @@ pub struct MaterialId(usize);
 /// Index of a node in its scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct NodeId(usize);
+
+/// Index of a wire in its scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct WireId(usize);
+
+/// A curve or points that stand for themselves: they have no area, and rays pass them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wire {
+    /// The name in the file, or empty.
+    pub name: String,
+    /// Where it stands in the file, in the format's own words.
+    pub source: String,
+    /// What it is.
+    pub shape: WireShape,
+    /// The material, if the file names one.
+    pub material: Option<MaterialId>,
+}
+
+/// What a [`Wire`] is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum WireShape {
+    /// A curve.
+    Curve(Curve<DVec3>),
+    /// Points.
+    Points(Vec<DVec3>),
+}
 
 /// Geometry by reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -56,15 +82,17 @@ pub struct Node {
     pub parent_from_node: DAffine3,
     /// What is inside, in the order of the file.
     pub children: Vec<Child>,
+    /// Curves and points inside.
+    pub wires: Vec<WireId>,
 }
 
 impl Default for Node {
     fn default() -> Self {
-        let children = Vec::new();
         Self {
             name: String::new(),
             parent_from_node: DAffine3::IDENTITY,
-            children,
+            children: Vec::new(),
+            wires: Vec::new(),
         }
     }
 }
@@ -98,7 +126,7 @@ pub struct Unit {
     pub metres: f64,
 }
 
-/// Patches and meshes, stored once and placed by a tree of nodes, with all that is needed
+/// Patches, meshes and wires, stored once and placed by a tree of nodes, with all that is needed
 /// to look at them.
 ///
 /// Nodes are added children first, so that no node can contain itself.
@@ -107,6 +135,7 @@ pub struct Scene {
     patches: Vec<Patch>,
     meshes: Vec<Mesh>,
     materials: Vec<Material>,
+    wires: Vec<Wire>,
     nodes: Vec<Node>,
     root: Option<NodeId>,
     /// Cameras in world coordinates, the first one being the preferred one.
@@ -129,6 +158,7 @@ impl Default for Scene {
             patches: Vec::new(),
             meshes: Vec::new(),
             materials: Vec::new(),
+            wires: Vec::new(),
             nodes: Vec::new(),
             root: None,
             cameras: Vec::new(),
@@ -181,10 +211,20 @@ impl Scene {
         Ok(MeshId(self.meshes.len() - 1))
     }
 
+    /// Adds a wire.
+    ///
+    /// # Errors
+    /// If its material is not one of this scene.
+    pub fn add_wire(&mut self, wire: Wire) -> Result<WireId, Error> {
+        self.check_material(wire.material)?;
+        self.wires.push(wire);
+        Ok(WireId(self.wires.len() - 1))
+    }
+
     /// Adds a node whose children have been added before.
     ///
     /// # Errors
-    /// If a child or material is not one of this scene, or the map is not finite and
+    /// If a child, wire or material is not one of this scene, or the map is not finite and
     /// invertible.
     pub fn add_node(&mut self, node: Node) -> Result<NodeId, Error> {
         let determinant = node.parent_from_node.matrix3.determinant();
@@ -211,6 +251,10 @@ impl Scene {
             if let Child::Item(item) = child {
                 self.check_material(item.material)?;
             }
+        }
+        if let Some(&WireId(index)) = node.wires.iter().find(|id| id.0 >= self.wires.len()) {
+            let count = self.wires.len();
+            return Err(Error::Reference { index, count });
         }
         self.nodes.push(node);
         Ok(NodeId(self.nodes.len() - 1))
@@ -254,6 +298,11 @@ impl Scene {
         &self.materials
     }
 
+    /// All curves and points that stand for themselves, each once.
+    pub fn wires(&self) -> &[Wire] {
+        &self.wires
+    }
+
     /// All nodes, children before parents.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes
@@ -277,6 +326,11 @@ impl Scene {
     /// The material with this index.
     pub fn material(&self, id: MaterialId) -> &Material {
         &self.materials[id.0]
+    }
+
+    /// The wire with this index.
+    pub fn wire(&self, id: WireId) -> &Wire {
+        &self.wires[id.0]
     }
 
     /// The node with this index.
@@ -386,7 +440,13 @@ macro_rules! positions {
     )*};
 }
 
-positions!(PatchId in patches, MeshId in meshes, MaterialId in materials, NodeId in nodes);
+positions!(
+    PatchId in patches,
+    MeshId in meshes,
+    MaterialId in materials,
+    WireId in wires,
+    NodeId in nodes
+);
 
 #[cfg(test)]
 mod tests;

@@ -3,6 +3,7 @@
 //!
 //! A [`TrimLoop`] is what files hold, a [`TrimRegion`] is what rays ask.
 
+mod close;
 mod monotone;
 mod region;
 #[cfg(test)]
@@ -12,6 +13,7 @@ use std::ops::Range;
 
 use glam::DVec2;
 
+pub use close::{ClosedLoops, Orientation, close};
 pub use region::{Cover, TrimRegion};
 
 use crate::{Curve, Error};

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use nurbray::formats::{Import, Warning};
-use nurbray::kernel::{Child, Item, NodeId, Patch, Scene, Shape};
+use nurbray::formats::{Import, Tally, Warning};
+use nurbray::kernel::{Child, Item, NodeId, Patch, Scene, Shape, Wire, WireShape};
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
@@ -14,10 +14,14 @@ use super::input::{self, ReadArgs};
 /// Lines of the tree that are printed; `--json` has all.
 const TREE_LINES: usize = 60;
 
+/// Numbers of repaired and refused entities that are printed; `--json` has all.
+const NUMBERS: usize = 8;
+
 /// Shows what is in files, and what could not be used
 ///
-/// The tree of names, patches by degree, size and kind, materials, box, unit, cameras,
-/// and every warning with its places.
+/// The tree of names, patches by degree, size and kind, free curves and points, materials,
+/// box, unit, cameras, what became of the entities of each type, and every warning with its
+/// places.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Files to look at; - reads standard input
@@ -112,6 +116,17 @@ fn shown(scene: &Scene) -> (u64, u64) {
     scene.root().map_or((0, 0), |root| counts[root.index()])
 }
 
+/// How many curves and points stand for themselves.
+fn wires(scene: &Scene) -> [usize; 2] {
+    scene
+        .wires()
+        .iter()
+        .fold([0, 0], |[curves, points], wire| match &wire.shape {
+            WireShape::Curve(_) => [curves + 1, points],
+            WireShape::Points(list) => [curves, points + list.len()],
+        })
+}
+
 fn to_text(file: &Path, import: &Import) -> String {
     let mut text = format!("{}: {}\n", input::display(file), import.format);
     // Writing into a string cannot fail.
@@ -155,6 +170,10 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
             "  meshes     {stored} stored, {meshes} shown, {triangles} triangles"
         )?;
     }
+    let [curves, points] = wires(scene);
+    if curves + points > 0 {
+        writeln!(text, "  wires      {curves} curves, {points} points")?;
+    }
     let bounds = scene.hull_bounds();
     if !bounds.is_empty() {
         writeln!(
@@ -181,7 +200,30 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
         writeln!(text, "  tree")?;
         tree(text, scene, root)?;
     }
+    ledger(text, &import.ledger)?;
     warnings(text, import.warnings.as_slice())
+}
+
+/// A line for each type of entity: how many there are, and what became of them.
+fn ledger(text: &mut String, ledger: &[Tally]) -> std::fmt::Result {
+    if !ledger.is_empty() {
+        writeln!(text, "  entities")?;
+    }
+    for tally in ledger {
+        let Tally {
+            kind, count, used, ..
+        } = tally;
+        write!(text, "    {kind}: {count} read, {} used", used.len())?;
+        for (what, list) in [("repaired", &tally.repaired), ("refused", &tally.refused)] {
+            if !list.is_empty() {
+                let shown: Vec<_> = list.iter().take(NUMBERS).map(|n| format!("D{n}")).collect();
+                let more = if list.len() > NUMBERS { ", ..." } else { "" };
+                write!(text, ", {} {what} ({}{more})", list.len(), shown.join(", "))?;
+            }
+        }
+        writeln!(text)?;
+    }
+    Ok(())
 }
 
 /// Every warning with its count and its places.
@@ -278,6 +320,8 @@ fn to_json(file: &Path, import: &Import) -> Value {
             "triangles": scene.meshes().iter().map(|m| m.triangles().len()).sum::<usize>(),
         },
         "materials": scene.materials().iter().map(|m| &m.name).collect::<Vec<_>>(),
+        "wires": scene.wires().iter().map(wire_json).collect::<Vec<_>>(),
+        "entities": import.ledger.iter().map(tally_json).collect::<Vec<_>>(),
         "cameras": scene.cameras.iter().map(|c| &c.name).collect::<Vec<_>>(),
         "lights": scene.lights.len(),
         "box": bounds,
@@ -301,6 +345,27 @@ fn patch_json(patch: &Patch) -> Value {
     })
 }
 
+fn wire_json(wire: &Wire) -> Value {
+    match &wire.shape {
+        WireShape::Curve(curve) => json!({
+            "name": wire.name, "source": wire.source, "degree": curve.degree(),
+            "domain": [curve.domain().start, curve.domain().end],
+            "start": curve.start().to_array(), "end": curve.end().to_array(),
+        }),
+        WireShape::Points(points) => json!({
+            "name": wire.name, "source": wire.source,
+            "points": points.iter().map(|p| p.to_array()).collect::<Vec<_>>(),
+        }),
+    }
+}
+
+fn tally_json(tally: &Tally) -> Value {
+    json!({
+        "kind": tally.kind, "count": tally.count, "used": tally.used,
+        "repaired": tally.repaired, "refused": tally.refused,
+    })
+}
+
 fn node_json(scene: &Scene, id: NodeId) -> Value {
     let node = scene.node(id);
     let child = |child: &Child| match child {
@@ -318,5 +383,6 @@ fn node_json(scene: &Scene, id: NodeId) -> Value {
         "name": node.name,
         "parent_from_node": node.parent_from_node.to_cols_array(),
         "children": node.children.iter().map(child).collect::<Vec<_>>(),
+        "wires": node.wires.iter().map(|id| id.index()).collect::<Vec<_>>(),
     })
 }

@@ -1,234 +1,296 @@
-//! Trim loops: boundaries (types 141, 142) and the curves of the parameter domain they name.
+//! Curves of space and of parameter domains: types 100 to 130.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 use std::ops::Range;
 
-use glam::{DAffine2, DMat2, DVec2};
-use kernel::{Curve, KnotVector, TrimLoop};
+use glam::{DAffine3, DVec2, DVec3};
+use kernel::{Curve, KnotVector, modelling};
 
+use super::conic;
 use super::directory::{File, WHOLE};
+use super::net::Net;
 use super::parameters::Parameters;
 use super::transform::Transforms;
 use crate::Problem;
 
-/// Gap between two curves of a loop that is taken for rounding, relative to the diagonal of
-/// the domain.
-const GAP: f64 = 1e-3;
-
-/// Largest gap that is bridged, in the same measure.
-const WIDE_GAP: f64 = 1e-2;
-
-/// The boundaries of a face.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Boundary {
-    /// The whole domain.
-    Natural,
-    /// Loops only.
-    Loops(Vec<i64>),
-    /// The border of the domain, with holes.
-    Holes(Vec<i64>),
-    /// Edges of a solid, in space.
-    Edges,
-}
-
-/// The trim loops of a face, as far as they lie in the parameter domain. What had to be
-/// repaired goes to `repairs`.
-pub(super) fn loops(
-    file: &File<'_>,
-    transforms: &mut Transforms,
-    boundary: &Boundary,
-    [u, v]: [Range<f64>; 2],
-    repairs: &mut Vec<Problem>,
-) -> Result<Vec<TrimLoop>, Problem> {
-    let diagonal = DVec2::new(u.end - u.start, v.end - v.start).length();
-    let mut loops = Vec::new();
-    let pointers = match boundary {
-        Boundary::Natural => return Ok(loops),
-        Boundary::Edges => return Err(unsupported("edges of solids are not read yet")),
-        Boundary::Loops(pointers) => pointers,
-        Boundary::Holes(pointers) => {
-            loops.push(TrimLoop::border(&u, &v).map_err(Problem::Geometry)?);
-            pointers
-        }
-    };
-    for &pointer in pointers {
-        let mut reader = Reader {
-            file,
-            transforms,
-            curves: Vec::new(),
-        };
-        for curve in boundary_curves(file, pointer)? {
-            reader.add(curve, 0)?;
-        }
-        loops.push(joined(reader.curves, diagonal, repairs)?);
-    }
-    Ok(loops)
-}
-
-fn unsupported(text: &str) -> Problem {
-    Problem::Unsupported(text.to_owned())
-}
-
-/// The loop of some curves; wide gaps are bridged and told.
-fn joined(
-    curves: Vec<Curve<DVec2>>,
-    diagonal: f64,
-    repairs: &mut Vec<Problem>,
-) -> Result<TrimLoop, Problem> {
-    let tolerance = diagonal * GAP;
-    let tight = TrimLoop::new(aligned(curves.clone(), tolerance), tolerance);
-    if let Err(kernel::Error::LoopGap { .. }) = tight {
-        let tolerance = diagonal * WIDE_GAP;
-        let wide = TrimLoop::new(aligned(curves, tolerance), tolerance);
-        if wide.is_ok() {
-            let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
-            repairs.push(Problem::Invalid(text.to_owned()));
-        }
-        return wide.map_err(Problem::Geometry);
-    }
-    tight.map_err(Problem::Geometry)
-}
-
-/// The pointers to the parameter-space curves of a boundary, in order.
-fn boundary_curves(file: &File<'_>, pointer: i64) -> Result<Vec<i64>, Problem> {
-    let index = file.follow(pointer, "a boundary")?;
-    let mut buffer = Vec::new();
-    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-    let mut curves = Vec::new();
-    match file.entries[index].kind {
-        142 => {
-            parameters.integer()?;
-            parameters.integer()?;
-            curves.push(parameters.integer()?);
-        }
-        141 => {
-            for _ in 0..3 {
-                parameters.integer()?;
-            }
-            let count = parameters.count()?;
-            for _ in 0..parameters.expect(count, "boundary curves")? {
-                parameters.integer()?;
-                parameters.integer()?;
-                let own = parameters.pointers("curves of the parameter domain")?;
-                curves.push(if own.is_empty() { 0 } else { own[0] });
-                curves.extend(own.iter().skip(1));
-            }
-        }
-        _ => {
-            let text = format!("{} is no boundary", file.source(index));
-            return Err(Problem::Invalid(text));
-        }
-    }
-    if curves.contains(&0) {
-        return Err(unsupported("a boundary is given by curves of space only"));
-    }
-    Ok(curves)
-}
-
-/// Collects the curves of one loop.
-struct Reader<'a, 'b> {
-    file: &'a File<'b>,
-    transforms: &'a mut Transforms,
-    curves: Vec<Curve<DVec2>>,
-}
-
-/// How deep composite curves may nest; the standard allows none.
+/// How deep composite and offset curves may nest.
 const NESTING: usize = 8;
 
+/// How many curves one composite curve may have, counting members of members.
+const MEMBERS: usize = 1_000_000;
+
+/// A curve, and what its parameter means.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Rail {
+    /// The curve; its domain is that of the file.
+    pub curve: Curve<DVec3>,
+    /// Parts of the domain in which the parameter of the file is an angle, which that of the
+    /// curve is at the knots only.
+    pub arcs: Vec<Range<f64>>,
+}
+
+impl From<Curve<DVec3>> for Rail {
+    fn from(curve: Curve<DVec3>) -> Self {
+        let arcs = Vec::new();
+        Self { curve, arcs }
+    }
+}
+
+impl Rail {
+    /// An arc over its angles.
+    fn arc(curve: Curve<DVec3>) -> Self {
+        let arcs = vec![curve.domain()];
+        Self { curve, arcs }
+    }
+}
+
+/// Reads curves.
+#[derive(Debug)]
+pub(super) struct Reader<'a, 'b> {
+    pub file: &'a File<'b>,
+    pub transforms: &'a mut Transforms,
+    /// What had to be repaired, with the entity.
+    pub repairs: Vec<(usize, Problem)>,
+}
+
 impl Reader<'_, '_> {
-    /// Adds the curve or curves a pointer leads to.
-    fn add(&mut self, pointer: i64, depth: usize) -> Result<(), Problem> {
+    /// The curve a pointer leads to, in one piece.
+    pub(super) fn rail(&mut self, pointer: i64) -> Result<Rail, Problem> {
+        let index = self.file.follow(pointer, "a curve")?;
+        joined(self.rails(index)?)
+    }
+
+    /// The curve of an entity in the coordinates of those that refer to it, in pieces where
+    /// it is composite; a point is a curve without length.
+    pub(super) fn rails(&mut self, index: usize) -> Result<Vec<Rail>, Problem> {
+        let mut rails = Vec::new();
+        self.collect(index, 0, &mut rails)?;
+        Ok(rails)
+    }
+
+    /// As [`Reader::rails`] for curves of a parameter domain.
+    pub(super) fn flat(&mut self, pointer: i64) -> Result<Vec<Curve<DVec2>>, Problem> {
+        let index = self.file.follow(pointer, "a trim curve")?;
+        let rails = self.rails(index)?;
+        Ok(rails.iter().map(|rail| rail.curve.flattened()).collect())
+    }
+
+    fn collect(&mut self, index: usize, depth: usize, to: &mut Vec<Rail>) -> Result<(), Problem> {
         let file = self.file;
-        let index = file.follow(pointer, "a trim curve")?;
+        let entry = &file.entries[index];
+        if depth > NESTING || to.len() > MEMBERS {
+            let text = format!("curves are nested more than {NESTING} deep");
+            return Err(Problem::TooLarge(text));
+        }
+        let map = self.transforms.follow(file, entry.transform)?;
+        let first = to.len();
+        if entry.kind == 102 {
+            let mut buffer = Vec::new();
+            let members = file
+                .parameters(index, WHOLE, &mut buffer)?
+                .pointers("curves")?;
+            for member in members {
+                let member = file.follow(member, "a curve")?;
+                // Points between the curves say nothing about them.
+                if !matches!(file.entries[member].kind, 116 | 132) {
+                    self.collect(member, depth + 1, to)?;
+                }
+            }
+        } else {
+            self.single(index, depth, to)?;
+        }
+        if map != DAffine3::IDENTITY {
+            for rail in &mut to[first..] {
+                rail.curve = rail.curve.transformed(&map);
+            }
+        }
+        Ok(())
+    }
+
+    /// An entity that is no composite, in its own coordinates.
+    fn single(&mut self, index: usize, depth: usize, to: &mut Vec<Rail>) -> Result<(), Problem> {
+        let file = self.file;
         let entry = &file.entries[index];
         let mut buffer = Vec::new();
         let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-        let curve = match entry.kind {
-            102 if depth < NESTING => {
-                for member in parameters.pointers("curves")? {
-                    self.add(member, depth + 1)?;
-                }
+        let parameters = &mut parameters;
+        let rail = match entry.kind {
+            100 => arc(parameters)?,
+            104 => conic::read(parameters)?,
+            106 => polyline(parameters)?,
+            110 => {
+                let [start, end] = [point(parameters)?, point(parameters)?];
+                let line = Curve::line(start, end, 0.0..1.0).map_err(Problem::Geometry)?;
+                Rail::from(line)
+            }
+            112 => cubics(parameters)?,
+            116 => {
+                let point = point(parameters)?;
+                let line = Curve::line(point, point, 0.0..1.0).map_err(Problem::Geometry)?;
+                Rail::from(line)
+            }
+            126 => {
+                let mut repairs = Vec::new();
+                let curves = spline(parameters, &mut repairs)?;
+                self.repairs.extend(repairs.into_iter().map(|r| (index, r)));
+                to.extend(curves.into_iter().map(Rail::from));
                 return Ok(());
             }
-            100 => arc(&mut parameters)?,
-            106 => polyline(&mut parameters)?,
-            110 => {
-                let [start, end] = [point(&mut parameters)?, point(&mut parameters)?];
-                Curve::line(start, end, 0.0..1.0).map_err(Problem::Geometry)?
-            }
-            116 | 132 if depth > 0 => return Ok(()),
-            126 => spline(&mut parameters)?,
+            130 => self.offset(index, depth)?,
             _ => {
-                let source = file.source(index);
-                return Err(Problem::Unsupported(format!(
-                    "{source} is not read yet as a trim curve"
-                )));
+                let text = format!("{} is no curve", file.source(index));
+                return Err(Problem::Unsupported(text));
             }
         };
-        let map = self.transforms.follow(file, entry.transform)?;
-        let [x, y] = [map.matrix3.x_axis, map.matrix3.y_axis].map(|axis| axis.truncate());
-        let flat =
-            DAffine2::from_mat2_translation(DMat2::from_cols(x, y), map.translation.truncate());
-        self.curves.push(curve.transformed(&flat));
+        to.push(rail);
         Ok(())
     }
+
+    /// An offset curve (type 130), fitted to [`OFFSET_ACCURACY`].
+    fn offset(&mut self, index: usize, depth: usize) -> Result<Rail, Problem> {
+        let file = self.file;
+        let mut buffer = Vec::new();
+        let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+        let base = file.follow(parameters.integer()?, "the base of an offset curve")?;
+        let kind = parameters.integer_or(1)?;
+        let _function = [parameters.integer_or(0)?, parameters.integer_or(0)?];
+        let by_length = parameters.integer_or(0)? == 1;
+        let mut real = || parameters.real_or(0.0);
+        let [(near, from), (far, to)] = [(real()?, real()?), (real()?, real()?)];
+        let normal = DVec3::new(real()?, real()?, real()?);
+        let wanted = real()?..real()?;
+        let mut rails = Vec::new();
+        self.collect(base, depth + 1, &mut rails)?;
+        let base = joined(rails)?;
+        let domain = base.curve.domain();
+        let is_even = base.curve.degree() == 1 && base.curve.points().count() == 2
+            || base.arcs == [domain.clone()];
+        let slope = (far - near) / (to - from);
+        let (slope, from) = match (kind, by_length) {
+            (1, _) => (0.0, domain.start),
+            (2, false) if slope.is_finite() => (slope, from),
+            (2, true) if slope.is_finite() && is_even => {
+                let length: f64 = length(&base.curve) / (domain.end - domain.start);
+                (slope * length, domain.start + from / length)
+            }
+            _ => {
+                let text = "the distance of the offset curve is neither constant nor linear";
+                return Err(Problem::Unsupported(text.to_owned()));
+            }
+        };
+        let normal = normal.try_normalize();
+        let normal = normal.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
+        let is_part = domain.start <= wanted.start && wanted.end <= domain.end;
+        let range = if is_part && wanted.start < wanted.end {
+            wanted
+        } else {
+            domain
+        };
+        let at = |t: f64| {
+            let d = base.curve.derivatives(t);
+            let out = normal.cross(d.first).try_normalize().unwrap_or_default();
+            d.point + out * (near + slope * (t - from))
+        };
+        let mut breaks = vec![range.start];
+        let inner = base.curve.knots().breaks().into_iter();
+        breaks.extend(inner.filter(|t| range.start < *t && *t < range.end));
+        breaks.push(range.end);
+        let size = base.curve.hull_bounds().diagonal() + near.abs();
+        let fit = modelling::fit(at, &breaks, size * OFFSET_ACCURACY, DVec3::distance);
+        let curve = fit.map_err(Problem::Geometry)?.curve;
+        Ok(Rail {
+            curve,
+            arcs: base.arcs,
+        })
+    }
 }
 
-/// Turns curves round where that lets them meet.
-fn aligned(mut curves: Vec<Curve<DVec2>>, tolerance: f64) -> Vec<Curve<DVec2>> {
-    let meets = |a: DVec2, b: DVec2| a.distance(b) <= tolerance;
-    if let [first, second, ..] = curves.as_slice() {
-        let ends = [second.start(), second.end()];
-        let reaches = |p| ends.iter().any(|&end| meets(p, end));
-        if !reaches(first.end()) && reaches(first.start()) {
-            curves[0] = curves[0].reversed();
-        }
-    }
-    for k in 1..curves.len() {
-        let before = curves[k - 1].end();
-        if !meets(before, curves[k].start()) && meets(before, curves[k].end()) {
-            curves[k] = curves[k].reversed();
-        }
-    }
-    curves
+/// The length of a line or arc.
+fn length(curve: &Curve<DVec3>) -> f64 {
+    let Range { start, end } = curve.domain();
+    let points: Vec<_> = (0..=256)
+        .map(|k| curve.evaluate(start + (end - start) * f64::from(k) / 256.0))
+        .collect();
+    points.windows(2).map(|w| w[0].distance(w[1])).sum()
 }
 
-/// A point of three coordinates, without the last.
-fn point(parameters: &mut Parameters<'_>) -> Result<DVec2, Problem> {
-    let point = DVec2::new(parameters.real()?, parameters.real()?);
-    parameters.real_or(0.0)?;
-    Ok(point)
-}
+/// How far a fitted offset may stray, relative to its size.
+pub(super) const OFFSET_ACCURACY: f64 = 1e-7;
 
-/// A rational B-spline curve (type 126).
-fn spline(parameters: &mut Parameters<'_>) -> Result<Curve<DVec2>, Problem> {
-    let (upper, degree) = (parameters.count()?, parameters.count()?);
-    for _ in 0..4 {
-        parameters.integer()?;
+/// One curve from several; each begins where the one before ends, parameters go on.
+pub(super) fn joined(rails: Vec<Rail>) -> Result<Rail, Problem> {
+    let degree = rails.iter().map(|r| r.curve.degree()).max();
+    let mut rails = rails.into_iter();
+    let (Some(first), Some(degree)) = (rails.next(), degree) else {
+        return Err(Problem::Invalid("a composite curve is empty".to_owned()));
+    };
+    if rails.len() == 0 {
+        return Ok(first);
     }
-    let count = upper.saturating_add(1);
-    let knots = count.saturating_add(degree).saturating_add(1);
-    let values = count.saturating_mul(4).saturating_add(knots);
-    parameters.expect(values, "knots, weights and coordinates")?;
-    let count = parameters.expect(count, "control points")?;
-    let degree = parameters.expect(degree, "knots")?;
-    let knots = parameters.reals(count + degree + 1, "knots")?;
-    let weights = parameters.reals(count, "weights")?;
-    let points: Result<Vec<_>, _> = (0..count).map(|_| point(parameters)).collect();
+    let clamped = |rail: &Rail| {
+        let curve = rail.curve.restricted(rail.curve.domain())?;
+        curve.elevated(degree)
+    };
+    let curve = clamped(&first).map_err(Problem::Geometry)?;
+    let (mut knots, mut arcs) = (curve.knots().as_slice().to_vec(), first.arcs);
+    let mut points: Vec<DVec3> = curve.points().collect();
+    let mut weights: Vec<f64> = curve.weights().collect();
+    for rail in rails {
+        let curve = clamped(&rail).map_err(Problem::Geometry)?;
+        let (start, end) = (curve.domain().start, knots[knots.len() - 1]);
+        let shift = end - start;
+        // Weights count relative to each other only.
+        let scale = weights
+            .last()
+            .zip(curve.weights().next())
+            .map_or(1.0, |(a, b)| a / b);
+        knots.pop();
+        knots.extend(
+            curve.knots().as_slice()[degree + 1..]
+                .iter()
+                .map(|k| k + shift),
+        );
+        points.extend(curve.points().skip(1));
+        weights.extend(curve.weights().skip(1).map(|w| w * scale));
+        arcs.extend(rail.arcs.iter().map(|a| a.start + shift..a.end + shift));
+    }
     let knots = KnotVector::new(degree, knots).map_err(Problem::Geometry)?;
-    let domain = knots.domain();
-    let curve = Curve::new(knots, &points?, Some(&weights)).map_err(Problem::Geometry)?;
-    let range = parameters.real_or(domain.start)?..parameters.real_or(domain.end)?;
-    let is_part = domain.start <= range.start && range.start < range.end && range.end <= domain.end;
-    if is_part && range != domain {
-        return curve.restricted(range).map_err(Problem::Geometry);
+    let curve = Curve::new(knots, &points, Some(&weights)).map_err(Problem::Geometry)?;
+    Ok(Rail { curve, arcs })
+}
+
+/// A point of three coordinates; the last may be missing.
+fn point(parameters: &mut Parameters<'_>) -> Result<DVec3, Problem> {
+    let (x, y) = (parameters.real()?, parameters.real()?);
+    Ok(DVec3::new(x, y, parameters.real_or(0.0)?))
+}
+
+/// A rational B-spline curve (type 126), in pieces where it is torn.
+fn spline(
+    parameters: &mut Parameters<'_>,
+    repairs: &mut Vec<Problem>,
+) -> Result<Vec<Curve<DVec3>>, Problem> {
+    let net = Net::curve(parameters)?;
+    let range = parameters.real_or(0.0)?..parameters.real_or(0.0)?;
+    let curves = net.into_curves(repairs)?;
+    match <[Curve<DVec3>; 1]>::try_from(curves) {
+        Ok([curve]) => {
+            let domain = curve.domain();
+            let is_part =
+                domain.start <= range.start && range.start < range.end && range.end <= domain.end;
+            if is_part && range != domain {
+                let part = curve.restricted(range).map_err(Problem::Geometry)?;
+                return Ok(vec![part]);
+            }
+            Ok(vec![curve])
+        }
+        Err(pieces) => Ok(pieces),
     }
-    Ok(curve)
 }
 
 /// A circular arc (type 100), counter-clockwise, over its angles.
-fn arc(parameters: &mut Parameters<'_>) -> Result<Curve<DVec2>, Problem> {
-    parameters.real()?;
+fn arc(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
+    let z = parameters.real()?;
     let mut point = || Ok::<_, Problem>(DVec2::new(parameters.real()?, parameters.real()?));
     let [center, start, end] = [point()?, point()?, point()?];
     let radius = start.distance(center);
@@ -238,59 +300,84 @@ fn arc(parameters: &mut Parameters<'_>) -> Result<Curve<DVec2>, Problem> {
         sweep if start != end && sweep > 0.0 => sweep,
         _ => TAU,
     };
-    let pieces = match sweep / FRAC_PI_2 {
-        quarters if quarters <= 1.0 => 1,
-        quarters if quarters <= 2.0 => 2,
-        quarters if quarters <= 3.0 => 3,
-        _ => 4,
-    };
-    let half = sweep / f64::from(pieces) / 2.0;
-    // Corners lie between two points of the circle, as far out as the tangents meet.
-    let mut knots = vec![from];
-    let (mut points, mut weights) = (Vec::new(), Vec::new());
-    for k in 0..=2 * pieces {
-        let angle = from + half * f64::from(k);
-        let weight = if k % 2 == 1 { half.cos() } else { 1.0 };
-        points.push(center + DVec2::from_angle(angle) * (radius / weight));
-        weights.push(weight);
-        if k % 2 == 0 {
-            knots.extend([angle, angle]);
-        }
-    }
-    knots.push(from + half * f64::from(2 * pieces));
-    points[0] = start;
-    if let Some(last) = points.last_mut() {
-        *last = end;
-    }
-    let knots = KnotVector::new(2, knots).map_err(Problem::Geometry)?;
-    Curve::new(knots, &points, Some(&weights)).map_err(Problem::Geometry)
+    let (x, y) = (DVec3::X * radius, DVec3::Y * radius);
+    let arc = modelling::arc(center.extend(z), x, y, from..from + sweep);
+    arc.map(Rail::arc).map_err(Problem::Geometry)
 }
 
-/// Copious data (type 106) as straight segments.
-fn polyline(parameters: &mut Parameters<'_>) -> Result<Curve<DVec2>, Problem> {
+/// The points of copious data (type 106).
+pub(super) fn copious(parameters: &mut Parameters<'_>) -> Result<Vec<DVec3>, Problem> {
     let (width, count) = (parameters.integer()?, parameters.count()?);
-    let skipped = match width {
-        1 => 0,
-        2 => 1,
-        3 => 4,
+    let flat = match width {
+        1 => Some(parameters.real()?),
+        2 | 3 => None,
         _ => {
             let text = format!("points of kind {width}; there are kinds 1, 2 and 3");
             return Err(Problem::Invalid(text));
         }
     };
-    if width == 1 {
-        parameters.real()?;
-    }
     let count = parameters.expect(count, "points")?;
     let mut points = Vec::new();
     for _ in 0..count {
-        points.push(DVec2::new(parameters.real()?, parameters.real()?));
-        for _ in 0..skipped {
+        let (x, y) = (parameters.real()?, parameters.real()?);
+        let z = match flat {
+            Some(z) => z,
+            None => parameters.real()?,
+        };
+        points.push(DVec3::new(x, y, z));
+        for _ in 0..if width == 3 { 3 } else { 0 } {
             parameters.real()?;
         }
     }
+    Ok(points)
+}
+
+/// Copious data as straight segments.
+fn polyline(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
+    let mut points = copious(parameters)?;
     points.dedup();
-    Curve::polyline(&points).map_err(Problem::Geometry)
+    let line = Curve::polyline(&points).map_err(Problem::Geometry)?;
+    Ok(Rail::from(line))
+}
+
+/// A parametric spline curve (type 112): cubic polynomials between breakpoints.
+fn cubics(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
+    for _ in 0..3 {
+        parameters.integer()?;
+    }
+    let count = parameters.count()?;
+    parameters.expect(count.saturating_mul(13), "breakpoints and coefficients")?;
+    let count = parameters.expect(count, "segments")?;
+    let breaks = parameters.reals(count.saturating_add(1), "breakpoints")?;
+    let (mut knots, mut points) = (Vec::new(), Vec::new());
+    for pair in breaks.windows(2) {
+        let mut coefficients = [DVec3::ZERO; 4];
+        for axis in 0..3 {
+            for coefficient in &mut coefficients {
+                coefficient[axis] = parameters.real()?;
+            }
+        }
+        let bezier = bezier(coefficients, pair[1] - pair[0]);
+        if points.is_empty() {
+            points.push(bezier[0]);
+            knots.extend([pair[0]; 4]);
+        } else if let Some(last) = points.last_mut() {
+            // Neighbours meet up to rounding.
+            *last = (*last + bezier[0]) * 0.5;
+        }
+        points.extend(&bezier[1..]);
+        knots.extend([pair[1]; 3]);
+    }
+    knots.extend(knots.last().copied());
+    let knots = KnotVector::new(3, knots).map_err(Problem::Geometry)?;
+    let curve = Curve::new(knots, &points, None).map_err(Problem::Geometry)?;
+    Ok(Rail::from(curve))
+}
+
+/// The Bézier points of `a + b s + c s^2 + d s^3` for `s` from 0 to `h`.
+pub(super) fn bezier([a, b, c, d]: [DVec3; 4], h: f64) -> [DVec3; 4] {
+    let (b, c, d) = (b * h, c * (h * h), d * (h * h * h));
+    [a, a + b / 3.0, a + (b * 2.0 + c) / 3.0, a + b + c + d]
 }
 
 #[cfg(test)]
@@ -305,18 +392,19 @@ mod tests {
     #[test]
     fn arcs_stay_on_their_circle() {
         for (record, middle) in [
-            ("0.,1.,1.,3.,1.,1.,3.;", 45.0_f64),
-            ("0.,1.,1.,1.,3.,3.,1.;", 225.0),
-            ("0.,1.,1.,3.,1.,3.,1.;", 180.0),
+            ("7.,1.,1.,3.,1.,1.,3.;", 45.0_f64),
+            ("7.,1.,1.,1.,3.,3.,1.;", 225.0),
+            ("7.,1.,1.,3.,1.,3.,1.;", 180.0),
         ] {
-            let arc = arc(&mut parameters(record)).unwrap();
+            let arc = arc(&mut parameters(record)).unwrap().curve;
             let domain = arc.domain();
+            let center = DVec3::new(1.0, 1.0, 7.0);
             for k in 0..=20 {
                 let t = domain.start + (domain.end - domain.start) * f64::from(k) / 20.0;
-                let distance = arc.evaluate(t).distance(DVec2::ONE);
+                let distance = arc.evaluate(t).distance(center);
                 assert!((distance - 2.0).abs() < 1e-14, "{record} {t}");
             }
-            let expected = DVec2::ONE + DVec2::from_angle(middle.to_radians()) * 2.0;
+            let expected = center + DVec2::from_angle(middle.to_radians()).extend(0.0) * 2.0;
             let found = arc.evaluate(f64::midpoint(domain.start, domain.end));
             assert!(found.distance(expected) < 1e-14, "{record} {found}");
         }
@@ -325,28 +413,45 @@ mod tests {
     #[test]
     fn splines_are_restricted_to_their_range() {
         let record = "1,1,1,0,1,0,0.,0.,1.,1.,1.,1.,2.,0.,9.,4.,0.,9.,0.5,1.,0.,0.,1.;";
-        let curve = spline(&mut parameters(record)).unwrap();
-        assert_eq!(curve.start(), DVec2::new(3.0, 0.0));
-        assert_eq!(curve.end(), DVec2::new(4.0, 0.0));
-        assert!(spline(&mut parameters("1000000000,1,0,0,0,0,1.;")).is_err());
+        let curve = spline(&mut parameters(record), &mut Vec::new())
+            .unwrap()
+            .remove(0);
+        assert_eq!(curve.start(), DVec3::new(3.0, 0.0, 9.0));
+        assert_eq!(curve.end(), DVec3::new(4.0, 0.0, 9.0));
+        let hostile = spline(&mut parameters("1000000000,1,0,0,0,0,1.;"), &mut Vec::new());
+        assert!(hostile.is_err());
     }
 
     #[test]
-    fn polylines_skip_what_is_not_of_the_plane() {
+    fn polylines_come_in_three_kinds() {
         let flat = polyline(&mut parameters("1,3,7.,0.,0.,1.,0.,1.,1.;")).unwrap();
         let deep = polyline(&mut parameters("2,3,0.,0.,7.,1.,0.,7.,1.,1.,7.;")).unwrap();
         assert_eq!(flat, deep);
-        assert_eq!(flat.end(), DVec2::ONE);
+        let turned = "3,2,0.,0.,7.,9.,9.,9.,1.,1.,7.,9.,9.,9.;";
+        let turned = polyline(&mut parameters(turned)).unwrap();
+        assert_eq!(turned.curve.end(), DVec3::new(1.0, 1.0, 7.0));
     }
 
     #[test]
-    fn reversed_curves_are_turned_round() {
-        let line = |a: [f64; 2], b: [f64; 2]| {
-            Curve::line(DVec2::from(a), DVec2::from(b), 0.0..1.0).unwrap()
-        };
-        let [a, b, c] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
-        let curves = aligned(vec![line(b, a), line(c, b), line(c, a)], 1e-6);
-        let square = TrimLoop::new(curves, 1e-6).unwrap();
-        assert_eq!(square.segments().len(), 3);
+    fn cubic_segments_keep_their_polynomials() {
+        // x = s + s^3 over 1..3, then x = 10 + s over 3..4; y = 2, z = s^2 and 4.
+        let record = "3,0,3,2,1.,3.,4.,0.,1.,0.,1.,2.,0.,0.,0.,0.,0.,1.,0.,\
+                      10.,1.,0.,0.,2.,0.,0.,0.,4.,0.,0.,0.;";
+        let curve = cubics(&mut parameters(record)).unwrap().curve;
+        let expected = DVec3::new(1.5 + 1.5_f64.powi(3), 2.0, 2.25);
+        assert!(curve.evaluate(2.5).distance(expected) < 1e-14);
+        assert!(curve.evaluate(3.5).distance(DVec3::new(10.5, 2.0, 4.0)) < 1e-14);
+    }
+
+    #[test]
+    fn joined_curves_go_on_with_their_parameters() {
+        let arc = arc(&mut parameters("0.,0.,0.,0.,1.,-1.,0.;")).unwrap();
+        let line = Curve::line(DVec3::NEG_X, DVec3::NEG_X * 3.0, 0.0..1.0).unwrap();
+        let sweep = arc.curve.domain();
+        let joined = joined(vec![arc, Rail::from(line)]).unwrap();
+        assert_eq!(joined.curve.domain(), sweep.start..sweep.end + 1.0);
+        let there = joined.curve.evaluate(sweep.end + 0.25);
+        assert!(there.distance(DVec3::NEG_X * 1.5) < 1e-14);
+        assert_eq!(joined.arcs, [sweep]);
     }
 }

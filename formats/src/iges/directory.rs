@@ -1,6 +1,6 @@
 //! The directory, and the way from its entries to their parameters.
 
-use std::cell::{Cell, OnceCell};
+use std::cell::{Cell, OnceCell, RefCell};
 
 use super::global::Global;
 use super::parameters::{self, Parameters};
@@ -123,6 +123,8 @@ pub(super) struct File<'a> {
     /// Pairs of owner and first card, in order; made when a pointer is wrong.
     owners: OnceCell<Vec<(usize, usize)>>,
     budget: Cell<usize>,
+    /// Entries of which the parameters have been asked for.
+    asked: RefCell<Vec<bool>>,
 }
 
 /// Cards of a record that is known to be short: a matrix, a colour, a name.
@@ -142,6 +144,7 @@ impl<'a> File<'a> {
         starts.dedup();
         let budget = Cell::new((cards.len() * REREADS).saturating_add(1_000_000));
         let owners = OnceCell::new();
+        let asked = RefCell::new(vec![false; entries.len()]);
         Self {
             global,
             entries,
@@ -149,6 +152,7 @@ impl<'a> File<'a> {
             starts,
             owners,
             budget,
+            asked,
         }
     }
 
@@ -198,6 +202,7 @@ impl<'a> File<'a> {
         buffer: &'b mut Vec<u8>,
     ) -> Result<Parameters<'b>, Problem> {
         let entry = &self.entries[index];
+        self.asked.borrow_mut()[index] = true;
         let pointed = position(&self.cards, entry.data);
         let is_ours = |start: &usize| self.kind_at(*start) == Some(entry.kind);
         let start = pointed
@@ -232,6 +237,11 @@ impl<'a> File<'a> {
         let mut parameters = Parameters::new(buffer, self.global.delimiters, 0);
         parameters.integer()?;
         Ok(parameters)
+    }
+
+    /// The entries of which the parameters have been asked for since this was called last.
+    pub(super) fn take_asked(&self) -> Vec<bool> {
+        self.asked.replace(vec![false; self.entries.len()])
     }
 
     /// The type number at the start of a record.

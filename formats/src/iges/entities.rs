@@ -3,9 +3,11 @@
 use glam::DVec3;
 use kernel::{Material, linear_from_srgb};
 
-use super::curves::Boundary;
+use super::boundary::{self, Boundary};
+use super::curves;
 use super::directory::{File, SHORT, WHOLE};
 use super::parameters::Parameters;
+use super::sheets;
 use super::types;
 use crate::Problem;
 
@@ -23,6 +25,10 @@ pub(super) struct Entity {
 pub(super) enum Content {
     /// A surface on its own.
     Surface,
+    /// A curve on its own.
+    Curve,
+    /// Points on their own.
+    Points(Vec<DVec3>),
     /// A surface with boundaries.
     Face {
         /// Pointer to the surface.
@@ -45,15 +51,29 @@ pub(super) enum Content {
 
 /// Reads an entity; `None` if it is none that can be shown.
 ///
-/// The numbers of a surface are left to others.
+/// The numbers of surfaces and curves are left to others.
 pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Problem> {
     let entry = &file.entries[index];
     let mut buffer = Vec::new();
-    if entry.kind == 128 {
-        let (name, content) = (String::new(), Content::Surface);
-        return Ok(Some(Entity { name, content }));
+    let plain = |content| {
+        let name = String::new();
+        Ok(Some(Entity { name, content }))
+    };
+    match entry.kind {
+        106 if matches!(entry.form, 1..=3) => {
+            let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+            return plain(Content::Points(curves::copious(&mut parameters)?));
+        }
+        116 => {
+            let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+            let mut real = || parameters.real_or(0.0);
+            return plain(Content::Points(vec![DVec3::new(real()?, real()?, real()?)]));
+        }
+        kind if sheets::is_sheet(kind) => return plain(Content::Surface),
+        kind if types::is_curve(kind, entry.form) => return plain(Content::Curve),
+        _ => {}
     }
-    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 408 | 510 | 514)
+    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 408 | 430 | 510 | 514)
         || types::is_group(entry.kind, entry.form);
     if !is_readable {
         return Ok(None);
@@ -72,6 +92,7 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         }
         402 => Content::Members(parameters.pointers("members")?),
         408 => instance(&mut parameters)?,
+        430 => Content::Members(vec![parameters.integer()?]),
         514 => Content::Members(with_flags(&mut parameters, |_| Ok(Vec::new()))?),
         kind => face(kind, &mut parameters)?,
     };
@@ -84,33 +105,66 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
 
 /// The entities that belong to another one, as pointers; what is not readable is left out.
 pub(super) fn references(file: &File<'_>, index: usize) -> Vec<i64> {
-    let mut buffer = Vec::new();
-    let skipped = match file.entries[index].kind {
-        128 => return Vec::new(),
-        140 => 4,
-        141 => 2,
-        142 => 1,
-        _ => {
-            return match read(file, index) {
-                Ok(Some(Entity { content, .. })) => match content {
-                    Content::Face { surface, .. } => vec![surface],
-                    Content::Members(members) => members,
-                    Content::Instance { .. } | Content::Surface => Vec::new(),
-                },
-                _ => Vec::new(),
-            };
-        }
-    };
-    let Ok(mut parameters) = file.parameters(index, SHORT, &mut buffer) else {
-        return Vec::new();
-    };
-    for _ in 0..skipped {
-        parameters.text();
-    }
-    parameters.integer().into_iter().collect()
+    try_references(file, index).unwrap_or_default()
 }
 
-/// A list of pointers that are each followed by a flag, after some others.
+fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
+    let entry = &file.entries[index];
+    let mut buffer = Vec::new();
+    // How many parameters stand before the pointers, and how many pointers there are.
+    let (before, count) = match entry.kind {
+        108 if entry.form != 0 => (4, 1),
+        118 | 120 | 190 | 192 | 194 | 198 => (0, 2),
+        122 | 130 | 412 | 414 | 430 => (0, 1),
+        140 => (4, 1),
+        142 => (1, 3),
+        196 => (0, 1),
+        102 => {
+            return file
+                .parameters(index, WHOLE, &mut buffer)?
+                .pointers("curves");
+        }
+        504 => {
+            let own = i64::try_from(entry.number).unwrap_or_default();
+            return boundary::edge_curves(file, own);
+        }
+        141 | 508 => {
+            let own = i64::try_from(entry.number).unwrap_or_default();
+            let uses = boundary::read(file, own)?
+                .map(|l| l.uses)
+                .unwrap_or_default();
+            let pointers = uses
+                .into_iter()
+                .flat_map(|u| [u.flat, vec![u.space]].concat());
+            return Ok(pointers.collect());
+        }
+        143 | 144 | 186 | 308 | 402 | 510 | 514 => {
+            let content = read(file, index)?.map(|entity| entity.content);
+            return Ok(match content {
+                Some(Content::Face { surface, boundary }) => match boundary {
+                    Boundary::Loops(loops) | Boundary::Holes(loops) => {
+                        [vec![surface], loops].concat()
+                    }
+                    _ => vec![surface],
+                },
+                Some(Content::Members(members)) => members,
+                _ => Vec::new(),
+            });
+        }
+        _ => return Ok(Vec::new()),
+    };
+    let mut parameters = file.parameters(index, SHORT, &mut buffer)?;
+    for _ in 0..before {
+        parameters.text();
+    }
+    let mut pointers = Vec::new();
+    for _ in 0..count {
+        pointers.push(parameters.integer_or(0)?);
+    }
+    Ok(pointers)
+}
+
+/// Pointers of which each is followed by a flag, after those that `first` reads.
 fn with_flags(
     parameters: &mut Parameters<'_>,
     first: impl Fn(&mut Parameters<'_>) -> Result<Vec<i64>, Problem>,
@@ -167,10 +221,12 @@ fn face(kind: i64, parameters: &mut Parameters<'_>) -> Result<Content, Problem> 
         _ => {
             let count = parameters.count()?;
             parameters.integer()?;
-            for _ in 0..parameters.expect(count, "loops")? {
-                parameters.integer()?;
+            let count = parameters.expect(count, "loops")?;
+            let loops: Result<Vec<_>, _> = (0..count).map(|_| parameters.integer()).collect();
+            match loops? {
+                loops if loops.is_empty() => Boundary::Natural,
+                loops => Boundary::Loops(loops),
             }
-            Boundary::Edges
         }
     };
     Ok(Content::Face { surface, boundary })

@@ -14,6 +14,8 @@ pub(super) struct Global {
     pub scale: f64,
     /// The unit of length.
     pub unit: Option<Unit>,
+    /// Points no farther apart are meant to be one; zero if nothing is said.
+    pub resolution: f64,
 }
 
 /// The unit flags: flag, names, metres.
@@ -37,6 +39,7 @@ pub(super) fn read(section: &[u8], problems: &mut Vec<Problem>) -> Global {
         delimiters,
         scale: 1.0,
         unit: None,
+        resolution: 0.0,
     };
     let mut parameters = Parameters::new(rest, delimiters, 3);
     if let Err(problem) = fill(&mut global, &mut parameters, problems) {
@@ -58,6 +61,10 @@ fn fill(
     let flag = parameters.integer_or(1);
     let name = parameters.text();
     global.unit = unit(flag?, &name);
+    for _ in 16..19 {
+        parameters.text();
+    }
+    global.resolution = parameters.real_or(0.0).unwrap_or_default().max(0.0);
     if global.unit.is_none() {
         problems.push(Problem::Invalid(format!(
             "the unit of length \"{name}\" is not known"
@@ -134,7 +141,7 @@ mod tests {
 
     #[test]
     fn all_beginnings_are_understood() {
-        let tail = "1Ha,1Hb,1Hc,1Hd,32,38,6,308,15,1He,2.,2,2HMM,1,0.1,;";
+        let tail = "1Ha,1Hb,1Hc,1Hd,32,38,6,308,15,1He,2.,2,2HMM,1,0.1,,0.25;";
         for (head, [parameter, record]) in [
             ("1H,,1H;,", [b',', b';']),
             (",1H/,", [b',', b'/']),
@@ -150,6 +157,7 @@ mod tests {
             assert_eq!(global.scale.to_bits(), 2.0_f64.to_bits(), "{head}");
             let unit = global.unit.unwrap();
             assert_eq!((unit.name.as_str(), unit.metres), ("mm", 1e-3));
+            assert_eq!(global.resolution.to_bits(), 0.25_f64.to_bits(), "{head}");
         }
     }
 

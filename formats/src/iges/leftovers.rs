@@ -22,16 +22,18 @@ pub(super) fn tell(
             None => !entry.dependent && is_geometry(entry),
             Some(owner) => matches!(file.entries[owner].kind, 308 | 402),
         };
+        if types::is_wire(kind) && (tried[index] || !is_free) {
+            continue;
+        }
+        let is_annotation = kind == 106 && !types::is_free_form(kind, form);
         let text = match types::class(kind) {
-            Class::Shown if kind != 402 || types::is_group(kind, form) => {
+            Class::Shown if !is_annotation && (kind != 402 || types::is_group(kind, form)) => {
                 match (tried[index], entry.blanked) {
                     (true, _) => continue,
                     (_, true) => "blanked entities are not shown".to_owned(),
+                    _ if kind == 110 => "lines without ends are not shown".to_owned(),
                     _ => format!("{noun} is not shown, because its owner is not"),
                 }
-            }
-            Class::Curve if is_free && !entry.blanked => {
-                format!("{noun} (type {kind}) has no area and is kept out of the picture")
             }
             Class::Missing => format!("{noun} (type {kind}) is not read yet"),
             Class::Shown | Class::Annotation if (kind, form) != (406, 15) => {

@@ -1,26 +1,38 @@
 //! IGES, in its fixed form of 80-column cards.
 //!
-//! `records` finds the cards, `directory` the entities, `parameters` their numbers; `surface`
-//! and `curves` make geometry of them, `tree` the scene, and `leftovers` tells what is not in
-//! it. Entities are found by the positions of their cards, not by the counts that go with
-//! them, because programs write the former right and the latter not always.
+//! `records` finds the cards, `directory` the entities, `parameters` their numbers. `curves`
+//! (with `conic`) and `sheets` (with `net`, `quadric` and `offset`) make curves and surfaces of
+//! them, `boundary` finds what bounds a face and `trims` makes trim loops of it. `tree` makes
+//! the scene, and `leftovers` tells what is not in it. Entities are found by the positions of
+//! their cards, not by the counts that go with them, because programs write the former right
+//! and the latter not always.
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 
+mod boundary;
+mod conic;
 mod curves;
 mod directory;
 mod entities;
+#[cfg(test)]
+mod face_tests;
 mod global;
+#[cfg(test)]
+mod hostile_tests;
 mod leftovers;
+mod net;
+mod offset;
 mod parameters;
+mod quadric;
 mod records;
-mod surface;
+mod sheets;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 mod transform;
 mod tree;
+mod trims;
 mod types;
 
 /// The row of this format.

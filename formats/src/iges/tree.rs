@@ -3,27 +3,35 @@
 //! Each entity is built once and shared by all that refer to it. What an entity may refer to
 //! is collected first, because only entities to which nothing refers stand for themselves.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::{DAffine3, DVec3};
-use kernel::{Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, Surface, UpAxis};
+use kernel::{
+    Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, UpAxis, Wire, WireShape,
+};
 
-use super::curves::{self, Boundary};
-use super::directory::{Entry, File, WHOLE};
+use super::boundary::{Boundary, Edges};
+use super::curves::Reader;
+use super::directory::{Entry, File};
 use super::entities::{self, Content, Entity};
 use super::leftovers::{self, is_geometry};
-use super::surface;
 use super::transform::Transforms;
 use super::types::{self, Class};
-use crate::{Error, Import, Limits, Place, Problem, Warnings};
+use super::{sheets, trims};
+use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
 
 /// Makes the scene of a file.
 pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Result<Import, Error> {
     let Links { owners, is_base } = links(file);
+    file.take_asked();
     let mut tree = Tree::new(file, limits, warnings, is_base);
     let mut children = Vec::new();
     for (index, entry) in file.entries.iter().enumerate() {
         if !is_shown(entry) || owners[index].is_some() || entry.blanked {
+            continue;
+        }
+        // Curves that belong to something which does not name them are no news.
+        if types::is_wire(entry.kind) && entry.dependent {
             continue;
         }
         let child = tree.child(index, 0, 0);
@@ -35,15 +43,22 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     }
     for index in cycles(&owners) {
         let entry = &file.entries[index];
-        if types::is_group(entry.kind, entry.form) && !entry.blanked && !tree.tried[index] {
+        if entry.blanked || tree.tried[index] {
+            continue;
+        }
+        if types::is_group(entry.kind, entry.form) {
             children.extend(tree.child(index, 0, 0));
+        } else {
+            tree.fail(index, Problem::Invalid("it contains itself".to_owned()));
         }
     }
     if let Some(error) = tree.fatal {
         return Err(error);
     }
+    let ledger = tree.ledger();
     leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
     if tree.scene.patches().is_empty()
+        && tree.scene.wires().is_empty()
         && let Some(failure) = tree.failure
     {
         return Err(failure);
@@ -54,7 +69,10 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
         ..
     } = tree;
     if scene.patches().is_empty() {
-        let text = "there is no surface to show";
+        let text = match scene.wires().len() {
+            0 => "there is no surface to show",
+            _ => "there is no surface to show, only curves and points",
+        };
         warnings.unsupported(Place::default(), text);
     }
     scene.unit.clone_from(&file.global.unit);
@@ -78,6 +96,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     Ok(Import {
         scene,
         warnings,
+        ledger,
         ..Import::default()
     })
 }
@@ -132,6 +151,7 @@ struct Tree<'a, 'b> {
     scene: Scene,
     warnings: Warnings,
     transforms: Transforms,
+    edges: Edges,
     materials: HashMap<i64, Option<MaterialId>>,
     /// Patches by surface or face.
     patches: HashMap<usize, Vec<PatchId>>,
@@ -143,6 +163,9 @@ struct Tree<'a, 'b> {
     tried: Vec<bool>,
     /// Entities that are members of a group that is built, or surfaces of faces.
     grouped: Vec<bool>,
+    /// Entities that were repaired, or could not be used.
+    repaired: BTreeSet<usize>,
+    refused: BTreeSet<usize>,
     points_left: usize,
     /// How many more children may be stored twice for the sake of an inherited colour.
     copies_left: usize,
@@ -161,12 +184,15 @@ impl<'a, 'b> Tree<'a, 'b> {
             scene: Scene::default(),
             warnings,
             transforms: Transforms::default(),
+            edges: Edges::default(),
             materials: HashMap::new(),
             patches: HashMap::new(),
             known: HashMap::new(),
             busy: vec![false; count],
             tried: vec![false; count],
             grouped: is_base,
+            repaired: BTreeSet::new(),
+            refused: BTreeSet::new(),
             points_left: limits.points,
             copies_left: count.saturating_mul(8),
             failure: None,
@@ -217,7 +243,11 @@ impl<'a, 'b> Tree<'a, 'b> {
         let Some(entity) = entities::read(file, index)? else {
             return Ok(None);
         };
-        let mut place = self.transforms.follow(file, entry.transform)?;
+        let mut place = match &entity.content {
+            // Those of surfaces and curves are in their numbers.
+            Content::Surface | Content::Curve => DAffine3::IDENTITY,
+            _ => self.transforms.follow(file, entry.transform)?,
+        };
         let color = if entry.color == 0 {
             inherited
         } else {
@@ -237,14 +267,12 @@ impl<'a, 'b> Tree<'a, 'b> {
                 node.children = self.items(index, &patches, inherited);
             }
             Content::Face { surface, boundary } => {
-                let Some(base) = self.base(index, *surface)? else {
-                    return Ok(None);
-                };
-                let transform = file.entries[base].transform;
-                place *= self.transforms.follow(file, transform)?;
+                let base = self.file.follow(*surface, "the surface")?;
+                self.tried[base] = true;
                 let patches = self.patches(index, base, &entity, boundary)?;
                 node.children = self.items(index, &patches, inherited);
             }
+            Content::Curve | Content::Points(_) => self.wire(index, &entity, color, &mut node)?,
             Content::Members(members) => {
                 for &member in members {
                     node.children
@@ -264,7 +292,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         }
         let is_leaf = matches!(entity.content, Content::Surface | Content::Face { .. });
         match node.children.as_slice() {
-            [] => return Ok(None),
+            [] if node.wires.is_empty() => return Ok(None),
             [one] if is_leaf && place == DAffine3::IDENTITY => return Ok(Some(*one)),
             _ => {}
         }
@@ -301,23 +329,83 @@ impl<'a, 'b> Tree<'a, 'b> {
         self.child(index, inherited, depth + 1)
     }
 
-    /// The surface below a face, if we read its type.
-    fn base(&mut self, face: usize, pointer: i64) -> Result<Option<usize>, Problem> {
-        let base = self.file.follow(pointer, "the surface")?;
-        let kind = self.file.entries[base].kind;
-        if kind == 128 {
-            self.tried[base] = true;
-            return Ok(Some(base));
+    /// Adds the curve or the points of an entity to a node.
+    fn wire(
+        &mut self,
+        index: usize,
+        entity: &Entity,
+        color: i64,
+        node: &mut Node,
+    ) -> Result<(), Problem> {
+        let shapes = match &entity.content {
+            Content::Points(points) => vec![WireShape::Points(points.clone())],
+            _ => {
+                let (rails, repairs) = self.reading(|reader, _| reader.rails(index));
+                self.repairs(repairs);
+                let rails = rails?.into_iter();
+                rails.map(|rail| WireShape::Curve(rail.curve)).collect()
+            }
+        };
+        let material = self.material(index, color);
+        for shape in shapes {
+            let wire = Wire {
+                name: node.name.clone(),
+                source: self.file.source(index),
+                shape,
+                material,
+            };
+            node.wires
+                .push(self.scene.add_wire(wire).map_err(Problem::Geometry)?);
         }
-        let text = format!(
-            "faces on a {} (type {kind}) are not read yet; this one is not shown",
-            types::noun(kind)
-        );
-        self.problem(face, Problem::Unsupported(text));
-        Ok(None)
+        Ok(())
     }
 
-    /// The patches of a surface or face; `base` is the entity with the control points.
+    /// Reads curves or surfaces, and gives what was repaired with it.
+    fn reading<T>(
+        &mut self,
+        read: impl FnOnce(&mut Reader<'_, '_>, &mut Edges) -> T,
+    ) -> (T, Vec<(usize, Problem)>) {
+        let mut reader = Reader {
+            file: self.file,
+            transforms: &mut self.transforms,
+            repairs: Vec::new(),
+        };
+        let result = read(&mut reader, &mut self.edges);
+        (result, reader.repairs)
+    }
+
+    /// Notes what was repaired.
+    fn repairs(&mut self, repairs: Vec<(usize, Problem)>) {
+        for (index, problem) in repairs {
+            self.repaired.insert(index);
+            self.problem(index, problem);
+        }
+    }
+
+    /// What became of the entities, by type.
+    fn ledger(&self) -> Vec<Tally> {
+        let asked = self.file.take_asked();
+        let mut rows: BTreeMap<i64, Tally> = BTreeMap::new();
+        for (index, entry) in self.file.entries.iter().enumerate() {
+            let row = rows.entry(entry.kind).or_insert_with(|| Tally {
+                kind: format!("{} {}", entry.kind, types::noun(entry.kind)),
+                ..Tally::default()
+            });
+            row.count += 1;
+            let is_refused = self.refused.contains(&index);
+            let is_used = asked[index] && !is_refused;
+            for (list, is_in) in [
+                (&mut row.used, is_used),
+                (&mut row.repaired, is_used && self.repaired.contains(&index)),
+                (&mut row.refused, is_refused),
+            ] {
+                list.extend(is_in.then_some(entry.number));
+            }
+        }
+        rows.into_values().collect()
+    }
+
+    /// The patches of a surface or face; `base` is the entity with the surface.
     fn patches(
         &mut self,
         index: usize,
@@ -329,15 +417,14 @@ impl<'a, 'b> Tree<'a, 'b> {
             return Ok(patches.clone());
         }
         let file = self.file;
-        let mut buffer = Vec::new();
-        let mut parameters = file.parameters(base, WHOLE, &mut buffer)?;
-        let mut repairs = Vec::new();
-        let surfaces = surface::read(&mut parameters, self.points_left, &mut repairs)?;
-        let base_name = entities::trailing_name(file, &mut parameters);
-        drop(buffer);
-        for repair in repairs {
-            self.problem(base, repair);
-        }
+        let limit = self.points_left;
+        let (read, repairs) = self.reading(|reader, edges| {
+            let sheet = sheets::read(reader, base, limit)?;
+            let name = sheet.name.clone();
+            Ok::<_, Problem>((name, trims::faces(reader, edges, index, sheet, boundary)?))
+        });
+        self.repairs(repairs);
+        let (base_name, parts) = read?;
         let labels = [index, base].map(|index| &file.entries[index].label);
         let name = [&entity.name, &base_name]
             .into_iter()
@@ -351,9 +438,8 @@ impl<'a, 'b> Tree<'a, 'b> {
         };
         let material = self.material(index, color);
         let mut patches = Vec::new();
-        for surface in surfaces {
+        for (surface, loops) in parts {
             self.points_left = self.points_left.saturating_sub(surface.homogeneous().len());
-            let loops = self.loops(index, boundary, &surface);
             let patch = Patch {
                 name: name.clone(),
                 source: file.source(index),
@@ -365,43 +451,6 @@ impl<'a, 'b> Tree<'a, 'b> {
         }
         self.patches.insert(index, patches.clone());
         Ok(patches)
-    }
-
-    /// The trim loops of a face; none, with a warning, if one of them cannot be read.
-    fn loops(
-        &mut self,
-        face: usize,
-        boundary: &Boundary,
-        surface: &Surface,
-    ) -> Vec<kernel::TrimLoop> {
-        if *boundary == Boundary::Natural {
-            return Vec::new();
-        }
-        let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
-        let mut repairs = Vec::new();
-        let loops = curves::loops(
-            self.file,
-            &mut self.transforms,
-            boundary,
-            domain,
-            &mut repairs,
-        );
-        if let Err(problem) = &loops {
-            let why = match problem {
-                // Without the numbers, so that such warnings are counted as one.
-                Problem::Geometry(kernel::Error::LoopGap { .. }) => {
-                    "a trim loop does not close".to_owned()
-                }
-                problem => problem.to_string(),
-            };
-            let noun = types::noun(self.file.entries[face].kind);
-            let text = format!("{noun} is shown untrimmed: {why}");
-            self.problem(face, Problem::Unsupported(text));
-        }
-        for repair in repairs {
-            self.problem(face, repair);
-        }
-        loops.unwrap_or_default()
     }
 
     /// Items that show patches; the inherited colour counts where a patch has none.
@@ -441,6 +490,7 @@ impl<'a, 'b> Tree<'a, 'b> {
     /// Notes that an entity cannot be shown.
     fn fail(&mut self, index: usize, problem: Problem) {
         let error = super::error(self.file.place(index), problem.clone());
+        self.refused.insert(index);
         if let Problem::TooLarge(_) = problem {
             self.fatal.get_or_insert(error);
             return;
@@ -452,6 +502,10 @@ impl<'a, 'b> Tree<'a, 'b> {
 
 /// Whether an entity can be shown for its own sake.
 fn is_shown(entry: &Entry) -> bool {
-    let is_group = entry.kind != 402 || types::is_group(entry.kind, entry.form);
-    types::class(entry.kind) == Class::Shown && is_geometry(entry) && is_group
+    let Entry { kind, form, .. } = *entry;
+    let is_readable = match kind {
+        402 => types::is_group(kind, form),
+        kind => !types::is_wire(kind) || types::is_free_form(kind, form),
+    };
+    types::class(kind) == Class::Shown && is_geometry(entry) && is_readable
 }

@@ -7,42 +7,40 @@ pub(super) enum Class {
     Helper,
     /// Read and shown.
     Shown,
-    /// Has no area.
-    Curve,
     /// Has an area, and is not read yet.
     Missing,
     /// Annotation, properties, views.
     Annotation,
 }
 
-use Class::{Annotation, Curve, Helper, Missing, Shown};
+use Class::{Annotation, Helper, Missing, Shown};
 
 /// Type number, name, class; in the order of the numbers.
 const TYPES: &[(i64, &str, Class)] = &[
     (0, "null entity", Helper),
-    (100, "circular arc", Curve),
-    (102, "composite curve", Curve),
-    (104, "conic arc", Curve),
-    (106, "copious data", Curve),
-    (108, "plane", Missing),
-    (110, "line", Curve),
-    (112, "parametric spline curve", Curve),
-    (114, "parametric spline surface", Missing),
-    (116, "point", Curve),
-    (118, "ruled surface", Missing),
-    (120, "surface of revolution", Missing),
-    (122, "tabulated cylinder", Missing),
+    (100, "circular arc", Shown),
+    (102, "composite curve", Shown),
+    (104, "conic arc", Shown),
+    (106, "copious data", Shown),
+    (108, "plane", Shown),
+    (110, "line", Shown),
+    (112, "parametric spline curve", Shown),
+    (114, "parametric spline surface", Shown),
+    (116, "point", Shown),
+    (118, "ruled surface", Shown),
+    (120, "surface of revolution", Shown),
+    (122, "tabulated cylinder", Shown),
     (123, "direction", Helper),
     (124, "transformation", Helper),
     (125, "flash", Missing),
-    (126, "curve", Curve),
+    (126, "curve", Shown),
     (128, "surface", Shown),
-    (130, "offset curve", Curve),
+    (130, "offset curve", Shown),
     (132, "connect point", Annotation),
     (134, "finite element node", Annotation),
     (136, "finite element", Missing),
     (138, "nodal displacement", Annotation),
-    (140, "offset surface", Missing),
+    (140, "offset surface", Shown),
     (141, "boundary", Helper),
     (142, "curve on a surface", Helper),
     (143, "bounded surface", Shown),
@@ -62,11 +60,11 @@ const TYPES: &[(i64, &str, Class)] = &[
     (182, "selected component", Missing),
     (184, "solid assembly", Missing),
     (186, "solid", Shown),
-    (190, "plane surface", Missing),
-    (192, "cylindrical surface", Missing),
-    (194, "conical surface", Missing),
-    (196, "spherical surface", Missing),
-    (198, "toroidal surface", Missing),
+    (190, "plane surface", Shown),
+    (192, "cylindrical surface", Shown),
+    (194, "conical surface", Shown),
+    (196, "spherical surface", Shown),
+    (198, "toroidal surface", Shown),
     (202, "angular dimension", Annotation),
     (206, "diameter dimension", Annotation),
     (210, "general label", Annotation),
@@ -90,7 +88,7 @@ const TYPES: &[(i64, &str, Class)] = &[
     (414, "circular array", Missing),
     (416, "external reference", Missing),
     (420, "network subfigure instance", Missing),
-    (430, "solid instance", Missing),
+    (430, "solid instance", Shown),
     (502, "vertex list", Helper),
     (504, "edge list", Helper),
     (508, "loop", Helper),
@@ -117,6 +115,25 @@ pub(super) fn class(kind: i64) -> Class {
         (None, 200..=499) => Annotation,
         (None, _) => Missing,
     }
+}
+
+/// Whether it is a curve that may stand for itself; copious data also draws annotation.
+pub(super) fn is_curve(kind: i64, form: i64) -> bool {
+    match kind {
+        106 => matches!(form, 11..=13 | 63),
+        110 => form == 0,
+        kind => matches!(kind, 100 | 102 | 104 | 112 | 126 | 130),
+    }
+}
+
+/// Whether it is a curve or are points that may stand for themselves.
+pub(super) fn is_free_form(kind: i64, form: i64) -> bool {
+    kind == 116 || kind == 106 && matches!(form, 1..=3) || is_curve(kind, form)
+}
+
+/// Whether it is a curve or point, which need not be shown for the sake of others.
+pub(super) fn is_wire(kind: i64) -> bool {
+    matches!(kind, 100..=106 | 110 | 112 | 116 | 126 | 130)
 }
 
 /// Whether this form of a group is a plain list of members.

@@ -209,6 +209,7 @@ impl Converter<'_> {
             name: node.def.clone(),
             parent_from_node: reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node),
             children,
+            ..kernel::Node::default()
         });
         match made {
             Ok(id) => Made::Node(id),

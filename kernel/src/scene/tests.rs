@@ -27,6 +27,7 @@ fn moved(by: DVec3, children: Vec<Child>) -> Node {
         name: String::new(),
         parent_from_node: DAffine3::from_translation(by),
         children,
+        ..Node::default()
     }
 }
 

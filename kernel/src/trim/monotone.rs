@@ -265,7 +265,7 @@ fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
 
 /// Appends every root in `0..1` at which a polynomial in Bernstein form changes its sign,
 /// and the middles of intervals that had to be halved.
-fn roots(polynomial: Vec<f64>, cuts: &mut Vec<f64>) {
+pub(super) fn roots(polynomial: Vec<f64>, cuts: &mut Vec<f64>) {
     let mut stack = vec![(polynomial, 0.0, 1.0, 0)];
     while let Some((mut left, start, end, depth)) = stack.pop() {
         let signs = left.iter().filter(|c| **c != 0.0).map(|c| *c > 0.0);

@@ -1,9 +1,9 @@
-//! Rational B-spline surfaces (type 128), with the repairs that real files need.
+//! Rational B-spline curves and surfaces (types 126, 128), with the repairs that real files need.
 
 use std::ops::Range;
 
 use glam::DVec3;
-use kernel::{KnotVector, Surface};
+use kernel::{Curve, KnotVector, Surface};
 
 use super::parameters::Parameters;
 use crate::Problem;
@@ -17,9 +17,9 @@ const PARAMETER_SLACK: f64 = 1e-9;
 /// How many control points may be copied to cut a surface.
 const TEARING: usize = 20_000_000;
 
-/// The numbers of one surface while they are put in order.
+/// The numbers of one surface, or of a curve as its row, while they are put in order.
 #[derive(Clone, Debug)]
-struct Net {
+pub(super) struct Net {
     degrees: [usize; 2],
     knots: [Vec<f64>; 2],
     /// Points, u running fastest.
@@ -39,22 +39,7 @@ pub(super) fn read(
         Ok(parameters.real_or(0.0)?..parameters.real_or(0.0)?)
     };
     let wanted = [domain()?, domain()?];
-    for direction in 0..2 {
-        straighten(&mut net.knots[direction], direction, repairs);
-        net.drop_unused(direction, repairs);
-    }
-    if let Some(index) = net.weights.iter().position(|w| *w <= 0.0) {
-        repairs.push(Problem::Invalid(format!(
-            "weight {index} is {}; weights must be positive, all are set to 1",
-            net.weights[index]
-        )));
-        net.weights.fill(1.0);
-    }
-    let tears = net.tears(0) + net.tears(1);
-    if tears.saturating_mul(net.points.len()) > TEARING {
-        let text = format!("the surface is torn in {tears} places");
-        return Err(Problem::Unsupported(text));
-    }
+    net.repair(&[0, 1], repairs)?;
     let mut surfaces = Vec::new();
     for strip in net.untorn(0, repairs) {
         for piece in strip.untorn(1, repairs) {
@@ -126,6 +111,83 @@ impl Net {
             points,
             weights,
         })
+    }
+
+    /// Reads counts, knots, weights and points of a curve.
+    pub(super) fn curve(parameters: &mut Parameters<'_>) -> Result<Self, Problem> {
+        let (upper, degree) = (parameters.count()?, parameters.count()?);
+        for _ in 0..4 {
+            parameters.integer()?;
+        }
+        let count = upper.saturating_add(1);
+        let knots = count.saturating_add(degree).saturating_add(1);
+        let values = count.saturating_mul(4).saturating_add(knots);
+        parameters.expect(values, "knots, weights and coordinates")?;
+        let count = parameters.expect(count, "control points")?;
+        let degree = parameters.expect(degree, "knots")?;
+        if degree >= count {
+            let needed = degree + 1;
+            return Err(Problem::Invalid(format!(
+                "degree {degree} needs {needed} control points; there are {count}"
+            )));
+        }
+        let knots = parameters.reals(count + degree + 1, "knots")?;
+        let weights = parameters.reals(count, "weights")?;
+        let mut coordinate = || parameters.real();
+        let points = (0..count)
+            .map(|_| Ok(DVec3::new(coordinate()?, coordinate()?, coordinate()?)))
+            .collect::<Result<_, Problem>>()?;
+        Ok(Self {
+            degrees: [degree, 0],
+            knots: [knots, vec![0.0, 1.0]],
+            points,
+            weights,
+        })
+    }
+
+    /// The curves, if they can exist: several where the knots tear them.
+    pub(super) fn into_curves(
+        mut self,
+        repairs: &mut Vec<Problem>,
+    ) -> Result<Vec<Curve<DVec3>>, Problem> {
+        self.repair(&[0], repairs)?;
+        let curve = |net: Self| {
+            let [knots, _] = net.knots;
+            let knots = KnotVector::new(net.degrees[0], knots)?;
+            Curve::new(knots, &net.points, Some(&net.weights))
+        };
+        let pieces = self.untorn(0, repairs).into_iter();
+        pieces
+            .map(curve)
+            .collect::<Result<_, _>>()
+            .map_err(Problem::Geometry)
+    }
+
+    /// Levels knots, drops surplus ones and makes weights positive.
+    fn repair(&mut self, directions: &[usize], repairs: &mut Vec<Problem>) -> Result<(), Problem> {
+        for &direction in directions {
+            straighten(&mut self.knots[direction], direction, repairs);
+            self.drop_unused(direction, repairs);
+        }
+        if let Some(index) = self.weights.iter().position(|w| *w <= 0.0) {
+            let found = self.weights[index];
+            if self.weights.iter().all(|w| *w < 0.0) {
+                // Only their ratios count.
+                repairs.push(Problem::Invalid("all weights are negative".to_owned()));
+                self.weights.iter_mut().for_each(|w| *w = -*w);
+            } else {
+                repairs.push(Problem::Invalid(format!(
+                    "weight {index} is {found}; weights must be positive, all are set to 1"
+                )));
+                self.weights.fill(1.0);
+            }
+        }
+        let tears: usize = directions.iter().map(|d| self.tears(*d)).sum();
+        if tears.saturating_mul(self.points.len()) > TEARING {
+            let text = format!("it is torn in {tears} places");
+            return Err(Problem::Unsupported(text));
+        }
+        Ok(())
     }
 
     /// Number of control points along a direction.
@@ -221,7 +283,7 @@ impl Net {
                 rest = rest.select(direction, fewer, |index| index != at);
             } else {
                 repairs.push(Problem::Invalid(format!(
-                    "the surface is torn at {} = {knot}; it is cut there",
+                    "it is torn at {} = {knot}; it is cut there",
                     name(direction)
                 )));
                 let (left, right) = (knots[..=at + degree].to_vec(), knots[at..].to_vec());
@@ -460,7 +522,7 @@ mod tests {
         assert_eq!(pieces.len(), 2);
         assert_eq!(pieces[0].evaluate(DVec2::new(1.0, 0.0)), DVec3::X);
         assert_eq!(pieces[1].evaluate(DVec2::new(1.0, 0.0)), DVec3::X * 2.0);
-        assert_eq!(repairs, ["the surface is torn at u = 1; it is cut there"]);
+        assert_eq!(repairs, ["it is torn at u = 1; it is cut there"]);
         // Equal rows hold it together.
         let whole = flat([4, 2], ["0.,0.,1.,1.,2.,2.", UNIT], ones, "0.,2.,0.,1.");
         let (surface, _) = one(&whole

@@ -1,0 +1,187 @@
+//! What bounds a face: boundaries (141, 142) and the loops of solids (508 with 504).
+
+use std::collections::HashMap;
+
+use super::directory::{File, WHOLE};
+use super::parameters::Parameters;
+use crate::Problem;
+
+/// The boundaries of a face.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Boundary {
+    /// The whole domain.
+    Natural,
+    /// Loops only, by pointers.
+    Loops(Vec<i64>),
+    /// The border of the domain, with holes.
+    Holes(Vec<i64>),
+}
+
+/// A loop as the file has it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Loop {
+    pub uses: Vec<Use>,
+    /// Whether the file makes sure that the face lies to its left.
+    pub is_oriented: bool,
+    /// Whether the curves of space are the ones that count.
+    pub prefers_space: bool,
+}
+
+/// A stretch of a loop, by pointers to curves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Use {
+    /// In the parameter domain, in order; empty if there are none.
+    pub flat: Vec<i64>,
+    /// In space: the curve, or the list that has its edge; zero if there is none.
+    pub space: i64,
+    /// The number of the edge in the list, from 1 on; zero for a curve.
+    pub edge: i64,
+    /// Whether the curve of space is run through backwards.
+    pub reversed: bool,
+}
+
+/// Reads the loop a pointer leads to; `None` for the loop of a vertex, which bounds nothing.
+pub(super) fn read(file: &File<'_>, pointer: i64) -> Result<Option<Loop>, Problem> {
+    let index = file.follow(pointer, "a boundary")?;
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    match file.entries[index].kind {
+        142 => {
+            let _way_of_making = parameters.integer()?;
+            let _surface = parameters.integer()?;
+            let [flat, space] = [parameters.integer()?, parameters.integer_or(0)?];
+            let prefers_space = parameters.integer_or(0)? == 2;
+            let flat = Some(flat).filter(|p| *p != 0).into_iter().collect();
+            let reversed = false;
+            Ok(Some(Loop {
+                uses: vec![Use {
+                    flat,
+                    space,
+                    reversed,
+                    edge: 0,
+                }],
+                is_oriented: false,
+                prefers_space,
+            }))
+        }
+        141 => boundary(&mut parameters).map(Some),
+        508 => edges(&mut parameters),
+        _ => {
+            let text = format!("{} is no boundary", file.source(index));
+            Err(Problem::Invalid(text))
+        }
+    }
+}
+
+/// A boundary (type 141).
+fn boundary(parameters: &mut Parameters<'_>) -> Result<Loop, Problem> {
+    let _kind = parameters.integer()?;
+    let prefers_space = parameters.integer()? == 1;
+    let _surface = parameters.integer()?;
+    let count = parameters.count()?;
+    let mut uses = Vec::new();
+    for _ in 0..parameters.expect(count, "boundary curves")? {
+        let space = parameters.integer()?;
+        let reversed = parameters.integer()? == 2;
+        let mut flat = parameters.pointers("curves of the parameter domain")?;
+        flat.retain(|pointer| *pointer != 0);
+        uses.push(Use {
+            flat,
+            space,
+            reversed,
+            edge: 0,
+        });
+    }
+    Ok(Loop {
+        uses,
+        is_oriented: false,
+        prefers_space,
+    })
+}
+
+/// A loop of edges (type 508).
+fn edges(parameters: &mut Parameters<'_>) -> Result<Option<Loop>, Problem> {
+    let count = parameters.count()?;
+    let mut uses = Vec::new();
+    for _ in 0..parameters.expect(count, "edges")? {
+        let is_vertex = parameters.integer()? == 1;
+        let list = parameters.integer()?;
+        let number = parameters.integer()?;
+        let reversed = parameters.integer()? == 0;
+        let count = parameters.count()?;
+        let mut flat = Vec::new();
+        for _ in 0..parameters.expect(count, "curves of the parameter domain")? {
+            let _is_isoparametric = parameters.integer()?;
+            flat.push(parameters.integer()?);
+        }
+        flat.retain(|pointer| *pointer != 0);
+        let [space, edge] = if is_vertex { [0, 0] } else { [list, number] };
+        uses.push(Use {
+            flat,
+            space,
+            reversed,
+            edge,
+        });
+    }
+    let is_point = uses.iter().all(|u| u.space == 0 && u.flat.is_empty());
+    if is_point {
+        return Ok(None);
+    }
+    Ok(Some(Loop {
+        uses,
+        is_oriented: true,
+        prefers_space: false,
+    }))
+}
+
+/// The curves of edge lists (type 504), read once each.
+#[derive(Debug, Default)]
+pub(super) struct Edges {
+    known: HashMap<i64, Result<Vec<i64>, Problem>>,
+}
+
+impl Edges {
+    /// Replaces edges by their curves.
+    pub(super) fn resolve(&mut self, file: &File<'_>, one: &mut Loop) -> Result<(), Problem> {
+        for stretch in one.uses.iter_mut().filter(|u| u.edge != 0) {
+            stretch.space = self.find(file, stretch.space, stretch.edge)?;
+            stretch.edge = 0;
+        }
+        Ok(())
+    }
+
+    /// The curve of an edge, counted from 1 on.
+    fn find(&mut self, file: &File<'_>, list: i64, number: i64) -> Result<i64, Problem> {
+        let curves = self
+            .known
+            .entry(list)
+            .or_insert_with(|| edge_curves(file, list));
+        let curves = curves.as_ref().map_err(Problem::clone)?;
+        let index = usize::try_from(number).ok().and_then(|n| n.checked_sub(1));
+        index.and_then(|i| curves.get(i)).copied().ok_or_else(|| {
+            let count = curves.len();
+            Problem::Invalid(format!("edge {number} is wanted of a list of {count}"))
+        })
+    }
+}
+
+/// The pointers to the curves of an edge list.
+pub(super) fn edge_curves(file: &File<'_>, pointer: i64) -> Result<Vec<i64>, Problem> {
+    let index = file.follow(pointer, "an edge list")?;
+    if file.entries[index].kind != 504 {
+        let text = format!("{} is no edge list", file.source(index));
+        return Err(Problem::Invalid(text));
+    }
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    let count = parameters.count()?;
+    let mut curves = Vec::new();
+    for _ in 0..parameters.expect(count, "edges")? {
+        curves.push(parameters.integer()?);
+        // Both vertices are also the ends of the curve.
+        for _ in 0..4 {
+            parameters.integer_or(0)?;
+        }
+    }
+    Ok(curves)
+}

@@ -1,0 +1,180 @@
+//! Conic arcs (type 104).
+
+use std::f64::consts::TAU;
+
+use glam::{DMat2, DVec2, DVec3};
+use kernel::{Curve, KnotVector, modelling};
+
+use super::curves::Rail;
+use super::parameters::Parameters;
+use crate::Problem;
+
+/// Determinants below this share of the coefficients belong to parabolas.
+const PARABOLA: f64 = 1e-12;
+
+/// `A x^2 + B x y + C y^2 + D x + E y + F = 0`, divided by its largest coefficient.
+struct Conic {
+    square: DMat2,
+    linear: DVec2,
+    constant: f64,
+}
+
+impl Conic {
+    fn value(&self, p: DVec2) -> f64 {
+        p.dot(self.square * p) + self.linear.dot(p) + self.constant
+    }
+
+    fn gradient(&self, p: DVec2) -> DVec2 {
+        self.square * p * 2.0 + self.linear
+    }
+}
+
+/// Reads a conic arc; ellipses run counter-clockwise.
+pub(super) fn read(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
+    let mut c = [0.0; 6];
+    for value in &mut c {
+        *value = parameters.real()?;
+    }
+    let largest = c[..3].iter().fold(0.0_f64, |max, x| max.max(x.abs()));
+    let [a, b, c, d, e, f] = c.map(|x| x / largest);
+    let conic = Conic {
+        square: DMat2::from_cols(DVec2::new(a, b / 2.0), DVec2::new(b / 2.0, c)),
+        linear: DVec2::new(d, e),
+        constant: f,
+    };
+    let z = parameters.real()?;
+    let mut point = || Ok::<_, Problem>(DVec2::new(parameters.real()?, parameters.real()?));
+    let [start, end] = [point()?, point()?];
+    let no_conic = || Problem::Invalid("the coefficients of the conic arc are no conic".to_owned());
+    if !(largest > 0.0 && conic.square.is_finite()) {
+        return Err(no_conic());
+    }
+    let curve = if conic.square.determinant() > PARABOLA {
+        ellipse(&conic, start, end, z)
+    } else {
+        open_arc(&conic, start, end, z)
+    };
+    curve.ok_or_else(no_conic)
+}
+
+/// An arc of an ellipse, over the angles of its parametric form.
+fn ellipse(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
+    let center = conic.square.inverse() * conic.linear * -0.5;
+    let level = -conic.value(center);
+    // The axes are the eigenvectors of the quadratic form.
+    let (a, b, c) = (
+        conic.square.x_axis.x,
+        conic.square.x_axis.y,
+        conic.square.y_axis.y,
+    );
+    let x = DVec2::from_angle(0.5 * f64::atan2(2.0 * b, a - c));
+    let y = x.perp();
+    let length = |axis: DVec2| (level / axis.dot(conic.square * axis)).sqrt();
+    let (long, short) = (length(x), length(y));
+    if !(long > 0.0 && short > 0.0 && long.is_finite() && short.is_finite()) {
+        return None;
+    }
+    let angle = |p: DVec2| {
+        let offset = p - center;
+        f64::atan2(offset.dot(y) / short, offset.dot(x) / long).rem_euclid(TAU)
+    };
+    let (from, to) = (angle(start), angle(end));
+    let sweep = match (to - from).rem_euclid(TAU) {
+        sweep if start != end && sweep > 0.0 => sweep,
+        _ => TAU,
+    };
+    let (x, y) = ((x * long).extend(0.0), (y * short).extend(0.0));
+    let curve = modelling::arc(center.extend(z), x, y, from..from + sweep).ok()?;
+    let arcs = vec![curve.domain()];
+    Some(Rail { curve, arcs })
+}
+
+/// An arc of a parabola or of one branch of a hyperbola: one rational quadratic piece, whose
+/// middle point is where the tangents at both ends meet.
+fn open_arc(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
+    let tangents = [conic.gradient(start).perp(), conic.gradient(end).perp()];
+    let across = tangents[0].perp_dot(tangents[1]);
+    let size = tangents[0].length() * tangents[1].length();
+    let line = || Curve::line(start.extend(z), end.extend(z), 0.0..1.0);
+    let is_bent = across.abs() > PARABOLA * size;
+    if !is_bent {
+        return (start != end)
+            .then(|| line().ok().map(Rail::from))
+            .flatten();
+    }
+    let corner = start + tangents[0] * ((end - start).perp_dot(tangents[1]) / across);
+    let middle = (start + end) * 0.5;
+    // Where the way from the middle of the chord to the corner meets the conic.
+    let way = corner - middle;
+    let (square, slope) = (way.dot(conic.square * way), conic.gradient(middle).dot(way));
+    let value = conic.value(middle);
+    let root = (slope * slope - 4.0 * square * value).max(0.0).sqrt();
+    let first = -0.5 * (slope + root.copysign(slope));
+    let share = [first / square, value / first]
+        .into_iter()
+        .find(|s| 0.0 < *s && *s < 1.0)?;
+    let weight = share / (1.0 - share);
+    let points: [DVec3; 3] = [start, corner, end].map(|p| p.extend(z));
+    let knots = KnotVector::bezier(2, 0.0..1.0).ok()?;
+    let curve = Curve::new(knots, &points, Some(&[1.0, weight, 1.0])).ok()?;
+    Some(Rail::from(curve))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::iges::parameters::Delimiters;
+
+    fn conic(record: &str) -> Curve<DVec3> {
+        let mut parameters = Parameters::new(record.as_bytes(), Delimiters::default(), 1);
+        read(&mut parameters).unwrap().curve
+    }
+
+    fn check(record: &str, on: impl Fn(DVec2) -> f64, middle: DVec2) {
+        let curve = conic(record);
+        let domain = curve.domain();
+        for k in 0..=16 {
+            let t = domain.start + (domain.end - domain.start) * f64::from(k) / 16.0;
+            assert!(
+                on(curve.evaluate(t).truncate()).abs() < 1e-12,
+                "{record} {t}"
+            );
+        }
+        let found = curve.evaluate(f64::midpoint(domain.start, domain.end));
+        assert!(
+            found.distance(middle.extend(5.0)) < 1e-12,
+            "{record}: {found}"
+        );
+    }
+
+    #[test]
+    fn ellipses_parabolas_and_hyperbolas_are_met() {
+        // x^2 / 4 + y^2 = 1, the upper half and, turned by 45 degrees, the whole.
+        let upper = "0.25,0.,1.,0.,0.,-1.,5.,2.,0.,-2.,0.;";
+        check(upper, |p| p.x * p.x / 4.0 + p.y * p.y - 1.0, DVec2::Y);
+        let turned = "2.5,-3.,2.5,0.,0.,-4.,5.,1.4142135623730951,1.4142135623730951,\
+                      1.4142135623730951,1.4142135623730951;";
+        let on = |p: DVec2| 2.5 * (p.x * p.x + p.y * p.y) - 3.0 * p.x * p.y - 4.0;
+        check(turned, on, DVec2::splat(-(2.0_f64.sqrt())));
+        // y = x^2 and x^2 - y^2 = 1.
+        check(
+            "1.,0.,0.,0.,-1.,0.,5.,-1.,1.,1.,1.;",
+            |p| p.x * p.x - p.y,
+            DVec2::ZERO,
+        );
+        let end = (1.0_f64 + 9.0).sqrt();
+        let hyperbola = format!("1.,0.,-1.,0.,0.,-1.,5.,{end:?},-3.,{end:?},3.;");
+        check(&hyperbola, |p| p.x * p.x - p.y * p.y - 1.0, DVec2::X);
+    }
+
+    #[test]
+    fn what_is_no_conic_is_told() {
+        for record in [
+            "0.,0.,0.,0.,0.,1.,0.,1.,0.,0.,1.;",
+            "1.,0.,1.,0.,0.,1.,0.,1.,0.,0.,1.;",
+        ] {
+            let mut parameters = Parameters::new(record.as_bytes(), Delimiters::default(), 1);
+            assert!(read(&mut parameters).is_err(), "{record}");
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Files made to exhaust a reader: all end in an error or a warning, at once.
+
+use std::time::{Duration, Instant};
+
+use super::testing::{Made, file, made, square};
+use crate::{Error, Import, Limits, NoFiles, ReadOptions};
+
+/// Longest time for one file.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+fn read(entities: &[Made]) -> Result<Import, Error> {
+    let limits = Limits::default();
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &NoFiles,
+    };
+    let text = file(entities);
+    let started = Instant::now();
+    let result = crate::read(text.as_bytes(), None, &options);
+    let took = started.elapsed();
+    assert!(took < PATIENCE, "{took:?}");
+    result
+}
+
+/// Whether something is told of a file.
+fn tells(entities: &[Made]) -> bool {
+    read(entities).map_or(true, |import| !import.warnings.as_slice().is_empty())
+}
+
+#[test]
+fn announced_counts_are_held_against_the_record() {
+    let billion = "1000000000";
+    for (kind, parameters) in [
+        (102, billion.to_owned()),
+        (106, format!("1,{billion},0.,1.,1.")),
+        (112, format!("3,1,3,{billion},0.,1.")),
+        (114, format!("3,1,{billion},{billion},0.,1.")),
+        (126, format!("{billion},3,0,0,0,0,0.,1.")),
+        (126, format!("3,{billion},0,0,0,0,0.,1.")),
+        (128, format!("{billion},{billion},3,3,0,0,0,0,0,0.")),
+        (143, format!("0,3,{billion},5")),
+        (144, format!("3,1,{billion},5,7")),
+        (186, format!("3,1,{billion}")),
+        (402, billion.to_owned()),
+        (510, format!("3,{billion},1,5")),
+        (514, format!("{billion},3,1")),
+        (9_223_372_036_854_775_807, "1".to_owned()),
+    ] {
+        assert!(
+            tells(&[made(kind, &parameters), square(1.0)]),
+            "{kind} {parameters}"
+        );
+    }
+    for (kind, parameters) in [
+        (141, format!("1,2,1,{billion},0,1,{billion},5")),
+        (142, "0,1,99999999,0,1".to_owned()),
+        (508, format!("{billion},0,5,1,1,{billion}")),
+        (508, format!("1,0,5,{billion},1,0")),
+    ] {
+        let face = if kind == 508 {
+            made(510, "1,1,1,3")
+        } else {
+            made(143, "1,1,1,3")
+        };
+        let entities = [square(1.0), made(kind, &parameters), face];
+        assert!(tells(&entities), "{kind} {parameters}");
+    }
+}
+
+#[test]
+fn cycles_and_deep_nesting_end() {
+    // A composite curve, an offset curve, surfaces and groups that contain themselves.
+    assert!(tells(&[made(102, "1,1"), square(1.0)]));
+    assert!(tells(&[
+        made(130, "1,1,0,0,0,1.,0.,0.,0.,0.,0.,1.,0.,1."),
+        square(1.0)
+    ]));
+    assert!(tells(&[made(140, "0.,0.,1.,1.,1"), square(1.0)]));
+    assert!(tells(&[made(144, "1,0,0,0"), square(1.0)]));
+    assert!(tells(&[made(402, "1,1"), square(1.0)]));
+    // Each composite curve holds the next one twice.
+    let mut doubling: Vec<Made> = (1..40)
+        .map(|k| made(102, &format!("2,{},{}", 2 * k + 1, 2 * k + 1)))
+        .collect();
+    doubling.push(made(110, "0.,0.,0.,1.,0.,0."));
+    doubling.push(square(1.0));
+    assert!(tells(&doubling));
+    // A deep chain of groups.
+    let mut deep: Vec<Made> = (1..3000)
+        .map(|k| made(402, &format!("1,{}", 2 * k + 1)))
+        .collect();
+    for group in &mut deep {
+        group.form = 7;
+    }
+    deep.push(square(1.0));
+    assert!(tells(&deep));
+}
+
+#[test]
+fn wild_numbers_make_no_wild_surfaces() {
+    for numbers in [
+        "1.E308,-1.E308,1.E308",
+        "1.E-308,0.,0.",
+        "0.,0.,0.",
+        "1.E200,1.E200,1.E-200",
+    ] {
+        let point = || made(116, numbers);
+        let axis = || made(123, numbers);
+        for surface in [
+            made(190, "1,3"),
+            made(192, "1,3,1.E300"),
+            made(194, "1,3,0.,89.9999999"),
+            made(196, "1,1.E300"),
+            made(198, "1,3,1.E-300,1.E300"),
+            made(108, &format!("{numbers},1.,0,0.,0.,0.,0.")),
+            made(120, "9,9,0.,1.E300"),
+            made(118, "9,9,1,0"),
+            made(122, &format!("9,{numbers}")),
+        ] {
+            // Whatever comes of it, it comes soon.
+            let line = made(110, &format!("{numbers},1.,2.,3."));
+            let _ = read(&[point(), axis(), surface, square(1.0), line]);
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! Surfaces: types 108, 114 to 128, 140 and 190 to 198.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use glam::{DAffine3, DVec2, DVec3};
+use kernel::{Curve, KnotVector, Surface, modelling};
+
+use super::curves::{self, Rail, Reader};
+use super::directory::WHOLE;
+use super::parameters::Parameters;
+use super::quadric::{self, Quadric, wound};
+use super::{net, offset};
+use crate::Problem;
+
+/// A surface before it is trimmed.
+#[derive(Clone, Debug)]
+pub(super) struct Sheet {
+    pub shape: SheetShape,
+    /// Where it stands, from its own transformation.
+    pub place: DAffine3,
+    /// Pointer to the closed curve that bounds a plane, or zero.
+    pub border: i64,
+    /// The name among its properties.
+    pub name: String,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum SheetShape {
+    /// Surfaces with the parameters of the file, but for the warps; several where one is torn.
+    Splines(Vec<Surface>, [Warp; 2]),
+    /// A surface that is made as large as its trim curves need.
+    Quadric(Quadric),
+}
+
+/// What a parameter of the file is to that of the surface, which has the same domain.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Warp {
+    /// Knots over the parameter of the file, and the parts of their domain in which it is an
+    /// angle.
+    angles: Option<(KnotVector, Vec<Range<f64>>)>,
+}
+
+impl Warp {
+    /// The warp along a rail, or along a parameter that is an angle everywhere.
+    fn new(rail: &Rail) -> Self {
+        let knots = rail.curve.knots().clone();
+        let arcs = rail.arcs.clone();
+        Self {
+            angles: (!arcs.is_empty()).then_some((knots, arcs)),
+        }
+    }
+
+    /// Whether it changes nothing.
+    pub(super) fn is_identity(&self) -> bool {
+        self.angles.is_none()
+    }
+
+    /// The length of a full turn, where the parameter is an angle throughout.
+    pub(super) fn turn(&self, domain: &Range<f64>) -> Option<f64> {
+        let (knots, arcs) = self.angles.as_ref()?;
+        let own = knots.domain();
+        let scale = (own.end - own.start) / (domain.end - domain.start);
+        (*arcs == [own]).then_some(TAU / scale)
+    }
+
+    /// The parameter of the surface for one of the file; `domain` is that of both.
+    pub(super) fn apply(&self, parameter: f64, domain: &Range<f64>) -> f64 {
+        let Some((knots, arcs)) = &self.angles else {
+            return parameter;
+        };
+        let own = knots.domain();
+        let scale = (own.end - own.start) / (domain.end - domain.start);
+        let angle = own.start + (parameter - domain.start) * scale;
+        let is_angle = arcs
+            .iter()
+            .any(|arc| arc.start <= angle && angle <= arc.end)
+            || arcs.len() == 1 && arcs[0] == own;
+        if !is_angle {
+            return parameter;
+        }
+        domain.start + (wound(knots, angle) - own.start) / scale
+    }
+}
+
+/// Whether we read surfaces of this type.
+pub(super) fn is_sheet(kind: i64) -> bool {
+    matches!(
+        kind,
+        108 | 114 | 118 | 120 | 122 | 128 | 140 | 190 | 192 | 194 | 196 | 198
+    )
+}
+
+/// Reads a surface; `limit` bounds its control points.
+pub(super) fn read(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    limit: usize,
+) -> Result<Sheet, Problem> {
+    nested(reader, index, limit, 0)
+}
+
+fn nested(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    limit: usize,
+    depth: usize,
+) -> Result<Sheet, Problem> {
+    let file = reader.file;
+    let entry = &file.entries[index];
+    let place = reader.transforms.follow(file, entry.transform)?;
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    let p = &mut parameters;
+    let one = |surface: Surface, warps| SheetShape::Splines(vec![surface], warps);
+    let mut border = 0;
+    let shape = match entry.kind {
+        108 => {
+            let plane = quadric::plane(p)?;
+            let curve = p.integer_or(0)?;
+            // What follows places a symbol.
+            for _ in 0..4 {
+                p.real_or(0.0)?;
+            }
+            border = if entry.form == 0 { 0 } else { curve };
+            SheetShape::Quadric(plane)
+        }
+        190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(file, entry, p)?),
+        114 => one(cubics(p, limit)?, Default::default()),
+        118 => ruled(reader, index, p, entry.form)?,
+        120 => revolved(reader, p)?,
+        122 => {
+            let rail = reader.rail(p.integer()?)?;
+            let end = DVec3::new(p.real()?, p.real()?, p.real_or(0.0)?);
+            let along = end - rail.curve.start();
+            let curve = rail.curve.remapped(0.0..1.0).map_err(Problem::Geometry)?;
+            let surface = modelling::extrude(&curve, along).map_err(Problem::Geometry)?;
+            one(surface, [Warp::new(&rail), Warp::default()])
+        }
+        128 => {
+            let mut repairs = Vec::new();
+            let pieces = net::read(p, limit, &mut repairs)?;
+            reader
+                .repairs
+                .extend(repairs.into_iter().map(|r| (index, r)));
+            SheetShape::Splines(pieces, Default::default())
+        }
+        140 if depth == 0 => {
+            let mut real = || p.real();
+            let side = DVec3::new(real()?, real()?, real()?);
+            let distance = p.real()?;
+            let base = file.follow(p.integer()?, "the base of an offset surface")?;
+            let base = nested(reader, base, limit, depth + 1)?;
+            let told = offset::ACCURACY;
+            let text = format!("it is fitted to {told:e} of its size");
+            reader.repairs.push((index, Problem::Unsupported(text)));
+            offset::surface(&base, side, distance)?
+        }
+        _ => {
+            let text = format!("{} is no surface that is read", file.source(index));
+            return Err(Problem::Unsupported(text));
+        }
+    };
+    let shape = match shape {
+        SheetShape::Splines(pieces, warps) if place != DAffine3::IDENTITY => {
+            let pieces = pieces.iter().map(|s| s.transformed(&place)).collect();
+            SheetShape::Splines(pieces, warps)
+        }
+        shape => shape,
+    };
+    let name = super::entities::trailing_name(file, &mut parameters);
+    Ok(Sheet {
+        shape,
+        place,
+        border,
+        name,
+    })
+}
+
+/// A ruled surface (type 118) between points with equal parameters.
+fn ruled(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    parameters: &mut Parameters<'_>,
+    form: i64,
+) -> Result<SheetShape, Problem> {
+    let [first, second] = [parameters.integer()?, parameters.integer()?];
+    let reversed = parameters.integer_or(0)? == 1;
+    let (first, mut second) = (reader.rail(first)?, reader.rail(second)?);
+    // Along lines and arcs the length grows evenly with the parameter.
+    let is_even = |rail: &Rail| {
+        rail.arcs == [rail.curve.domain()]
+            || rail.curve.degree() == 1 && rail.curve.points().count() == 2
+    };
+    if form == 0 && !(is_even(&first) && is_even(&second)) {
+        let text = "points of equal arc length are joined in the file, of equal parameters here";
+        reader
+            .repairs
+            .push((index, Problem::Unsupported(text.to_owned())));
+    }
+    if reversed {
+        second.curve = second.curve.reversed();
+    }
+    let geometry = Problem::Geometry;
+    let curves = [&first, &second].map(|rail| rail.curve.remapped(0.0..1.0));
+    let [a, b] = curves;
+    let surface = modelling::ruled(&a.map_err(geometry)?, &b.map_err(geometry)?);
+    let warp = if first.arcs.is_empty() {
+        Warp::new(&second)
+    } else {
+        Warp::new(&first)
+    };
+    let surface = surface.map_err(Problem::Geometry)?;
+    Ok(SheetShape::Splines(vec![surface], [warp, Warp::default()]))
+}
+
+/// A surface of revolution (type 120).
+fn revolved(
+    reader: &mut Reader<'_, '_>,
+    parameters: &mut Parameters<'_>,
+) -> Result<SheetShape, Problem> {
+    let axis = reader.rail(parameters.integer()?)?.curve;
+    let rail = reader.rail(parameters.integer()?)?;
+    let start = parameters.real()?;
+    let mut end = parameters.real()?;
+    if end <= start {
+        end += TAU * ((start - end) / TAU).floor() + TAU;
+    }
+    let origin = axis.start();
+    let direction = axis.end() - origin;
+    let angles = start..end.min(start + TAU);
+    let surface =
+        modelling::revolve(&rail.curve, origin, direction, angles).map_err(Problem::Geometry)?;
+    let turn = Warp {
+        angles: Some((surface.knots_v().clone(), vec![surface.knots_v().domain()])),
+    };
+    Ok(SheetShape::Splines(vec![surface], [Warp::new(&rail), turn]))
+}
+
+/// A parametric spline surface (type 114): bicubic polynomials between breakpoints.
+fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Problem> {
+    parameters.integer()?;
+    parameters.integer()?;
+    let counts = [parameters.count()?, parameters.count()?];
+    let pieces = counts[0].saturating_mul(counts[1]);
+    parameters.expect(pieces.saturating_mul(48), "coefficients")?;
+    if pieces.saturating_mul(16) > limit as u64 {
+        let text = format!("{pieces} pieces; the limit leaves {limit} control points");
+        return Err(Problem::TooLarge(text));
+    }
+    let counts = [
+        parameters.expect(counts[0], "pieces")?,
+        parameters.expect(counts[1], "pieces")?,
+    ];
+    let breaks = [
+        parameters.reals(counts[0].saturating_add(1), "breakpoints")?,
+        parameters.reals(counts[1].saturating_add(1), "breakpoints")?,
+    ];
+    let [rows, row] = counts.map(|count| 3 * count + 1);
+    let mut points = vec![DVec3::ZERO; rows.saturating_mul(row)];
+    for i in 0..counts[0] {
+        for j in 0..counts[1] {
+            // Powers of the first parameter run fastest.
+            let mut powers = [[DVec3::ZERO; 4]; 4];
+            for axis in 0..3 {
+                for line in &mut powers {
+                    for coefficient in line {
+                        coefficient[axis] = parameters.real()?;
+                    }
+                }
+            }
+            let [h, k] =
+                [(0, i), (1, j)].map(|(d, n): (usize, usize)| breaks[d][n + 1] - breaks[d][n]);
+            let lines = powers.map(|line| curves::bezier(line, h));
+            for a in 0..4 {
+                let across =
+                    curves::bezier([lines[0][a], lines[1][a], lines[2][a], lines[3][a]], k);
+                for (b, point) in across.into_iter().enumerate() {
+                    points[(3 * i + a) * row + 3 * j + b] = point;
+                }
+            }
+        }
+        // One more block ends each row; it says nothing.
+        for _ in 0..48 {
+            parameters.real_or(0.0)?;
+        }
+    }
+    for _ in 0..(counts[1] + 1).saturating_mul(48) {
+        if parameters.at_most() == 0 {
+            break;
+        }
+        parameters.real_or(0.0)?;
+    }
+    let knots = |breaks: &[f64]| {
+        let mut knots: Vec<f64> = breaks.iter().flat_map(|&t| [t; 3]).collect();
+        knots.extend(breaks.last());
+        knots.insert(0, breaks[0]);
+        KnotVector::new(3, knots)
+    };
+    let surface =
+        knots(&breaks[0]).and_then(|u| Surface::new(u, knots(&breaks[1])?, &points, None));
+    surface.map_err(Problem::Geometry)
+}
+
+/// The parameters of a parallelogram's points, if the surface is one: the corner and both
+/// edges.
+pub(super) fn parallelogram(surface: &Surface) -> Option<[DVec3; 3]> {
+    let degrees = [surface.knots_u().degree(), surface.knots_v().degree()];
+    if degrees != [1, 1] || surface.homogeneous().len() != 4 || surface.is_rational() {
+        return None;
+    }
+    let [[a, b], [c, d]] = surface.corners();
+    let edges = [c - a, b - a];
+    let size = edges[0].length() + edges[1].length();
+    ((a + d).distance(b + c) <= 1e-12 * size).then_some([a, edges[0], edges[1]])
+}
+
+/// The exact image of a curve in the plane of a parallelogram, in its parameters.
+pub(super) fn in_parallelogram(
+    surface: &Surface,
+    [corner, along_u, along_v]: [DVec3; 3],
+    curve: &Curve<DVec3>,
+) -> Option<Curve<DVec2>> {
+    let normal = along_u.cross(along_v);
+    let axes = glam::DMat3::from_cols(along_u, along_v, normal);
+    let inverse = Some(axes.inverse()).filter(|m| m.is_finite())?;
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let scale = DVec3::new(u.end - u.start, v.end - v.start, 1.0);
+    let linear = glam::DMat3::from_diagonal(scale) * inverse;
+    let shift = DVec3::new(u.start, v.start, 0.0) - linear * corner;
+    let map = DAffine3::from_mat3_translation(linear, shift);
+    Some(curve.transformed(&map).flattened())
+}

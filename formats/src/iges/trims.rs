@@ -1,0 +1,552 @@
+//! Trim loops: from curves of the parameter domain, or from curves of space laid onto the
+//! surface.
+
+use std::cell::OnceCell;
+use std::ops::Range;
+
+use glam::{DAffine2, DVec2, DVec3};
+use kernel::nearest::{self, Nearby};
+use kernel::{Curve, Orientation, Surface, TrimLoop, modelling};
+
+use super::boundary::{self, Boundary, Edges, Loop, Use};
+use super::curves::{Rail, Reader};
+use super::quadric::{Quadric, wound};
+use super::sheets::{self, Sheet, SheetShape, Warp};
+use crate::Problem;
+
+/// How far a curve laid onto a surface may stray, relative to the size of the surface.
+const ACCURACY: f64 = 1e-7;
+
+/// Ends of curves no farther apart than this share of the surface's size meet.
+const MEETS: f64 = 1e-5;
+
+/// The resolution that a file states counts up to this share of the surface's size.
+const COARSE: f64 = 1e-3;
+
+/// Curves of the parameter domain that miss their curves of space by more than this share of
+/// the surface's size are not believed.
+const MISSES: f64 = 2e-2;
+
+/// A curve of space may lie this share of the surface's size beside it; farther off it is
+/// not taken for a curve on it.
+const BESIDE: f64 = 0.2;
+
+/// A face in parts: each a surface with its loops.
+pub(super) type Parts = Vec<(Surface, Vec<TrimLoop>)>;
+
+/// Trims a sheet. What had to be repaired goes to the reader.
+pub(super) fn faces(
+    reader: &mut Reader<'_, '_>,
+    lists: &mut Edges,
+    face: usize,
+    mut sheet: Sheet,
+    boundary: &Boundary,
+) -> Result<Parts, Problem> {
+    let loops = match loops(reader, lists, boundary, sheet.border) {
+        Ok(loops) => loops,
+        Err(problem) => {
+            untrimmed(reader, face, &problem);
+            None
+        }
+    };
+    let border = matches!(boundary, Boundary::Holes(_)) && sheet.border == 0;
+    let surfaces = match sheet.shape.clone() {
+        SheetShape::Splines(pieces, _) => pieces,
+        SheetShape::Quadric(quadric) => {
+            let hull = hull(reader, loops.as_deref().unwrap_or_default(), &sheet)?;
+            let quadric = quadric.near(&hull)?;
+            let Some(surface) = quadric.surface(&hull)? else {
+                let text = "it has no end, because no curves of space bound it; it is not shown";
+                reader
+                    .repairs
+                    .push((face, Problem::Unsupported(text.to_owned())));
+                return Ok(Vec::new());
+            };
+            sheet.shape = SheetShape::Quadric(quadric);
+            vec![surface.transformed(&sheet.place)]
+        }
+    };
+    let mut parts = Vec::new();
+    for surface in surfaces {
+        let trims = match &loops {
+            None => Vec::new(),
+            Some(loops) => {
+                let made = Trimmer::new(&surface, &sheet, reader.file.global.resolution)
+                    .trims(reader, face, loops, border);
+                made.unwrap_or_else(|problem| {
+                    untrimmed(reader, face, &problem);
+                    Vec::new()
+                })
+            }
+        };
+        parts.push((surface, trims));
+    }
+    Ok(parts)
+}
+
+/// The control points of the curves of space around a face, in the coordinates of its sheet
+/// before that is placed.
+fn hull(reader: &mut Reader<'_, '_>, loops: &[Loop], sheet: &Sheet) -> Result<Vec<DVec3>, Problem> {
+    let mut hull = Vec::new();
+    let back = sheet.place.inverse();
+    for stretch in loops.iter().flat_map(|l| &l.uses).filter(|u| u.space != 0) {
+        let index = reader.file.follow(stretch.space, "a curve")?;
+        for rail in reader.rails(index)? {
+            hull.extend(rail.curve.points().map(|p| back.transform_point3(p)));
+        }
+    }
+    Ok(hull)
+}
+
+/// Notes that the loops of a face cannot be used.
+fn untrimmed(reader: &mut Reader<'_, '_>, face: usize, problem: &Problem) {
+    let why = match problem {
+        // Without the numbers, so that such warnings are counted as one.
+        Problem::Geometry(kernel::Error::LoopGap { .. }) => "a trim loop does not close".to_owned(),
+        problem => problem.to_string(),
+    };
+    let noun = super::types::noun(reader.file.entries[face].kind);
+    let text = format!("{noun} is shown untrimmed: {why}");
+    reader.repairs.push((face, Problem::Unsupported(text)));
+}
+
+/// The loops of a face; `None` if nothing is cut off.
+fn loops(
+    reader: &Reader<'_, '_>,
+    lists: &mut Edges,
+    boundary: &Boundary,
+    border: i64,
+) -> Result<Option<Vec<Loop>>, Problem> {
+    let pointers: &[i64] = match boundary {
+        Boundary::Natural => &[],
+        Boundary::Loops(pointers) | Boundary::Holes(pointers) => pointers,
+    };
+    let mut loops = Vec::new();
+    for &pointer in pointers {
+        if let Some(mut one) = boundary::read(reader.file, pointer)? {
+            lists.resolve(reader.file, &mut one)?;
+            loops.push(one);
+        }
+    }
+    if border != 0 && !matches!(boundary, Boundary::Loops(_)) {
+        let uses = vec![Use {
+            space: border,
+            ..Use::default()
+        }];
+        loops.push(Loop {
+            uses,
+            ..Loop::default()
+        });
+    }
+    Ok(Some(loops).filter(|loops| !loops.is_empty()))
+}
+
+/// One surface with what is needed to trim it.
+struct Trimmer<'a> {
+    surface: &'a Surface,
+    sheet: &'a Sheet,
+    domain: [Range<f64>; 2],
+    closed: [bool; 2],
+    size: f64,
+    /// Points no farther apart are one.
+    accuracy: f64,
+    nearby: OnceCell<Nearby<'a>>,
+}
+
+/// Curves in the parameter domain.
+type Chain = Vec<Curve<DVec2>>;
+
+impl<'a> Trimmer<'a> {
+    fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64) -> Self {
+        let size = surface.hull_bounds().diagonal();
+        let most = size * COARSE;
+        Self {
+            surface,
+            sheet,
+            domain: [surface.knots_u().domain(), surface.knots_v().domain()],
+            closed: nearest::closed(surface),
+            size,
+            accuracy: (size * MEETS).max(resolution.min(most)),
+            nearby: OnceCell::new(),
+        }
+    }
+
+    /// The loops in the parameters of the surface.
+    fn trims(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        face: usize,
+        loops: &[Loop],
+        border: bool,
+    ) -> Result<Vec<TrimLoop>, Problem> {
+        let from_flat = |l: &Loop| !l.prefers_space && self.quadric().is_none();
+        let mut chains = Vec::new();
+        for one in loops {
+            chains.push(self.chain(reader, face, one, from_flat(one))?);
+        }
+        let mut closed = self.closed(&chains, loops);
+        if closed.is_err() && self.quadric().is_none() {
+            // The other curves may fit better.
+            let mut others = Vec::new();
+            for one in loops {
+                others.extend(self.chain(reader, face, one, !from_flat(one)));
+            }
+            if others.len() == loops.len() {
+                let again = self.closed(&others, loops);
+                if again.is_ok() {
+                    let text = "a trim loop is made of the other curves of the file, because \
+                                those it prefers do not close";
+                    reader
+                        .repairs
+                        .push((face, Problem::Invalid(text.to_owned())));
+                    closed = again;
+                }
+            }
+        }
+        let closed = closed.map_err(Problem::Geometry)?;
+        for _ in 0..closed.wide_gaps {
+            let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
+            reader
+                .repairs
+                .push((face, Problem::Invalid(text.to_owned())));
+        }
+        let mut trims = closed.loops;
+        if border {
+            let [u, v] = &self.domain;
+            trims.push(TrimLoop::border(u, v).map_err(Problem::Geometry)?);
+        }
+        Ok(trims)
+    }
+
+    fn closed(
+        &self,
+        chains: &[Chain],
+        loops: &[Loop],
+    ) -> Result<kernel::ClosedLoops, kernel::Error> {
+        let orientation = if loops.iter().all(|l| l.is_oriented) {
+            Orientation::Left
+        } else {
+            Orientation::Unknown
+        };
+        let accuracy = self.accuracy;
+        kernel::close_loops(
+            self.surface,
+            self.closed,
+            chains.to_vec(),
+            accuracy,
+            orientation,
+        )
+    }
+
+    /// The curves of one loop, turned so that each begins where the one before ends.
+    fn chain(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        face: usize,
+        one: &Loop,
+        from_flat: bool,
+    ) -> Result<Chain, Problem> {
+        let mut chain = Vec::new();
+        for stretch in &one.uses {
+            let flat = if from_flat && !stretch.flat.is_empty() {
+                let found = self.flat(reader, stretch);
+                if let Err(problem) = &found {
+                    let text = format!("{problem}; the curve of space is used");
+                    if stretch.space != 0 {
+                        reader.repairs.push((face, Problem::Invalid(text)));
+                    }
+                }
+                found
+            } else if stretch.space == 0 && !stretch.flat.is_empty() && self.quadric().is_none() {
+                self.flat(reader, stretch)
+            } else {
+                Ok(Vec::new())
+            };
+            match flat {
+                Ok(flat) if !flat.is_empty() => chain.extend(flat),
+                Err(problem) if stretch.space == 0 => return Err(problem),
+                // A vertex: the loop goes on from the same point.
+                _ if stretch.space == 0 => {}
+                _ => chain.extend(self.laid(reader, stretch)?),
+            }
+        }
+        if chain.is_empty() {
+            return Err(Problem::Invalid("a trim loop without curves".to_owned()));
+        }
+        Ok(self.aligned(chain))
+    }
+
+    /// The curves of a stretch in the parameter domain, if they are where its curve of space
+    /// is.
+    fn flat(&self, reader: &mut Reader<'_, '_>, stretch: &Use) -> Result<Chain, Problem> {
+        let mut curves = Vec::new();
+        for &pointer in &stretch.flat {
+            curves.extend(reader.flat(pointer)?);
+        }
+        let SheetShape::Splines(_, warps) = &self.sheet.shape else {
+            return Ok(curves);
+        };
+        if warps.iter().any(|warp| !warp.is_identity()) {
+            self.wind(&mut curves, warps);
+            let warped = curves.iter().map(|curve| self.warped(curve, warps));
+            curves = warped.collect::<Result<_, _>>()?;
+        }
+        if stretch.space == 0 {
+            return Ok(curves);
+        }
+        let index = reader.file.follow(stretch.space, "a trim curve")?;
+        let Ok(rails) = reader.rails(index) else {
+            // Nothing to compare with.
+            return Ok(curves);
+        };
+        if rails.len() == curves.len() {
+            let apart = |curve: &Curve<DVec2>, rail: &Rail| {
+                let own = [self.point(curve.start()), self.point(curve.end())];
+                let other = [rail.curve.start(), rail.curve.end()];
+                let with = own[0].distance(other[0]).max(own[1].distance(other[1]));
+                let against = own[0].distance(other[1]).max(own[1].distance(other[0]));
+                with.min(against)
+            };
+            if curves
+                .iter()
+                .zip(&rails)
+                .any(|(c, r)| apart(c, r) > self.size * MISSES)
+            {
+                let text = "a curve of the parameter domain is not where its curve of space is";
+                return Err(Problem::Invalid(text.to_owned()));
+            }
+        }
+        if let ([curve], [rail]) = (curves.as_slice(), rails.as_slice()) {
+            let mut space = rail.curve.clone();
+            if stretch.reversed {
+                space = space.reversed();
+            }
+            if self.runs_against(curve, &space) {
+                curves = vec![curve.reversed()];
+            }
+        }
+        Ok(curves)
+    }
+
+    /// Moves curves by whole turns into the domain, along parameters that are angles.
+    fn wind(&self, curves: &mut Chain, warps: &[Warp; 2]) {
+        for (axis, warp) in warps.iter().enumerate() {
+            let domain = &self.domain[axis];
+            let Some(turn) = warp.turn(domain) else {
+                continue;
+            };
+            let points = || curves.iter().flat_map(Curve::points).map(|p| p[axis]);
+            let least = points().fold(f64::INFINITY, f64::min);
+            let largest = points().fold(f64::NEG_INFINITY, f64::max);
+            let off = f64::midpoint(domain.start, domain.end) - f64::midpoint(least, largest);
+            let turns = (off / turn).round();
+            if turns != 0.0 && turns.is_finite() {
+                let mut shift = DVec2::ZERO;
+                shift[axis] = turns * turn;
+                let map = DAffine2::from_translation(shift);
+                for curve in curves.iter_mut() {
+                    *curve = curve.transformed(&map);
+                }
+            }
+        }
+    }
+
+    /// Whether a curve of the parameter domain runs against a curve of space.
+    fn runs_against(&self, flat: &Curve<DVec2>, space: &Curve<DVec3>) -> bool {
+        let share = |domain: Range<f64>, s: f64| domain.start + (domain.end - domain.start) * s;
+        let own = |s: f64| self.point(flat.evaluate(share(flat.domain(), s)));
+        let other = |s: f64| space.evaluate(share(space.domain(), s));
+        let is_closed = other(0.0).distance(other(1.0)) <= self.size * MEETS;
+        let [a, b] = if is_closed { [0.25, 0.75] } else { [0.0, 1.0] };
+        let with = own(a).distance(other(a)) + own(b).distance(other(b));
+        let against = own(a).distance(other(b)) + own(b).distance(other(a));
+        against < with
+    }
+
+    /// A curve in the parameters of the surface, for one in those of the file.
+    fn warped(&self, curve: &Curve<DVec2>, warps: &[Warp; 2]) -> Result<Curve<DVec2>, Problem> {
+        let image = |uv: DVec2| {
+            DVec2::new(
+                warps[0].apply(uv.x, &self.domain[0]),
+                warps[1].apply(uv.y, &self.domain[1]),
+            )
+        };
+        let at = |t: f64| image(curve.evaluate(t));
+        let [size_u, size_v] = self.domain.clone().map(|d| d.end - d.start);
+        let size = DVec2::new(size_u, size_v);
+        let off = |a: DVec2, b: DVec2| ((a - b) / size).length();
+        straight_or_fitted(curve, at, ACCURACY, off)
+    }
+
+    /// The curve of space of a stretch, laid onto the surface.
+    fn laid(&self, reader: &mut Reader<'_, '_>, stretch: &Use) -> Result<Chain, Problem> {
+        let index = reader.file.follow(stretch.space, "a trim curve")?;
+        let mut rails = reader.rails(index)?;
+        if stretch.reversed {
+            rails.reverse();
+        }
+        let mut chain = Vec::new();
+        for rail in rails {
+            let curve = if stretch.reversed {
+                rail.curve.reversed()
+            } else {
+                rail.curve
+            };
+            // Curves without length are points.
+            if curve.hull_bounds().diagonal() > self.size * 1e-9 {
+                chain.push(self.on_surface(&curve)?);
+            }
+        }
+        Ok(chain)
+    }
+
+    /// A curve of space in the parameters of the surface: exactly in planes and along lines
+    /// of constant parameters, else to [`ACCURACY`].
+    fn on_surface(&self, curve: &Curve<DVec3>) -> Result<Curve<DVec2>, Problem> {
+        let flat = sheets::parallelogram(self.surface)
+            .and_then(|corner| sheets::in_parallelogram(self.surface, corner, curve));
+        if let Some(flat) = flat {
+            return Ok(flat);
+        }
+        let table = self.table(curve)?;
+        let at = |t: f64| {
+            let next = table
+                .partition_point(|(before, _)| *before <= t)
+                .clamp(1, table.len() - 1);
+            let ((a, from), (b, to)) = (table[next - 1], table[next]);
+            let guess = from + (to - from) * ((t - a) / (b - a));
+            self.locate(curve.evaluate(t), Some(guess))
+        };
+        let off = |a: DVec2, b: DVec2| self.point(a).distance(self.point(b));
+        straight_or_fitted(curve, at, self.size * ACCURACY, off)
+    }
+
+    /// Points along a curve, by its parameter and those of the surface, found from the middle
+    /// outwards, so that none begins at a pole.
+    fn table(&self, curve: &Curve<DVec3>) -> Result<Vec<(f64, DVec2)>, Problem> {
+        let Range { start, end } = curve.domain();
+        let steps = (8 * curve.knots().breaks().len()).min(2000);
+        let parameter = |k: usize| start + (end - start) * k as f64 / steps as f64;
+        let middle = steps / 2;
+        let point = curve.evaluate(parameter(middle));
+        let first = self.locate(point, None);
+        if self.point(first).distance(point) > self.size * BESIDE {
+            let text = "a trim curve is not on its surface";
+            return Err(Problem::Invalid(text.to_owned()));
+        }
+        let mut table: Vec<_> = (0..=steps).map(|k| (parameter(k), first)).collect();
+        for k in middle + 1..=steps {
+            let point = curve.evaluate(table[k].0);
+            table[k].1 = self.locate(point, Some(table[k - 1].1));
+        }
+        for k in (0..middle).rev() {
+            let point = curve.evaluate(table[k].0);
+            table[k].1 = self.locate(point, Some(table[k + 1].1));
+        }
+        Ok(table)
+    }
+
+    fn quadric(&self) -> Option<&'a Quadric> {
+        match &self.sheet.shape {
+            SheetShape::Quadric(quadric) => Some(quadric),
+            SheetShape::Splines(..) => None,
+        }
+    }
+
+    /// The parameters of the point of the surface nearest to a point; beyond the domain where
+    /// the surface is closed and the guess is near there.
+    fn locate(&self, point: DVec3, guess: Option<DVec2>) -> DVec2 {
+        let Some(quadric) = self.quadric() else {
+            let nearby = self
+                .nearby
+                .get_or_init(|| Nearby::new(self.surface, self.closed));
+            let found = nearby.nearest(point, guess).uv;
+            return guess.map_or(found, |guess| self.beside(found, guess));
+        };
+        let local = self.sheet.place.inverse().transform_point3(point);
+        let mut uv = quadric.locate(local, guess);
+        let knots = [self.surface.knots_u(), self.surface.knots_v()];
+        for (axis, is_angle) in quadric.angles().into_iter().enumerate() {
+            if is_angle {
+                uv[axis] = wound(knots[axis], uv[axis]);
+            }
+        }
+        uv
+    }
+
+    /// Parameters moved by whole periods next to others.
+    fn beside(&self, uv: DVec2, guess: DVec2) -> DVec2 {
+        let mut moved = uv;
+        for axis in 0..2 {
+            let period = self.domain[axis].end - self.domain[axis].start;
+            if self.closed[axis] {
+                moved[axis] += ((guess[axis] - uv[axis]) / period).round() * period;
+            }
+        }
+        moved
+    }
+
+    /// The point of the surface, with parameters beyond its seams brought back and others
+    /// moved to its border.
+    fn point(&self, uv: DVec2) -> DVec3 {
+        let mut inside = uv;
+        for axis in 0..2 {
+            let Range { start, end } = self.domain[axis].clone();
+            if self.closed[axis] && !(start..=end).contains(&uv[axis]) {
+                inside[axis] = start + (uv[axis] - start).rem_euclid(end - start);
+            }
+            inside[axis] = inside[axis].max(start).min(end);
+        }
+        self.surface.evaluate(inside)
+    }
+
+    /// Turns curves round where that lets them meet, in space.
+    fn aligned(&self, mut curves: Chain) -> Chain {
+        if curves.len() < 2 {
+            return curves;
+        }
+        let mut ends: Vec<[DVec3; 2]> = curves
+            .iter()
+            .map(|c| [self.point(c.start()), self.point(c.end())])
+            .collect();
+        let near = self.size * MEETS;
+        // Each curve is turned only where that is clearly better.
+        let better = |turned: f64, straight: f64| straight > near && turned < 0.5 * straight;
+        let to_next = |p: DVec3| p.distance(ends[1][0]).min(p.distance(ends[1][1]));
+        if better(to_next(ends[0][0]), to_next(ends[0][1])) {
+            curves[0] = curves[0].reversed();
+            ends[0].reverse();
+        }
+        for k in 1..curves.len() {
+            let before = ends[k - 1][1];
+            if better(before.distance(ends[k][1]), before.distance(ends[k][0])) {
+                curves[k] = curves[k].reversed();
+                ends[k].reverse();
+            }
+        }
+        curves
+    }
+}
+
+/// The image of a curve in a parameter domain: a straight segment where that strays no more
+/// than `tolerance`, else a fitted curve.
+fn straight_or_fitted<P: kernel::Point>(
+    curve: &Curve<P>,
+    at: impl Fn(f64) -> DVec2,
+    tolerance: f64,
+    off: impl Fn(DVec2, DVec2) -> f64,
+) -> Result<Curve<DVec2>, Problem> {
+    let Range { start, end } = curve.domain();
+    let points: Vec<DVec2> = (0..=12)
+        .map(|k| at(start + (end - start) * f64::from(k) / 12.0))
+        .collect();
+    let (first, along) = (points[0], points[12] - points[0]);
+    let square = along.length_squared();
+    let on_line = |p: DVec2| first + along * ((p - first).dot(along) / square).clamp(0.0, 1.0);
+    if square > 0.0 && points.iter().all(|&p| off(on_line(p), p) <= tolerance) {
+        return Curve::line(first, first + along, 0.0..1.0).map_err(Problem::Geometry);
+    }
+    let breaks = curve.knots().breaks();
+    let fit = modelling::fit(at, &breaks, tolerance, off).map_err(Problem::Geometry)?;
+    Ok(fit.curve)
+}

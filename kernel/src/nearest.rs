@@ -1,0 +1,274 @@
+//! The points of a surface nearest to given points.
+
+use glam::{DVec2, DVec3};
+
+use crate::{Surface, SurfaceDerivatives};
+
+/// Steps of the iteration.
+const STEPS: usize = 40;
+
+/// Steps below this share of the domain end the iteration.
+const SMALLEST: f64 = 4.0 * f64::EPSILON;
+
+/// Samples of a surface along one parameter.
+const SAMPLES: usize = 200;
+
+/// How many of the nearest samples are tried.
+const TRIED: usize = 4;
+
+/// Two sides of a surface meet if no farther apart than this share of its size.
+const MEETS: f64 = 1e-6;
+
+/// A point found from a guess is taken if it is no farther away than this share of the size.
+const TRUSTED: f64 = 1e-3;
+
+/// A point of a surface and how far away it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// Its parameters, in the domain, or beyond it where the surface is closed.
+    pub uv: DVec2,
+    /// The point.
+    pub point: DVec3,
+    /// Its distance from the point asked for.
+    pub distance: f64,
+}
+
+/// Whether a surface meets itself at the ends of u and of v, up to a millionth of its size.
+/// A side that is a single point meets nothing.
+pub fn closed(surface: &Surface) -> [bool; 2] {
+    let near = MEETS * surface.hull_bounds().diagonal();
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let at = |s: f64, t: f64| {
+        let share = DVec2::new(
+            u.start + (u.end - u.start) * s,
+            v.start + (v.end - v.start) * t,
+        );
+        surface.evaluate(share)
+    };
+    [is_closed(at, near), is_closed(|s, t| at(t, s), near)]
+}
+
+/// Whether the lines at both ends of the first parameter agree, and are not all there is.
+fn is_closed(at: impl Fn(f64, f64) -> DVec3, near: f64) -> bool {
+    let shares = || (0..=8).map(|k| f64::from(k) / 8.0);
+    shares().all(|t| at(0.0, t).distance(at(1.0, t)) <= near)
+        && shares().any(|s| at(0.0, 0.5).distance(at(s, 0.5)) > near)
+}
+
+/// A surface prepared for the search of nearest points.
+#[derive(Debug)]
+pub struct Nearby<'a> {
+    surface: &'a Surface,
+    closed: [bool; 2],
+    start: DVec2,
+    end: DVec2,
+    samples: Vec<(DVec2, DVec3)>,
+    size: f64,
+}
+
+impl<'a> Nearby<'a> {
+    /// Prepares a surface; `closed` tells where it meets itself, see [`closed`].
+    pub fn new(surface: &'a Surface, closed: [bool; 2]) -> Self {
+        let (u, v) = (surface.knots_u(), surface.knots_v());
+        let along = |knots: &crate::KnotVector| -> Vec<f64> {
+            let breaks = knots.breaks();
+            let per_span = (SAMPLES / breaks.len()).clamp(1, knots.degree() + 1);
+            let stride = (breaks.len() / SAMPLES).max(1);
+            let inside = |w: &[f64]| -> Vec<f64> {
+                let share = |k: usize| (k as f64 + 0.5) / per_span as f64;
+                (0..per_span)
+                    .map(|k| w[0] + (w[1] - w[0]) * share(k))
+                    .collect()
+            };
+            breaks.windows(2).step_by(stride).flat_map(inside).collect()
+        };
+        let (along_u, along_v) = (along(u), along(v));
+        let pairs = along_u
+            .iter()
+            .flat_map(|&u| along_v.iter().map(move |&v| DVec2::new(u, v)));
+        let samples = pairs.map(|uv| (uv, surface.evaluate(uv))).collect();
+        let (u, v) = (u.domain(), v.domain());
+        Self {
+            surface,
+            closed,
+            start: DVec2::new(u.start, v.start),
+            end: DVec2::new(u.end, v.end),
+            samples,
+            size: surface.hull_bounds().diagonal(),
+        }
+    }
+
+    /// The point nearest to `target`.
+    ///
+    /// With a `guess` the point near it, found by Newton's iteration \[Piegl 97, section
+    /// 6.1\], is taken if its distance is below a thousandth of the surface's size; else the best of the samples are
+    /// tried as guesses. Where the surface is closed, parameters may leave the domain.
+    pub fn nearest(&self, target: DVec3, guess: Option<DVec2>) -> Nearest {
+        let guessed = guess.map(|uv| self.iterate(target, uv));
+        if let Some(found) = guessed.filter(|found| found.distance <= TRUSTED * self.size) {
+            return found;
+        }
+        let mut order: Vec<_> = self
+            .samples
+            .iter()
+            .map(|(uv, point)| (point.distance_squared(target), *uv))
+            .collect();
+        let tried = TRIED.min(order.len());
+        if tried < order.len() {
+            order.select_nth_unstable_by(tried, |a, b| a.0.total_cmp(&b.0));
+        }
+        let found = order[..tried]
+            .iter()
+            .map(|(_, uv)| self.iterate(target, *uv));
+        let best = found
+            .chain(guessed)
+            .min_by(|a, b| a.distance.total_cmp(&b.distance));
+        best.unwrap_or_else(|| self.iterate(target, (self.start + self.end) * 0.5))
+    }
+
+    /// Newton's iteration, damped, clamped to the domain where it is not closed.
+    fn iterate(&self, target: DVec3, guess: DVec2) -> Nearest {
+        let mut uv = self.clamped(guess);
+        let mut damping = 0.0;
+        let mut d = self.surface.derivatives(self.wrapped(uv));
+        let mut best = d.point.distance_squared(target);
+        for _ in 0..STEPS {
+            let next = self.clamped(uv + self.step(&d, target - d.point, uv, damping));
+            let moved = ((next - uv) / (self.end - self.start)).abs().max_element();
+            let then = self.surface.derivatives(self.wrapped(next));
+            let distance = then.point.distance_squared(target);
+            if distance <= best {
+                (uv, d, best) = (next, then, distance);
+                damping *= 0.1;
+            } else {
+                damping = (damping * 10.0_f64).max(1e-3);
+            }
+            // A step that is not a number is the last one, too.
+            let goes_on = moved > SMALLEST;
+            if !goes_on {
+                break;
+            }
+        }
+        Nearest {
+            uv,
+            point: d.point,
+            distance: best.sqrt(),
+        }
+    }
+
+    /// A step that lessens half the squared length of `miss`, the way to the target.
+    fn step(&self, d: &SurfaceDerivatives, miss: DVec3, uv: DVec2, damping: f64) -> DVec2 {
+        let (a, b, c) = (d.du.dot(d.du), d.du.dot(d.dv), d.dv.dot(d.dv));
+        let slope = DVec2::new(d.du.dot(miss), d.dv.dot(miss));
+        // Next to a pole one parameter means nothing, and stays as it is.
+        let domain = self.end - self.start;
+        let is_still = |slope: DVec3, length: f64| slope.length() * length <= MEETS * self.size;
+        let still = [is_still(d.du, domain.x), is_still(d.dv, domain.y)];
+        let raised = damping * a.max(c);
+        let (a, c) = (a + raised, c + raised);
+        // The second derivatives, as long as they bend the right way; else none.
+        let bent = [
+            a - d.duu.dot(miss),
+            b - d.duv.dot(miss),
+            c - d.dvv.dot(miss),
+        ];
+        let definite = |[a, b, c]: [f64; 3]| a > 0.0 && a * c - b * b > f64::EPSILON * a * c;
+        let [a, b, c] = if definite(bent) { bent } else { [a, b, c] };
+        let alone = |axis: usize| {
+            let size = [a, c][axis];
+            let floor = f64::EPSILON * a.max(c);
+            let mut step = DVec2::ZERO;
+            step[axis] = if size > floor {
+                slope[axis] / size
+            } else {
+                0.0
+            };
+            step
+        };
+        let step = if still[0] != still[1] {
+            alone(usize::from(still[0]))
+        } else if definite([a, b, c]) {
+            DVec2::new(c * slope.x - b * slope.y, a * slope.y - b * slope.x) / (a * c - b * b)
+        } else {
+            alone(usize::from(a < c))
+        };
+        // Along a border only the other parameter moves.
+        let moved = self.clamped(uv + step) - uv;
+        let is_held = |axis: usize| step[axis] != 0.0 && moved[axis] == 0.0;
+        match (is_held(0), is_held(1)) {
+            (true, false) => alone(1),
+            (false, true) => alone(0),
+            _ => step,
+        }
+    }
+
+    /// The parameters moved to the border of the domain where it is not closed.
+    fn clamped(&self, uv: DVec2) -> DVec2 {
+        let inside = uv.max(self.start).min(self.end);
+        let pick = |axis: usize| {
+            if self.closed[axis] {
+                uv[axis]
+            } else {
+                inside[axis]
+            }
+        };
+        DVec2::new(pick(0), pick(1))
+    }
+
+    /// The parameters moved into the domain by whole periods.
+    fn wrapped(&self, uv: DVec2) -> DVec2 {
+        let wrap = |axis: usize| {
+            let (start, end) = (self.start[axis], self.end[axis]);
+            if self.closed[axis] && !(start <= uv[axis] && uv[axis] <= end) {
+                start + (uv[axis] - start).rem_euclid(end - start)
+            } else {
+                uv[axis]
+            }
+        };
+        DVec2::new(wrap(0), wrap(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, TAU};
+
+    use super::*;
+    use crate::modelling::{self, Frame};
+
+    #[test]
+    fn points_beside_a_torus_are_found() {
+        let torus = modelling::torus(&Frame::WORLD, 3.0, 1.0, 0.0..TAU, 0.0..TAU).unwrap();
+        assert_eq!(closed(&torus), [true, true]);
+        let nearby = Nearby::new(&torus, [true, true]);
+        let mut guess = None;
+        for k in 0..200 {
+            let angle = f64::from(k) * 0.1;
+            let (around, tube) = (DVec2::from_angle(angle), DVec2::from_angle(0.7 * angle));
+            let at = |r: f64| {
+                let out = around * (3.0 + r * tube.x);
+                DVec3::new(out.x, out.y, r * tube.y)
+            };
+            let found = nearby.nearest(at(1.3), guess);
+            assert!(found.point.distance(at(1.0)) < 1e-7, "{k}: {found:?}");
+            assert!((found.distance - 0.3).abs() < 1e-12);
+            guess = Some(found.uv);
+        }
+    }
+
+    #[test]
+    fn borders_and_poles_are_reached() {
+        let sphere =
+            modelling::sphere(&Frame::WORLD, 1.0, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2).unwrap();
+        assert_eq!(closed(&sphere), [true, false]);
+        let nearby = Nearby::new(&sphere, [true, false]);
+        assert!(nearby.nearest(DVec3::Z, None).distance < 1e-12);
+        let cylinder = modelling::cylinder(&Frame::WORLD, 1.0, 0.0..TAU, 0.0..2.0).unwrap();
+        let nearby = Nearby::new(&cylinder, [true, false]);
+        let found = nearby.nearest(DVec3::new(2.0, 0.0, 5.0), None);
+        assert!(
+            found.point.distance(DVec3::new(1.0, 0.0, 2.0)) < 1e-9,
+            "{found:?}"
+        );
+    }
+}

@@ -1,0 +1,510 @@
+//! Loops from chains of curves as files have them: gaps closed, and loops that run around a
+//! closed surface completed along its border.
+
+use std::ops::Range;
+
+use glam::{DAffine2, DVec2};
+
+use super::TrimLoop;
+use super::monotone::roots;
+use crate::{Curve, Error, Surface};
+
+/// Gaps up to this share of the domain's diagonal are rounding.
+const GAP: f64 = 1e-3;
+
+/// Gaps up to this share of the domain's diagonal are closed, and counted.
+const WIDE_GAP: f64 = 1e-2;
+
+/// What lies this share of a period beyond the border of a domain lies in it.
+const NEAR: f64 = 1e-9;
+
+/// What lies this share of a domain beside a pole is the pole.
+const POLE: f64 = 1e-6;
+
+/// How a file orients its loops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Orientation {
+    /// The face is to the left of its loops, seen against the normal.
+    Left,
+    /// It is not reliable.
+    Unknown,
+}
+
+/// The loops of a face.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClosedLoops {
+    /// They lie in the domain along each parameter for which the surface is closed.
+    pub loops: Vec<TrimLoop>,
+    /// How many gaps were too wide to be rounding.
+    pub wide_gaps: usize,
+}
+
+/// Joins each chain of curves to a loop of `surface`; the curves of a chain are in order and
+/// run in one direction.
+///
+/// Where the surface is `closed`, curves may lie any number of periods off: each continues
+/// the one before, loops that cross the seam are cut there, and a loop that runs around
+/// the surface bounds the part between it and the next one, or the pole or border. Gaps are
+/// closed by straight segments if they are below a thousandth of the domain, if their ends
+/// are one point of space up to `accuracy` (as at poles), or, counted, up to a hundredth of
+/// the domain.
+///
+/// # Errors
+/// If a chain is empty, a gap is wider, or loops run around in both directions.
+pub fn close(
+    surface: &Surface,
+    closed: [bool; 2],
+    chains: Vec<Vec<Curve<DVec2>>>,
+    accuracy: f64,
+    orientation: Orientation,
+) -> Result<ClosedLoops, Error> {
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let closer = Closer {
+        surface,
+        closed,
+        start: DVec2::new(u.start, v.start),
+        size: DVec2::new(u.end - u.start, v.end - v.start),
+        accuracy,
+        orientation,
+    };
+    let mut result = ClosedLoops::default();
+    let (mut simple, mut open) = (Vec::new(), [Vec::new(), Vec::new()]);
+    for chain in chains {
+        let (path, turns) = closer.unrolled(chain, &mut result.wide_gaps)?;
+        match (turns.x.abs() > 0.5, turns.y.abs() > 0.5) {
+            (false, false) => simple.push(path),
+            (true, false) => open[0].push(path),
+            (false, true) => open[1].push(path),
+            (true, true) => return Err(closer.gap(&path)),
+        }
+    }
+    let [around_u, around_v] = &open;
+    if let (Some(path), Some(_)) = (around_u.first(), around_v.first()) {
+        return Err(closer.gap(path));
+    }
+    let mut inverted = false;
+    for (axis, paths) in open.into_iter().enumerate() {
+        let paths: Vec<_> = paths
+            .iter()
+            .map(|path| closer.leveled(path, 1 - axis))
+            .collect();
+        if !paths.is_empty() {
+            inverted = closer.is_inverted(&paths, axis);
+        }
+        for path in paths {
+            simple.push(closer.completed(path, axis)?);
+        }
+    }
+    let loops: Result<Vec<_>, _> = simple
+        .into_iter()
+        .map(|path| TrimLoop::new(path, f64::INFINITY))
+        .collect();
+    let loops = loops?;
+    if orientation == Orientation::Left && !inverted && closer.is_boundless() {
+        let areas = loops.iter().map(|l| area(l.segments()));
+        let largest = areas.max_by(|a, b| a.abs().total_cmp(&b.abs()));
+        let is_alone = around(&loops, closer.size, closed);
+        inverted = is_alone && largest.is_some_and(|a| a < 0.0);
+    }
+    if inverted {
+        result.loops.push(TrimLoop::border(&u, &v)?);
+    }
+    for trim in loops {
+        closer.tile(trim, &mut result.loops)?;
+    }
+    Ok(result)
+}
+
+/// Whether no loop spans a whole period.
+fn around(loops: &[TrimLoop], size: DVec2, closed: [bool; 2]) -> bool {
+    loops.iter().all(|l| {
+        let (min, max) = hull(l.segments());
+        (0..2).all(|axis| !closed[axis] || max[axis] - min[axis] < size[axis] * (1.0 - NEAR))
+    })
+}
+
+/// A surface and what there is to know about its domain.
+struct Closer<'a> {
+    surface: &'a Surface,
+    closed: [bool; 2],
+    start: DVec2,
+    size: DVec2,
+    accuracy: f64,
+    orientation: Orientation,
+}
+
+impl Closer<'_> {
+    /// A chain moved by whole periods so that each curve continues the one before, without
+    /// gaps, and how many periods its end is away from its start.
+    fn unrolled(
+        &self,
+        chain: Vec<Curve<DVec2>>,
+        wide_gaps: &mut usize,
+    ) -> Result<(Vec<Curve<DVec2>>, DVec2), Error> {
+        let opening = chain.first().ok_or(Error::EmptyLoop)?.clone();
+        let first = opening.start();
+        let mut path: Vec<Curve<DVec2>> = Vec::new();
+        let mut end = first;
+        for (index, curve) in chain.into_iter().enumerate() {
+            let mut shift = self.periods(end - curve.start());
+            if let Some(before) = path.last() {
+                shift += self.around_pole(before, &curve, shift);
+            }
+            let curve = moved(&curve, shift);
+            self.bridge(&mut path, index, curve.start(), wide_gaps)?;
+            end = curve.end();
+            path.push(curve);
+        }
+        let mut turn = self.periods(end - first);
+        if let Some(before) = path.last() {
+            turn += self.around_pole(before, &opening, turn);
+        }
+        let index = path.len();
+        self.bridge(&mut path, index, first + turn, wide_gaps)?;
+        Ok((path, turn / self.size))
+    }
+
+    /// One period more, or none, for a path that arrives at a pole with one curve and leaves it
+    /// with the next one, moved by `shift`: with the face to the left, it goes around the pole
+    /// the other way than around its middle, and all the way round if it leaves where it
+    /// arrived.
+    fn around_pole(&self, before: &Curve<DVec2>, after: &Curve<DVec2>, shift: DVec2) -> DVec2 {
+        let (end, next) = (before.end(), after.start() + shift);
+        let mut turn = DVec2::ZERO;
+        if self.orientation == Orientation::Unknown {
+            return turn;
+        }
+        for axis in 0..2 {
+            let other = 1 - axis;
+            if !self.closed[axis] || self.closed[other] {
+                continue;
+            }
+            let height = |uv: DVec2| (uv[other] - self.start[other]) / self.size[other];
+            let side = if height(end) < 0.5 { 0 } else { 1 };
+            let is_there = |uv: DVec2| (height(uv) - side as f64).abs() <= POLE;
+            // The file may have curves along the pole of its own.
+            let is_told = is_there(before.start()) || is_there(after.end());
+            if !is_there(end) || is_told || !self.is_point(other, side) {
+                continue;
+            }
+            // Along the lower border of v the path goes towards larger u, and so on.
+            let forward = (side == 0) == (axis == 0);
+            let way = next[axis] - end[axis];
+            let near = self.size[axis] * NEAR;
+            if forward && way < near {
+                turn[axis] = self.size[axis];
+            } else if !forward && way > -near {
+                turn[axis] = -self.size[axis];
+            }
+        }
+        turn
+    }
+
+    /// The whole periods nearest to a difference, in parameters.
+    fn periods(&self, difference: DVec2) -> DVec2 {
+        let along = |axis: usize| {
+            let share = (difference[axis] / self.size[axis]).round();
+            if self.closed[axis] {
+                share * self.size[axis]
+            } else {
+                0.0
+            }
+        };
+        DVec2::new(along(0), along(1))
+    }
+
+    /// Continues a path to `next` by a straight segment.
+    fn bridge(
+        &self,
+        path: &mut Vec<Curve<DVec2>>,
+        index: usize,
+        next: DVec2,
+        wide_gaps: &mut usize,
+    ) -> Result<(), Error> {
+        let Some(end) = path.last().map(Curve::end) else {
+            return Ok(());
+        };
+        if end == next {
+            return Ok(());
+        }
+        let (gap, diagonal) = (end.distance(next), self.size.length());
+        let meets = || self.point(end).distance(self.point(next)) <= self.accuracy;
+        if gap > diagonal * GAP && !meets() {
+            let allowed = diagonal * WIDE_GAP;
+            if gap > allowed {
+                let index = index.saturating_sub(1);
+                return Err(Error::LoopGap {
+                    index,
+                    gap,
+                    allowed,
+                });
+            }
+            *wide_gaps += 1;
+        }
+        path.push(Curve::line(end, next, 0.0..1.0)?);
+        Ok(())
+    }
+
+    /// The point of the surface, with parameters beyond its seams brought back.
+    fn point(&self, uv: DVec2) -> glam::DVec3 {
+        let inside = (uv - self.start).rem_euclid(self.size) + self.start;
+        let pick = |axis: usize| {
+            if self.closed[axis] {
+                inside[axis]
+            } else {
+                uv[axis]
+            }
+        };
+        let end = self.start + self.size;
+        let uv = DVec2::new(pick(0), pick(1)).clamp(self.start, end);
+        self.surface.evaluate(uv)
+    }
+
+    /// The error that a path does not end where it began.
+    fn gap(&self, path: &[Curve<DVec2>]) -> Error {
+        let ends = path.first().zip(path.last());
+        Error::LoopGap {
+            index: path.len().saturating_sub(1),
+            gap: ends.map_or(0.0, |(a, b)| a.start().distance(b.end())),
+            allowed: self.size.length() * WIDE_GAP,
+        }
+    }
+
+    /// Whether the surface has no border, up to poles.
+    fn is_boundless(&self) -> bool {
+        let ends =
+            |axis: usize| self.closed[axis] || self.is_point(axis, 0) && self.is_point(axis, 1);
+        self.closed != [false; 2] && ends(0) && ends(1)
+    }
+
+    /// Whether the side of the domain at the start (0) or end (1) of `axis` is a single point.
+    fn is_point(&self, axis: usize, side: usize) -> bool {
+        let at = |share: f64| {
+            let mut shares = DVec2::splat(share);
+            shares[axis] = side as f64;
+            self.surface.evaluate(self.start + self.size * shares)
+        };
+        (1..=7).all(|k| at(f64::from(k) / 8.0).distance(at(0.0)) <= self.accuracy)
+    }
+
+    /// Whether the part of the domain next to the lower border, which an even number of
+    /// loops around it leave out, belongs to the face, or the other way round.
+    fn is_inverted(&self, paths: &[Vec<Curve<DVec2>>], axis: usize) -> bool {
+        let other = 1 - axis;
+        if paths.len().is_multiple_of(2) && !self.closed[other] {
+            return false;
+        }
+        let mut sorted: Vec<(f64, bool)> = paths
+            .iter()
+            .filter_map(|path| {
+                let forward = path.last()?.end()[axis] > path.first()?.start()[axis];
+                // To the left of u is the larger v, to the left of v the smaller u.
+                Some((mean(path, other), forward == (axis == 0)))
+            })
+            .collect();
+        sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let (mut agree, mut differ) = (0, 0);
+        for (above, (_, wanted)) in sorted.into_iter().enumerate() {
+            let is_inside = above % 2 == 1;
+            *(if is_inside == wanted {
+                &mut agree
+            } else {
+                &mut differ
+            }) += 1;
+        }
+        differ > agree
+    }
+
+    /// A path moved by whole periods along `axis` so that its middle is in the domain.
+    fn leveled(&self, path: &[Curve<DVec2>], axis: usize) -> Vec<Curve<DVec2>> {
+        let periods = ((mean(path, axis) - self.start[axis]) / self.size[axis]).floor();
+        let mut shift = DVec2::ZERO;
+        if self.closed[axis] {
+            shift[axis] = -periods * self.size[axis];
+        }
+        path.iter().map(|curve| moved(curve, shift)).collect()
+    }
+
+    /// The loop around what lies between a path along a whole period and the lower border.
+    fn completed(&self, path: Vec<Curve<DVec2>>, axis: usize) -> Result<Vec<Curve<DVec2>>, Error> {
+        let mut path = self.begun_at_seam(path, axis)?;
+        let (Some(first), Some(last)) = (path.first(), path.last()) else {
+            return Err(Error::EmptyLoop);
+        };
+        let (start, end) = (first.start(), last.end());
+        let corner = |p: DVec2| {
+            let mut corner = p;
+            corner[1 - axis] = self.start[1 - axis];
+            corner
+        };
+        for points in [
+            [end, corner(end)],
+            [corner(end), corner(start)],
+            [corner(start), start],
+        ] {
+            if points[0] != points[1] {
+                path.push(Curve::line(points[0], points[1], 0.0..1.0)?);
+            }
+        }
+        Ok(path)
+    }
+
+    /// A path along a whole period, begun anew where it crosses the seam.
+    fn begun_at_seam(
+        &self,
+        path: Vec<Curve<DVec2>>,
+        axis: usize,
+    ) -> Result<Vec<Curve<DVec2>>, Error> {
+        let (size, near) = (self.size[axis], self.size[axis] * NEAR);
+        let begin = path.first().map_or(0.0, |c| c.start()[axis]) - self.start[axis];
+        if (begin - (begin / size).round() * size).abs() <= near {
+            return Ok(path);
+        }
+        let forward = path.last().map_or(0.0, |c| c.end()[axis]) - self.start[axis] > begin;
+        let seam = self.start[axis]
+            + size
+                * if forward {
+                    (begin / size).ceil()
+                } else {
+                    (begin / size).floor()
+                };
+        let turn = path
+            .last()
+            .zip(path.first())
+            .map(|(a, b)| self.periods(a.end() - b.start()));
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        for curve in path {
+            for piece in cut(&curve, axis, &[seam])? {
+                let crossed = !after.is_empty() || (piece.start()[axis] - seam).abs() <= near;
+                if crossed { &mut after } else { &mut before }.push(piece);
+            }
+        }
+        let shift = turn.unwrap_or_default();
+        after.extend(before.iter().map(|curve| moved(curve, shift)));
+        Ok(after)
+    }
+
+    /// Adds those parts of a loop that lie in the domain after moving it by whole periods.
+    fn tile(&self, trim: TrimLoop, loops: &mut Vec<TrimLoop>) -> Result<(), Error> {
+        let mut parts = vec![trim];
+        for axis in 0..2 {
+            if !self.closed[axis] {
+                continue;
+            }
+            let (start, size) = (self.start[axis], self.size[axis]);
+            let mut tiled = Vec::new();
+            for trim in parts {
+                let (min, max) = hull(trim.segments());
+                let near = NEAR * size;
+                let first = ((min[axis] + near - start) / size).floor();
+                let last = ((max[axis] - near - start) / size).floor();
+                let mut tile = first;
+                while tile <= last && tile < first + 8.0 {
+                    let mut shift = DVec2::ZERO;
+                    shift[axis] = -tile * size;
+                    let there = TrimLoop {
+                        segments: trim.segments.iter().map(|c| moved(c, shift)).collect(),
+                    };
+                    tiled.extend(clipped(there, axis, start..start + size)?);
+                    tile += 1.0;
+                }
+            }
+            parts = tiled;
+        }
+        loops.extend(parts);
+        Ok(())
+    }
+}
+
+/// The part of a loop over a range of one parameter, closed along the border of the range.
+fn clipped(trim: TrimLoop, axis: usize, range: Range<f64>) -> Result<Option<TrimLoop>, Error> {
+    let near = NEAR * (range.end - range.start);
+    let is_inside = |x: f64| range.start - near <= x && x <= range.end + near;
+    let (min, max) = hull(&trim.segments);
+    if is_inside(min[axis]) && is_inside(max[axis]) {
+        return Ok(Some(trim));
+    }
+    let mut kept = Vec::new();
+    for curve in &trim.segments {
+        for piece in cut(curve, axis, &[range.start, range.end])? {
+            let middle = f64::midpoint(piece.domain().start, piece.domain().end);
+            if is_inside(piece.evaluate(middle)[axis]) {
+                kept.push(piece);
+            }
+        }
+    }
+    if kept.is_empty() {
+        return Ok(None);
+    }
+    TrimLoop::new(kept, f64::INFINITY).map(Some)
+}
+
+/// A curve cut where one coordinate has one of the values.
+fn cut(curve: &Curve<DVec2>, axis: usize, values: &[f64]) -> Result<Vec<Curve<DVec2>>, Error> {
+    let mut cuts = Vec::new();
+    for piece in curve.bezier_pieces() {
+        let domain = piece.domain();
+        for &value in values {
+            let offsets = piece.homogeneous().iter().map(|h| h[axis] - value * h.z);
+            let mut found = Vec::new();
+            roots(offsets.collect(), &mut found);
+            let at = |t: f64| domain.start + (domain.end - domain.start) * t;
+            cuts.extend(found.into_iter().filter(|t| *t <= 1.0).map(at));
+            cuts.push(domain.end);
+        }
+    }
+    cuts.sort_by(f64::total_cmp);
+    let mut pieces = Vec::new();
+    let mut rest = curve.clone();
+    for t in cuts {
+        let Range { start, end } = rest.domain();
+        let least = 1e-12 * (end - start);
+        if t - start > least && end - t > least {
+            let [before, after] = rest.split(t)?;
+            pieces.push(before);
+            rest = after;
+        }
+    }
+    pieces.push(rest);
+    Ok(pieces)
+}
+
+/// The mean of one coordinate of the curves' starts.
+fn mean(path: &[Curve<DVec2>], axis: usize) -> f64 {
+    path.iter().map(|c| c.start()[axis]).sum::<f64>() / path.len() as f64
+}
+
+/// A curve moved in the parameter domain.
+fn moved(curve: &Curve<DVec2>, shift: DVec2) -> Curve<DVec2> {
+    if shift == DVec2::ZERO {
+        return curve.clone();
+    }
+    curve.transformed(&DAffine2::from_translation(shift))
+}
+
+/// The corners of a box around the control points of curves.
+fn hull(curves: &[Curve<DVec2>]) -> (DVec2, DVec2) {
+    let points = || curves.iter().flat_map(Curve::points);
+    (
+        points().fold(DVec2::INFINITY, DVec2::min),
+        points().fold(DVec2::NEG_INFINITY, DVec2::max),
+    )
+}
+
+/// The area to the left of a loop, roughly.
+fn area(curves: &[Curve<DVec2>]) -> f64 {
+    let points: Vec<DVec2> = curves
+        .iter()
+        .flat_map(|curve| {
+            let Range { start, end } = curve.domain();
+            let steps = 4 * curve.knots().count().min(100);
+            (0..steps).map(move |k| curve.evaluate(start + (end - start) * k as f64 / steps as f64))
+        })
+        .collect();
+    let next = points.iter().cycle().skip(1);
+    0.5 * points
+        .iter()
+        .zip(next)
+        .map(|(a, b)| a.perp_dot(*b))
+        .sum::<f64>()
+}

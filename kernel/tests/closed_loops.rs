@@ -1,0 +1,226 @@
+//! Loops on closed surfaces: which part of a sphere, cylinder or torus they bound.
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests, too")]
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use glam::DVec2;
+use nurbray_kernel::modelling::{self, Frame};
+use nurbray_kernel::{
+    ClosedLoops, Curve, Error, Orientation, Patch, Surface, TrimRegion, close_loops, nearest,
+};
+
+fn sphere() -> Surface {
+    modelling::sphere(&Frame::WORLD, 1.0, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2).unwrap()
+}
+
+fn torus() -> Surface {
+    modelling::torus(&Frame::WORLD, 3.0, 1.0, 0.0..TAU, 0.0..TAU).unwrap()
+}
+
+fn cylinder() -> Surface {
+    modelling::cylinder(&Frame::WORLD, 1.0, 0.0..TAU, 0.0..4.0).unwrap()
+}
+
+fn path(points: &[[f64; 2]]) -> Vec<Curve<DVec2>> {
+    let line = |w: &[[f64; 2]]| Curve::line(w[0].into(), w[1].into(), 0.0..1.0).unwrap();
+    points.windows(2).map(line).collect()
+}
+
+fn close(
+    surface: &Surface,
+    chains: &[Vec<Curve<DVec2>>],
+    orientation: Orientation,
+) -> Result<ClosedLoops, Error> {
+    let closed = nearest::closed(surface);
+    close_loops(surface, closed, chains.to_vec(), 1e-6, orientation)
+}
+
+/// The region that chains bound, as a renderer asks for it.
+fn region(surface: &Surface, chains: &[Vec<Curve<DVec2>>]) -> TrimRegion {
+    let loops = close(surface, chains, Orientation::Left).unwrap().loops;
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    for point in loops
+        .iter()
+        .flat_map(|l| l.segments())
+        .flat_map(Curve::points)
+    {
+        assert!(
+            u.start - 1e-8 <= point.x && point.x <= u.end + 1e-8,
+            "{point}"
+        );
+        assert!(
+            v.start - 1e-8 <= point.y && point.y <= v.end + 1e-8,
+            "{point}"
+        );
+    }
+    TrimRegion::of(&Patch {
+        loops,
+        ..Patch::from(surface.clone())
+    })
+}
+
+fn contains(region: &TrimRegion, u: f64, v: f64) -> bool {
+    region.contains(DVec2::new(u, v))
+}
+
+#[test]
+fn a_circle_of_latitude_bounds_the_cap_to_its_left() {
+    let sphere = sphere();
+    for start in [0.0, 1.0, TAU, -5.0] {
+        let north = region(
+            &sphere,
+            &[path(&[
+                [start, 0.5],
+                [start + 3.0, 0.5],
+                [start + TAU, 0.5],
+            ])],
+        );
+        let south = region(&sphere, &[path(&[[start + TAU, 0.5], [start, 0.5]])]);
+        for k in 0..60 {
+            let u = f64::from(k) * 0.1 + 0.05;
+            for (v, is_north) in [(0.6, true), (1.5, true), (0.4, false), (-1.5, false)] {
+                assert_eq!(contains(&north, u, v), is_north, "{start} {u} {v}");
+                assert_eq!(contains(&south, u, v), !is_north, "{start} {u} {v}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_small_loop_on_a_sphere_bounds_its_inside_or_all_else() {
+    let sphere = sphere();
+    let square = [[1.0, 0.0], [2.0, 0.0], [2.0, 0.5], [1.0, 0.5], [1.0, 0.0]];
+    let mut turned = square;
+    turned.reverse();
+    let (inside, outside) = (
+        region(&sphere, &[path(&square)]),
+        region(&sphere, &[path(&turned)]),
+    );
+    for (u, v, is_in) in [(1.5, 0.2, true), (0.5, 0.2, false), (4.0, -1.5, false)] {
+        assert_eq!(contains(&inside, u, v), is_in);
+        assert_eq!(contains(&outside, u, v), !is_in);
+    }
+    // Without a promise about the direction, it is the inside.
+    let loops = close(&sphere, &[path(&turned)], Orientation::Unknown)
+        .unwrap()
+        .loops;
+    assert_eq!(loops.len(), 1);
+}
+
+#[test]
+fn loops_across_the_seam_come_in_on_the_other_side() {
+    let cylinder = cylinder();
+    let square = [[6.0, 1.0], [6.6, 1.0], [6.6, 3.0], [6.0, 3.0], [6.0, 1.0]];
+    let shifted = square.map(|[u, v]| [u - 3.0 * TAU, v]);
+    for points in [square, shifted] {
+        let region = region(&cylinder, &[path(&points)]);
+        for (u, is_in) in [
+            (6.1, true),
+            (6.25, true),
+            (0.1, true),
+            (0.4, false),
+            (5.9, false),
+        ] {
+            assert_eq!(contains(&region, u, 2.0), is_in, "{u}");
+            assert!(!contains(&region, u, 3.5));
+        }
+    }
+}
+
+#[test]
+fn two_circles_bound_a_band_with_a_hole() {
+    let cylinder = cylinder();
+    // Waves, so that the loops go back beyond the seam.
+    let wave = |from: f64, to: f64, v: f64| -> Vec<[f64; 2]> {
+        let at = |k: i32| {
+            let t = from + (to - from) * f64::from(k) / 64.0;
+            let height = v + 0.3 * (5.0 * t).cos();
+            [t - 0.2 * (5.0 * t).sin(), height]
+        };
+        (0..=64).map(at).collect()
+    };
+    let lower = path(&wave(2.0, 2.0 + TAU, 1.0));
+    let upper = path(&wave(5.0, 5.0 - TAU, 3.0));
+    let hole = path(&[[3.0, 1.8], [3.0, 2.2], [3.5, 2.2], [3.5, 1.8], [3.0, 1.8]]);
+    let region = region(&cylinder, &[lower, upper, hole]);
+    for k in 0..60 {
+        let u = f64::from(k) * 0.1 + 0.05;
+        assert!(contains(&region, u, 1.7), "{u}");
+        assert!(
+            !contains(&region, u, 0.3) && !contains(&region, u, 3.7),
+            "{u}"
+        );
+        assert_eq!(contains(&region, u, 2.0), !(3.0..3.5).contains(&u), "{u}");
+    }
+}
+
+#[test]
+fn rings_of_a_torus_are_told_apart_by_their_direction() {
+    let torus = torus();
+    let around = |from: f64, to: f64, v: f64| path(&[[from, v], [to, v]]);
+    let outer = region(
+        &torus,
+        &[around(0.5, 0.5 + TAU, 5.5), around(0.5 + TAU, 0.5, 7.0)],
+    );
+    let inner = region(
+        &torus,
+        &[around(0.5 + TAU, 0.5, 5.5), around(0.5, 0.5 + TAU, 7.0)],
+    );
+    for (v, is_outer) in [(6.0, true), (0.2, true), (1.0, false), (5.0, false)] {
+        for u in [0.1, 0.6, 3.0, 6.0] {
+            assert_eq!(contains(&outer, u, v), is_outer, "{u} {v}");
+            assert_eq!(contains(&inner, u, v), !is_outer, "{u} {v}");
+        }
+    }
+    // The same around the tube: a bend of the torus.
+    let section = |u: f64, from: f64, to: f64| path(&[[u, from], [u, to]]);
+    let bend = region(&torus, &[section(1.0, TAU, 0.0), section(2.0, 0.0, TAU)]);
+    for (u, is_in) in [(1.5, true), (0.5, false), (3.0, false)] {
+        assert_eq!(contains(&bend, u, 1.0), is_in, "{u}");
+    }
+}
+
+#[test]
+fn paths_jump_at_poles_only() {
+    let sphere = sphere();
+    let eighth = path(&[[0.0, 0.0], [1.0, 0.0], [1.0, FRAC_PI_2]]);
+    let down = path(&[[0.0, FRAC_PI_2], [0.0, 0.0]]);
+    let region = region(&sphere, &[[eighth.clone(), down].concat()]);
+    for (u, v, is_in) in [
+        (0.5, 0.1, true),
+        (0.5, 1.5, true),
+        (1.5, 0.5, false),
+        (0.5, -0.5, false),
+    ] {
+        assert_eq!(contains(&region, u, v), is_in);
+    }
+    let torn = [eighth, path(&[[0.0, 1.2], [0.0, 0.0]])].concat();
+    let result = close(&sphere, &[torn], Orientation::Left);
+    assert!(matches!(result, Err(Error::LoopGap { .. })));
+}
+
+#[test]
+fn half_a_sphere_between_two_meridians() {
+    let sphere = sphere();
+    let (south, north) = (-FRAC_PI_2, FRAC_PI_2);
+    // Up at one side and down at the other: which half, only the direction tells.
+    let up_first = path(&[[0.0, south], [0.0, north]]);
+    let down = path(&[[PI, north], [PI, south]]);
+    let region = region(&sphere, &[[down, up_first].concat()]);
+    assert!(contains(&region, 4.5, 0.0) && !contains(&region, 1.5, 0.0));
+}
+
+#[test]
+fn gaps_are_bridged_counted_or_refused() {
+    let cylinder = cylinder();
+    let square = |end: f64| path(&[[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0], [1.0, end]]);
+    let gaps = |end| close(&cylinder, &[square(end)], Orientation::Left).map(|c| c.wide_gaps);
+    assert_eq!(gaps(1.0), Ok(0));
+    assert_eq!(gaps(1.001), Ok(0));
+    assert_eq!(gaps(1.05), Ok(1));
+    assert!(matches!(gaps(1.5), Err(Error::LoopGap { .. })));
+    assert_eq!(
+        close(&cylinder, &[Vec::new()], Orientation::Left),
+        Err(Error::EmptyLoop)
+    );
+}
