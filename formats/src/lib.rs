@@ -16,6 +16,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+use std::borrow::Cow;
 use std::io::{self, Read as _};
 use std::path::{Component, Path, PathBuf};
 use std::{fmt, fs};
@@ -27,6 +28,7 @@ mod iges;
 mod limits;
 mod nodes;
 mod obj;
+mod vrml;
 mod x3d;
 
 pub use error::{Error, Place, Problem, Warning, Warnings};
@@ -60,7 +62,7 @@ pub struct Import {
 }
 
 /// All formats, those with the surest signs first.
-pub const FORMATS: &[Format] = &[x3d::FORMAT, iges::FORMAT, obj::FORMAT];
+pub const FORMATS: &[Format] = &[x3d::FORMAT, vrml::FORMAT, iges::FORMAT, obj::FORMAT];
 
 /// Why a file could not be opened.
 #[derive(Debug)]
@@ -124,15 +126,36 @@ pub fn read(
     extension: Option<&str>,
     options: &ReadOptions<'_>,
 ) -> Result<Import, Error> {
-    if bytes.starts_with(&[0x1f, 0x8b]) {
-        let plain = read_within(
-            flate2::read::MultiGzDecoder::new(bytes),
-            options.limits.bytes,
-        )
-        .map_err(|error| unknown(Problem::Invalid(format!("damaged gzip data: {error}"))))?;
-        return read_plain(&plain, extension, options);
+    let plain = plain(bytes, options.limits.bytes).map_err(unknown)?;
+    read_plain(&plain, extension, options)
+}
+
+/// Compressed data may grow by this factor, and by this many bytes before that counts. Text
+/// full of numbers grows by ten.
+const GROWTH: usize = 100;
+const GROWTH_FREE: usize = 16 << 20;
+
+/// The content of a file with gzip compression undone, if there is one.
+fn plain(bytes: &[u8], limit: usize) -> Result<Cow<'_, [u8]>, Problem> {
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(Cow::Borrowed(bytes));
     }
-    read_plain(bytes, extension, options)
+    let mut decoder = flate2::read::MultiGzDecoder::new(bytes);
+    let (mut plain, mut block) = (Vec::new(), vec![0; 1 << 16]);
+    loop {
+        let count = decoder.read(&mut block);
+        let count = count.map_err(|e| Problem::Invalid(format!("damaged gzip data: {e}")))?;
+        if count == 0 {
+            return Ok(Cow::Owned(plain));
+        }
+        plain.extend_from_slice(&block[..count]);
+        let used = bytes.len() - decoder.get_ref().len();
+        let allowed = used.saturating_mul(GROWTH).saturating_add(GROWTH_FREE);
+        if plain.len() > allowed.min(limit) {
+            let text = format!("gzip data that grows beyond {} bytes", allowed.min(limit));
+            return Err(Problem::TooLarge(text));
+        }
+    }
 }
 
 fn read_plain(

@@ -21,10 +21,13 @@ const AMBIENT: f64 = 0.2;
 const DIELECTRIC: f64 = 0.04;
 
 /// Opening angles of a `SpotLight` where the file gives none: full light, and no light.
-const SPOT: [f64; 2] = [FRAC_PI_4, FRAC_PI_2];
+const SPOT_3: [f64; 2] = [FRAC_PI_4, FRAC_PI_2];
 
-/// As [`SPOT`], full light since X3D 4.0.
-const SPOT_BEAM_4: f64 = 0.589_049;
+/// As [`SPOT_3`], since X3D 4.0.
+const SPOT_4: [f64; 2] = [0.589_049, FRAC_PI_2];
+
+/// As [`SPOT_3`], in VRML 97.
+const SPOT_97: [f64; 2] = [FRAC_PI_2, FRAC_PI_4];
 
 impl Converter<'_> {
     pub(super) fn material(&mut self, node: &Node) -> Made {
@@ -78,7 +81,7 @@ impl Converter<'_> {
             }
         }
         Material {
-            name: node.def.clone(),
+            name: node.def.to_string(),
             ambient: DVec3::ZERO,
             diffuse: DVec3::ZERO,
             specular: DVec3::ZERO,
@@ -112,7 +115,7 @@ impl Converter<'_> {
     /// An angle in radians.
     fn angle(&mut self, node: &Node, field: &str, default: f64) -> f64 {
         let found = node.tuple(field, &mut self.warnings);
-        found.map_or(default, |[angle]| angle * self.tree.angle)
+        found.map_or(default, |[angle]| angle * node.file.angle)
     }
 
     pub(super) fn viewpoint(&mut self, index: usize, node: &Node) -> Made {
@@ -122,7 +125,7 @@ impl Converter<'_> {
         let position = DVec3::new(0.0, 0.0, 10.0);
         let position = node.vector("position", position, &mut self.warnings);
         let mut eye = world.transform_point3(position);
-        let projection = if node.kind == "OrthoViewpoint" {
+        let projection = if &*node.kind == "OrthoViewpoint" {
             let window = node.tuple("fieldOfView", &mut self.warnings);
             let window = window.filter(|[l, b, r, t]| l < r && b < t);
             let [left, bottom, r, t] = window.unwrap_or([-1.0, -1.0, 1.0, 1.0]);
@@ -140,9 +143,10 @@ impl Converter<'_> {
         };
         match Camera::look_at(eye, eye - back.normalize_or_zero(), up, projection) {
             Some(mut camera) => {
-                let description = node.text("description").unwrap_or_default();
-                let def = Some(node.def.as_str()).filter(|def| !def.is_empty());
-                def.unwrap_or(description).clone_into(&mut camera.name);
+                camera.name = match &*node.def {
+                    "" => node.string("description"),
+                    def => def.to_owned(),
+                };
                 self.scene.cameras.push(camera);
             }
             None => {
@@ -157,7 +161,7 @@ impl Converter<'_> {
         if !node.flag("on", true, &mut self.warnings) {
             return Made::Nothing;
         }
-        let directional = node.kind == "DirectionalLight";
+        let directional = &*node.kind == "DirectionalLight";
         let global = node.flag("global", !directional, &mut self.warnings);
         if !global && node.parent != self.tree.root {
             let text = "a light of one group lights the whole scene";
@@ -186,16 +190,19 @@ impl Converter<'_> {
         let position = world.transform_point3(position);
         let direction = node.vector("direction", DVec3::NEG_Z, &mut self.warnings);
         let direction = world.transform_vector3(direction).try_normalize();
-        match node.kind.as_str() {
+        match &*node.kind {
             "DirectionalLight" => direction.map(|direction| LightKind::Directional { direction }),
             "PointLight" => Some(LightKind::Point {
                 position,
                 falloff: self.falloff(node, world),
             }),
             _ => {
-                let since_4 = self.tree.version.starts_with('4');
-                let beam = if since_4 { SPOT_BEAM_4 } else { SPOT[0] };
-                let outer = self.angle(node, "cutOffAngle", SPOT[1]).clamp(0.0, PI);
+                let [beam, cut_off] = match &*node.file.version {
+                    "2.0" => SPOT_97,
+                    version if version.starts_with('4') => SPOT_4,
+                    _ => SPOT_3,
+                };
+                let outer = self.angle(node, "cutOffAngle", cut_off).clamp(0.0, PI);
                 let inner = self.angle(node, "beamWidth", beam).clamp(0.0, outer);
                 Some(LightKind::Spot {
                     position,

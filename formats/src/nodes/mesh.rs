@@ -14,7 +14,7 @@ impl Converter<'_> {
     /// If a limit is passed.
     pub(super) fn mesh(&mut self, node: &Node) -> Result<Result<Mesh, GeometryError>, Error> {
         let points = self.points_inside(node)?;
-        let mut triangles = match node.kind.as_str() {
+        let mut triangles = match &*node.kind {
             "IndexedFaceSet" => self.faces(node, points.len())?,
             "IndexedTriangleSet" => {
                 let indices = self.indices(node, "index")?;
@@ -33,7 +33,7 @@ impl Converter<'_> {
 
     /// The whole numbers of a field; empty if one of them is malformed.
     fn indices(&mut self, node: &Node, field: &str) -> Result<Vec<i64>, Error> {
-        let words = super::words(node.text(field).unwrap_or_default());
+        let words = super::text::words(node.text(field).unwrap_or_default());
         let indices: Result<Vec<i64>, _> = words.map(str::parse).collect();
         let indices = indices.unwrap_or_else(|_| {
             let text = "something is no whole number; the field is not used";
@@ -103,7 +103,7 @@ impl Converter<'_> {
             .children
             .iter()
             .map(inside)
-            .find(|n| n.kind == "Normal")
+            .find(|n| &*n.kind == "Normal")
         else {
             return Ok(Vec::new());
         };

@@ -1,4 +1,4 @@
-//! NURBS surfaces of X3D.
+//! NURBS surfaces of X3D and VRML 97.
 //!
 //! The standard says nothing about whether control points are multiplied by their weights
 //! already. Most viewers take them as they are for the numerators of the rational form, and
@@ -12,22 +12,52 @@ use super::{Link, Node};
 use crate::{Error, Warnings};
 
 impl Converter<'_> {
-    /// A `NurbsPatchSurface`, `NurbsTrimmedSurface` or `NurbsSwungSurface`.
+    /// The surfaces of a geometry.
     ///
     /// # Errors
     /// If a limit is passed.
-    pub(super) fn patch(&mut self, node: &Node) -> Result<Result<Patch, GeometryError>, Error> {
-        if node.kind == "NurbsSwungSurface" {
-            return Ok(self.swung(node)?.map(Patch::from));
+    pub(super) fn patches(
+        &mut self,
+        node: &Node,
+    ) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
+        match &*node.kind {
+            "NurbsSwungSurface" => Ok(self.swung(node)?.map(|s| vec![Patch::from(s)])),
+            "TrimmedSurface" => self.trimmed(node),
+            _ => Ok(self.net(node, node)?.map(|patch| vec![patch])),
         }
+    }
+
+    /// A surface with a net of control points, and the contours of `trims`.
+    fn net(&mut self, node: &Node, trims: &Node) -> Result<Result<Patch, GeometryError>, Error> {
         let points = self.points_inside(node)?;
         let surface = match net(node, &points, &mut self.warnings) {
             Ok(surface) => surface,
             Err(problem) => return Ok(Err(problem)),
         };
-        let loops = self.trim_loops(node, &surface)?;
+        let loops = self.trim_loops(trims, &surface)?;
+        // Only VRML 97 has this field; its front turns around.
+        let turned = !node.flag("ccw", true, &mut self.warnings) && loops.is_empty();
+        let surface = if turned {
+            surface.reversed_u()
+        } else {
+            surface
+        };
         let patch = Patch::from(surface);
         Ok(Ok(Patch { loops, ..patch }))
+    }
+
+    /// The `TrimmedSurface` of VRML 97: contours around a `NurbsSurface`.
+    fn trimmed(&mut self, node: &Node) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
+        let mut inside = node.children.iter().map(|link| &self.tree.nodes[link.node]);
+        let surface = inside.find(|n| matches!(&*n.kind, "NurbsSurface" | "NurbsPatchSurface"));
+        match surface {
+            Some(surface) => Ok(self.net(surface, node)?.map(|patch| vec![patch])),
+            None => {
+                let text = "there is no surface in it";
+                self.warnings.invalid(node.place(), text);
+                Ok(Ok(Vec::new()))
+            }
+        }
     }
 
     /// A `NurbsSwungSurface`, by the definition of the textbooks; its front turns around where
@@ -65,13 +95,14 @@ impl Converter<'_> {
     pub(super) fn points_inside(&mut self, node: &Node) -> Result<Vec<DVec3>, Error> {
         let inside = |link: &Link| &self.tree.nodes[link.node];
         let mut inside = node.children.iter().map(inside);
-        let coordinate =
-            inside.find(|n| matches!(n.kind.as_str(), "Coordinate" | "CoordinateDouble"));
-        let Some(coordinate) = coordinate else {
-            return Ok(Vec::new());
+        let coordinate = inside.find(|n| matches!(&*n.kind, "Coordinate" | "CoordinateDouble"));
+        // In VRML 97 the points are a field of the surface itself.
+        let (holder, field) = match coordinate {
+            Some(coordinate) => (coordinate, "point"),
+            None => (node, "controlPoint"),
         };
-        let points = coordinate.points_3d("point", &mut self.warnings);
-        self.count_points(points.len(), coordinate)?;
+        let points = holder.points_3d(field, &mut self.warnings);
+        self.count_points(points.len(), holder)?;
         Ok(points)
     }
 }
@@ -82,10 +113,13 @@ fn net(node: &Node, points: &[DVec3], warnings: &mut Warnings) -> Result<Surface
     let order_v = node.count("vOrder", 3, warnings);
     let (count_u, count_v) = dimensions(node, points.len(), warnings);
     // Before anything is allocated by these numbers.
-    let expected = count_u.saturating_mul(count_v);
-    if expected != points.len() {
-        let found = points.len();
-        return Err(GeometryError::PointCount { found, expected });
+    let (found, expected) = (points.len(), count_u.saturating_mul(count_v));
+    let points = points
+        .get(..expected)
+        .ok_or(GeometryError::PointCount { found, expected })?;
+    if found > expected {
+        let text = format!("{found} control points; the first {expected} are used");
+        warnings.invalid(node.place(), text);
     }
     let knots_u = knots(node, "uKnot", order_u, count_u, warnings)?;
     let knots_v = knots(node, "vKnot", order_v, count_v, warnings)?;

@@ -31,7 +31,7 @@ impl Converter<'_> {
         let mut loops = Vec::new();
         for link in &node.children {
             let contour = &self.tree.nodes[link.node];
-            if contour.kind != "Contour2D" {
+            if &*contour.kind != "Contour2D" {
                 continue;
             }
             let curves = self.contour_curves(contour)?;
@@ -58,9 +58,9 @@ impl Converter<'_> {
         let mut curves = Vec::new();
         for link in &contour.children {
             let node = &self.tree.nodes[link.node];
-            let curve = match node.kind.as_str() {
+            let curve = match &*node.kind {
                 "NurbsCurve2D" => self.curve_2d(node)?,
-                "ContourPolyline2D" => self.polyline_2d(node)?,
+                kind if is_polyline(kind) => self.polyline_2d(node)?,
                 _ if node.is_metadata() => continue,
                 kind => {
                     let text = format!("{kind} is not read as part of a contour");
@@ -84,7 +84,7 @@ impl Converter<'_> {
         &mut self,
         node: &Node,
     ) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
-        if node.kind == "ContourPolyline2D" {
+        if is_polyline(&node.kind) {
             self.polyline_2d(node)
         } else {
             self.curve_2d(node)
@@ -109,6 +109,11 @@ impl Converter<'_> {
         self.count_points(points.len(), node)?;
         Ok(Curve::polyline(&points))
     }
+}
+
+/// The polylines of X3D and of VRML 97.
+fn is_polyline(kind: &str) -> bool {
+    matches!(kind, "ContourPolyline2D" | "Polyline2D")
 }
 
 /// Whether the loop with the largest area runs clockwise: the border is left to the reader
