@@ -113,7 +113,7 @@ impl Converter<'_> {
     }
 
     /// An angle in radians.
-    fn angle(&mut self, node: &Node, field: &str, default: f64) -> f64 {
+    pub(super) fn angle(&mut self, node: &Node, field: &str, default: f64) -> f64 {
         let found = node.tuple(field, &mut self.warnings);
         found.map_or(default, |[angle]| angle * node.file.angle)
     }

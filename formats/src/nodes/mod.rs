@@ -10,14 +10,19 @@
 //! Cycles cannot be built, and the conversion needs no recursion.
 
 mod build;
+mod extrusion;
 mod files;
 mod look;
 mod mesh;
 mod nurbs;
 mod proto;
 mod scene;
+mod solids;
 mod text;
 mod trim;
+
+#[cfg(test)]
+mod tests;
 
 use std::rc::Rc;
 
@@ -313,7 +318,7 @@ impl Node {
 }
 
 #[cfg(test)]
-mod tests {
+mod field_tests {
     use super::*;
 
     fn node(value: &str) -> Node {

@@ -23,6 +23,10 @@ impl Converter<'_> {
         match &*node.kind {
             "NurbsSwungSurface" => Ok(self.swung(node)?.map(|s| vec![Patch::from(s)])),
             "TrimmedSurface" => self.trimmed(node),
+            "Extrusion" => self.extrusion(node),
+            "Box" | "Cone" | "Cylinder" | "Disk2D" | "Rectangle2D" | "Sphere" => {
+                Ok(self.solid(node))
+            }
             _ => Ok(self.net(node, node)?.map(|patch| vec![patch])),
         }
     }

@@ -25,6 +25,7 @@ pub(super) fn convert(
         scene: Scene::default(),
         warnings,
         points: 0,
+        tests: crate::triangulate::TESTS,
         reached: Vec::new(),
         made: Vec::new(),
         shapes: Vec::new(),
@@ -63,6 +64,8 @@ pub(super) struct Converter<'a> {
     pub(super) warnings: Warnings,
     /// Control points read so far.
     pub(super) points: usize,
+    /// Tests of corners that polygons may still cost.
+    pub(super) tests: usize,
     /// For each node, its place if it is shown.
     reached: Vec<Option<Reached>>,
     /// For each node, what has become of it.
@@ -396,17 +399,36 @@ const GROUPS: &[&str] = &[
 /// Nodes that show their children somewhere else.
 const TRANSFORMS: &[&str] = &["CADPart", "HAnimJoint", "HAnimSite", "Transform"];
 
-/// The surfaces that are read.
+/// What is read as exact surfaces.
 const SURFACES: &[&str] = &[
+    "Box",
+    "Cone",
+    "Cylinder",
+    "Disk2D",
+    "Extrusion",
     "NurbsPatchSurface",
     "NurbsSurface",
     "NurbsSwungSurface",
     "NurbsTrimmedSurface",
+    "Rectangle2D",
+    "Sphere",
     "TrimmedSurface",
 ];
 
 /// The polygons that are read.
-const MESHES: &[&str] = &["IndexedFaceSet", "IndexedTriangleSet", "TriangleSet"];
+const MESHES: &[&str] = &[
+    "ElevationGrid",
+    "IndexedFaceSet",
+    "IndexedQuadSet",
+    "IndexedTriangleFanSet",
+    "IndexedTriangleSet",
+    "IndexedTriangleStripSet",
+    "QuadSet",
+    "TriangleFanSet",
+    "TriangleSet",
+    "TriangleSet2D",
+    "TriangleStripSet",
+];
 
 fn is_geometry(kind: &str) -> bool {
     SURFACES.contains(&kind) || MESHES.contains(&kind)

@@ -370,15 +370,19 @@ fn polygons_become_triangles() {
     let [faces, indexed, plain] = import.scene.meshes() else {
         panic!("three meshes");
     };
-    assert_eq!(faces.triangles(), [[0, 2, 1], [0, 3, 2], [0, 3, 2]]);
+    assert_eq!(faces.triangles(), [[0, 1, 2], [0, 2, 3], [0, 1, 3]]);
+    assert_eq!(
+        faces.positions(),
+        [DVec3::Y, DVec3::new(1.0, 1.0, 0.0), DVec3::X, DVec3::ZERO]
+    );
     assert_eq!((faces.name.as_str(), faces.normals().len()), ("S", 4));
     assert_eq!(indexed.triangles(), [[0, 1, 2]]);
     assert_eq!(plain.triangles(), [[0, 1, 2]]);
     assert_eq!(
         messages(&import),
         [
-            "line 2, IndexedFaceSet: faces with points that are not among the 4 there are",
-            "line 2, IndexedTriangleSet: triangles with points that are not there",
+            "line 2, IndexedFaceSet: polygons with points that are not among the 4 there are \
+             (and 1 more)",
         ]
     );
 }

@@ -1,0 +1,220 @@
+//! What nodes become, in the shortest spelling.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use glam::{DVec2, DVec3};
+use kernel::{Mesh, Patch};
+
+use crate::{Import, Limits, NoFiles, ReadOptions, read};
+
+fn read_scene(text: &str) -> Import {
+    let (limits, resolver) = (&Limits::default(), &NoFiles);
+    let text = format!("#X3D V3.3 utf8\n{text}");
+    read(text.as_bytes(), None, &ReadOptions { limits, resolver }).unwrap()
+}
+
+/// A scene that shows this geometry, read without a warning.
+fn shape(geometry: &str) -> Import {
+    let import = read_scene(&format!("Shape {{ geometry {geometry} }}"));
+    assert_eq!(import.warnings.as_slice(), [], "{geometry}");
+    import
+}
+
+/// Points of a patch with their normals, away from its poles.
+fn samples(patch: &Patch) -> Vec<(DVec3, DVec3)> {
+    let surface = &patch.surface;
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let steps = || (0..13).map(|i| (f64::from(i) + 0.43) / 13.0);
+    let at = |s: f64, t: f64| {
+        DVec2::new(
+            u.start + (u.end - u.start) * s,
+            v.start + (v.end - v.start) * t,
+        )
+    };
+    let all = steps().flat_map(|s| steps().map(move |t| at(s, t)));
+    all.map(|uv| (surface.evaluate(uv), surface.normal(uv).unwrap()))
+        .collect()
+}
+
+fn area(mesh: &Mesh) -> f64 {
+    let corner = |t: &[u32; 3], i: usize| mesh.positions()[t[i] as usize];
+    let triangle = |t: &[u32; 3]| {
+        let edge = |i| corner(t, i) - corner(t, 0);
+        edge(1).cross(edge(2)).length() * 0.5
+    };
+    mesh.triangles().iter().map(triangle).sum()
+}
+
+#[test]
+fn solids_are_exact_and_face_outwards() {
+    // What is zero on the surface.
+    type Distance = fn(DVec3) -> f64;
+    let solids: [(&str, usize, Distance); 4] = [
+        ("Box { size 2 4 6 }", 6, |p| {
+            (p.abs() / DVec3::new(1.0, 2.0, 3.0)).max_element() - 1.0
+        }),
+        ("Sphere { radius 1.5 }", 1, |p| p.length() / 1.5 - 1.0),
+        ("Cone { bottomRadius 1.5 height 3 }", 2, |p| {
+            let side = p.x.hypot(p.z) / 1.5 - (1.5 - p.y) / 3.0;
+            side.max(-1.5 - p.y)
+        }),
+        ("Cylinder { radius 0.5 height 3 }", 3, |p| {
+            (p.x.hypot(p.z) / 0.5).max(p.y.abs() / 1.5) - 1.0
+        }),
+    ];
+    for (text, faces, distance) in solids {
+        let import = shape(text);
+        assert_eq!(import.scene.patches().len(), faces, "{text}");
+        assert_eq!(import.scene.placement_count(), faces as u64, "{text}");
+        for (point, normal) in import.scene.patches().iter().flat_map(samples) {
+            assert!(distance(point).abs() < 1e-14, "{text} {point}");
+            assert!(
+                distance(point + normal * 0.01) > 1e-4,
+                "{text} {point} {normal}"
+            );
+        }
+    }
+    let open = shape("Cylinder { top FALSE bottom FALSE }");
+    assert_eq!(open.scene.patches().len(), 1);
+    // The seam is at the back.
+    let side = &open.scene.patches()[0].surface;
+    assert_eq!(side.evaluate(DVec2::ZERO), DVec3::new(0.0, 1.0, -1.0));
+}
+
+#[test]
+fn an_extrusion_of_nothing_said_is_a_box() {
+    let import = shape("Extrusion { }");
+    let [side, begin, end] = import.scene.patches() else {
+        panic!("a side and two caps");
+    };
+    for (point, normal) in samples(side) {
+        assert!(
+            (point.x.abs().max(point.z.abs()) - 1.0).abs() < 1e-15,
+            "{point}"
+        );
+        assert!(normal.dot(point) > 0.9, "{normal}");
+    }
+    assert!(
+        samples(begin)
+            .iter()
+            .all(|(p, n)| p.y == 0.0 && *n == DVec3::NEG_Y)
+    );
+    assert!(
+        samples(end)
+            .iter()
+            .all(|(p, n)| (p.y - 1.0).abs() == 0.0 && *n == DVec3::Y)
+    );
+    assert_eq!((begin.loops.len(), end.loops.len()), (1, 1));
+}
+
+#[test]
+fn sections_of_an_extrusion_stand_across_its_spine() {
+    // Around a corner the section lies in the plane that halves it.
+    let import = shape(
+        "Extrusion { spine [ 0 -2 0, 0 0 0, 2 0 0 ] crossSection [ 1 0, 0 1, -1 0, 0 -1, 1 0 ] \
+         scale [ 1 1, 1 1, 2 0.5 ] orientation [ 0 1 0 0, 0 1 0 0, 1 0 0 0 ] beginCap FALSE }",
+    );
+    let side = &import.scene.patches()[0].surface;
+    assert_eq!(import.scene.patches().len(), 2);
+    let at = |u: f64, v: f64| side.evaluate(DVec2::new(u, v));
+    // The spine turns from +y to +x: z is across, and x points to the inner side of the turn
+    // or away from it, as y cross z says.
+    let z = at(1.0, 1.0);
+    assert!(
+        (z - DVec3::Z * z.z).length() < 1e-15 && (z.z.abs() - 1.0).abs() < 1e-15,
+        "{z}"
+    );
+    let x = at(0.0, 1.0);
+    let expected = DVec3::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2, 0.0) * z.z.signum();
+    assert!(
+        x.distance(expected) < 1e-15 || x.distance(-expected) < 1e-15,
+        "{x}"
+    );
+    let y = DVec3::new(1.0, 1.0, 0.0) * FRAC_1_SQRT_2;
+    assert!(x.cross(y).distance(z) < 1e-15, "right-handed");
+    // The last section is scaled, and stands across +x.
+    let last = at(0.0, 2.0) - DVec3::X * 2.0;
+    assert!(
+        last.x.abs() < 1e-15 && (last.length() - 2.0).abs() < 1e-15,
+        "{last}"
+    );
+    assert!(((at(1.0, 2.0) - DVec3::X * 2.0).length() - 0.5).abs() < 1e-15);
+}
+
+#[test]
+fn every_list_of_polygons_is_cut_into_its_triangles() {
+    let square = "coord Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0 ] }";
+    let zigzag = "coord Coordinate { point [ 0 0 0, 2 0 0, 0 2 0, 2 2 0 ] }";
+    for geometry in [
+        format!("IndexedFaceSet {{ coordIndex [ 0 1 2 3 ] {square} }}"),
+        format!("IndexedTriangleSet {{ index [ 0 1 2 2 3 0 ] {square} }}"),
+        format!("IndexedTriangleFanSet {{ index [ 0 1 2 3 -1 ] {square} }}"),
+        format!("IndexedTriangleStripSet {{ index [ 0 1 2 3 -1 ] {zigzag} }}"),
+        format!("TriangleFanSet {{ fanCount 4 {square} }}"),
+        format!("TriangleStripSet {{ stripCount 4 {zigzag} }}"),
+        format!("QuadSet {{ {square} }}"),
+        format!("IndexedQuadSet {{ index [ 0 1 2 3 ] {square} }}"),
+        "TriangleSet2D { vertices [ 0 0, 2 0, 2 2, 2 2, 0 2, 0 0 ] }".to_owned(),
+    ] {
+        let import = shape(&geometry);
+        let mesh = &import.scene.meshes()[0];
+        assert_eq!((mesh.triangles().len(), area(mesh)), (2, 4.0), "{geometry}");
+        for t in mesh.triangles() {
+            let [a, b, c] = t.map(|i| mesh.positions()[i as usize]);
+            assert_eq!((b - a).cross(c - a).normalize(), DVec3::Z, "{geometry}");
+        }
+        assert!(mesh.normals().iter().all(|n| n.distance(DVec3::Z) < 1e-15));
+    }
+    // An L, which is concave: its area, not that of a fan.
+    let import = shape(
+        "IndexedFaceSet { convex FALSE coordIndex [ 0 1 2 3 4 5 -1 ] \
+         coord Coordinate { point [ 3 0 0, 3 1 0, 1 1 0, 1 3 0, 0 3 0, 0 0 0 ] } }",
+    );
+    assert!((area(&import.scene.meshes()[0]) - 5.0).abs() < 1e-15);
+}
+
+#[test]
+fn an_elevation_grid_faces_upwards() {
+    let import = shape(
+        "ElevationGrid { xDimension 3 zDimension 2 xSpacing 2 zSpacing 0.5 height [ 0 0 0 1 1 1 ] }",
+    );
+    let mesh = &import.scene.meshes()[0];
+    assert_eq!(mesh.triangles().len(), 4);
+    assert!((area(mesh) - 4.0 * 1.25_f64.sqrt()).abs() < 1e-14);
+    assert_eq!(mesh.positions()[5], DVec3::new(4.0, 1.0, 0.5));
+    for t in mesh.triangles() {
+        let [a, b, c] = t.map(|i| mesh.positions()[i as usize]);
+        assert!((b - a).cross(c - a).y > 0.0);
+    }
+}
+
+#[test]
+fn normals_come_from_the_file_or_are_smooth_up_to_the_crease() {
+    // Two faces that meet at 90 degrees in an edge along z.
+    let roof = |fields: &str| {
+        let import = shape(&format!(
+            "IndexedFaceSet {{ coordIndex [ 0 1 2 3 -1 3 2 4 5 -1 ] {fields} coord Coordinate {{ \
+             point [ 0 0 0, 0 0 1, 1 1 1, 1 1 0, 2 0 1, 2 0 0 ] }} }}"
+        ));
+        let mesh = &import.scene.meshes()[0];
+        let mut normals: Vec<_> = mesh
+            .normals()
+            .iter()
+            .map(|n| (*n * 100.0).round())
+            .collect();
+        normals.sort_by(|a, b| a.to_array().partial_cmp(&b.to_array()).unwrap());
+        normals.dedup();
+        (normals, mesh.positions().len())
+    };
+    let (left, right) = (DVec3::new(-71.0, 71.0, 0.0), DVec3::new(71.0, 71.0, 0.0));
+    assert_eq!(roof(""), (vec![], 6));
+    assert_eq!(roof("creaseAngle 1.5"), (vec![left, right], 8));
+    assert_eq!(
+        roof("creaseAngle 1.6"),
+        (vec![left, DVec3::Y * 100.0, right], 6)
+    );
+    let each = "normalPerVertex FALSE normal Normal { vector [ 1 0 0, 0 0 1 ] }";
+    assert_eq!(roof(each), (vec![DVec3::Z * 100.0, DVec3::X * 100.0], 8));
+    let indexed = "normalIndex [ 1 1 1 1 -1 0 0 0 0 ] normal Normal { vector [ 1 0 0, 0 0 1 ] }";
+    assert_eq!(roof(indexed), (vec![DVec3::Z * 100.0, DVec3::X * 100.0], 8));
+}
