@@ -37,9 +37,10 @@ fn text(path: &Path) -> String {
 }
 
 /// The nodes that are one surface each.
-const SURFACES: [&str; 4] = [
+const SURFACES: [&str; 5] = [
     "NurbsPatchSurface",
     "NurbsTrimmedSurface",
+    "NurbsSweptSurface",
     "NurbsSwungSurface",
     "NurbsSurface",
 ];

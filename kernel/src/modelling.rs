@@ -1,12 +1,14 @@
 //! Exact rational curves and surfaces: arcs, quadrics, tori, and what sweeps make of curves.
 //!
-//! Everything here is exact up to the rounding of the control points; nothing is fitted.
+//! Everything here is exact up to the rounding of the control points; only [`swept`] fits
+//! what no NURBS surface is.
 //! A parameter that is an angle equals it, in radians, at the knots, which stand every 90
 //! degrees or closer; between them see [`arc_parameter`].
 
 mod arc;
 mod quadric;
 mod sweep;
+mod swept;
 
 use glam::DVec3;
 
@@ -15,6 +17,7 @@ use crate::Error;
 pub use arc::{arc, arc_parameter, circle};
 pub use quadric::{cone, cylinder, plane, sphere, torus};
 pub use sweep::{extrude, revolve, ruled, swung};
+pub use swept::{Swept, swept};
 
 /// A right-handed system of three perpendicular unit vectors at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,8 +10,10 @@
 //! Cycles cannot be built, and the conversion needs no recursion.
 
 mod build;
+mod curve;
 mod extrusion;
 mod files;
+mod knots;
 mod look;
 mod mesh;
 mod nurbs;

@@ -408,6 +408,7 @@ const SURFACES: &[&str] = &[
     "Extrusion",
     "NurbsPatchSurface",
     "NurbsSurface",
+    "NurbsSweptSurface",
     "NurbsSwungSurface",
     "NurbsTrimmedSurface",
     "Rectangle2D",

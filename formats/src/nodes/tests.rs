@@ -218,3 +218,76 @@ fn normals_come_from_the_file_or_are_smooth_up_to_the_crease() {
     let indexed = "normalIndex [ 1 1 1 1 -1 0 0 0 0 ] normal Normal { vector [ 1 0 0, 0 0 1 ] }";
     assert_eq!(roof(indexed), (vec![DVec3::Z * 100.0, DVec3::X * 100.0], 8));
 }
+
+#[test]
+fn closed_curves_go_on_around_the_joint() {
+    // A square of four different points, smooth at the joint only if the flag is heeded.
+    let surface = |fields: &str| {
+        let import = shape(&format!(
+            "NurbsPatchSurface {{ uDimension 5 vDimension 2 vOrder 2 {fields} controlPoint \
+             Coordinate {{ point [ 1 0 0, 0 1 0, -1 0 0, 0 -1 0, 1 0 0, \
+             1 0 1, 0 1 1, -1 0 1, 0 -1 1, 1 0 1 ] }} }}"
+        ));
+        import.scene.patches()[0].surface.clone()
+    };
+    let turn = |fields: &str| {
+        let surface = surface(fields);
+        let u = surface.knots_u().domain();
+        let [a, b] = [u.start, u.end].map(|u| surface.derivatives(DVec2::new(u, 0.5)));
+        assert_eq!(a.point, b.point);
+        a.du.angle_between(b.du)
+    };
+    assert!(turn("") > 1.0);
+    assert!(turn("uClosed TRUE") < 1e-12);
+    assert!(turn("uClosed TRUE uKnot [ 0 1 2 3 4 5 6 7 ]") < 1e-12);
+    // Clamped knots have no more to say.
+    assert!(turn("uClosed TRUE uKnot [ 0 0 0 1 2 3 3 3 ]") > 1.0);
+    // Midway between two corners of a quadratic: the middle of the edge.
+    let middle = surface("uClosed TRUE").evaluate(DVec2::new(2.0, 0.0));
+    assert!(
+        (middle.abs() - DVec3::new(0.5, 0.5, 0.0)).length() < 1e-15,
+        "{middle}"
+    );
+}
+
+#[test]
+fn a_swept_surface_is_what_extrusions_with_short_segments_become() {
+    let curve = "order 4 controlPoint Coordinate { point [ 0 0 0, 1 2 0, 2 -1 1, 3 0 2, 5 1 2 ] }";
+    let section = "0.1 0.2, 0.3 -0.1, -0.2 -0.2";
+    let import = shape(&format!(
+        "NurbsSweptSurface {{ crossSectionCurve ContourPolyline2D {{ controlPoint [ {section} ] }} \
+         trajectoryCurve NurbsCurve {{ {curve} }} }}"
+    ));
+    let [swept] = import.scene.patches() else {
+        panic!("one surface");
+    };
+    // The curve by itself: the edge of a ruled surface.
+    let (first, second) = (
+        "0 0 0, 1 2 0, 2 -1 1, 3 0 2, 5 1 2",
+        "0 0 1, 1 2 1, 2 -1 2, 3 0 3, 5 1 3",
+    );
+    let edge = shape(&format!(
+        "NurbsPatchSurface {{ uDimension 5 vDimension 2 uOrder 4 vOrder 2 \
+         controlPoint Coordinate {{ point [ {first}, {second} ] }} }}"
+    ));
+    let edge = &edge.scene.patches()[0].surface;
+    let n = 2000;
+    let spine: Vec<DVec3> = (0..=n)
+        .map(|i| edge.evaluate(DVec2::new(f64::from(i) / f64::from(n), 0.0)))
+        .collect();
+    let frames = super::extrusion::frames(&spine);
+    let mut largest: f64 = 0.0;
+    for i in (10..n).step_by(10) {
+        let at = usize::try_from(i).unwrap();
+        let axes = frames[at];
+        for (u, c) in [(0.0, [0.1, 0.2]), (1.0, [0.3, -0.1]), (2.0, [-0.2, -0.2])] {
+            let wanted = spine[at] + axes * DVec3::new(c[0], 0.0, c[1]);
+            let found = swept
+                .surface
+                .evaluate(DVec2::new(u, f64::from(i) / f64::from(n)));
+            largest = largest.max(found.distance(wanted));
+        }
+    }
+    // The segments are 0.003 long; what remains is of second order.
+    assert!(largest < 1e-4, "{largest}");
+}

@@ -4,7 +4,7 @@ use glam::DVec2;
 use kernel::{Curve, Error as GeometryError, Surface, TrimLoop};
 
 use super::Node;
-use super::nurbs::{cartesian_2d, knots, weights};
+use super::curve::is_polyline;
 use super::scene::Converter;
 use crate::Error;
 
@@ -59,8 +59,8 @@ impl Converter<'_> {
         for link in &contour.children {
             let node = &self.tree.nodes[link.node];
             let curve = match &*node.kind {
-                "NurbsCurve2D" => self.curve_2d(node)?,
-                kind if is_polyline(kind) => self.polyline_2d(node)?,
+                "NurbsCurve2D" => self.parameter_curve(node)?,
+                kind if is_polyline(kind) => self.parameter_curve(node)?,
                 _ if node.is_metadata() => continue,
                 kind => {
                     let text = format!("{kind} is not read as part of a contour");
@@ -75,45 +75,6 @@ impl Converter<'_> {
         }
         Ok(Ok(curves))
     }
-
-    /// A `ContourPolyline2D`, or what is taken for a `NurbsCurve2D`.
-    ///
-    /// # Errors
-    /// If a limit is passed.
-    pub(super) fn parameter_curve(
-        &mut self,
-        node: &Node,
-    ) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
-        if is_polyline(&node.kind) {
-            self.polyline_2d(node)
-        } else {
-            self.curve_2d(node)
-        }
-    }
-
-    fn curve_2d(&mut self, node: &Node) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
-        let mut points = node.points_2d("controlPoint", &mut self.warnings);
-        self.count_points(points.len(), node)?;
-        let weights = weights(node, points.len(), &mut self.warnings);
-        cartesian_2d(&mut points, weights.as_deref());
-        let order = node.count("order", 3, &mut self.warnings);
-        let knots = knots(node, "knot", order, points.len(), &mut self.warnings);
-        Ok(knots.and_then(|knots| Curve::new(knots, &points, weights.as_deref())))
-    }
-
-    /// The points stand in `controlPoint`; X3D 3.0 and some programs have other names.
-    fn polyline_2d(&mut self, node: &Node) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
-        let names = ["controlPoint", "point", "lineSegments"];
-        let name = names.into_iter().find(|name| node.text(name).is_some());
-        let points = node.points_2d(name.unwrap_or("controlPoint"), &mut self.warnings);
-        self.count_points(points.len(), node)?;
-        Ok(Curve::polyline(&points))
-    }
-}
-
-/// The polylines of X3D and of VRML 97.
-fn is_polyline(kind: &str) -> bool {
-    matches!(kind, "ContourPolyline2D" | "Polyline2D")
 }
 
 /// Whether the loop with the largest area runs clockwise: the border is left to the reader
