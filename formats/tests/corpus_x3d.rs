@@ -123,7 +123,7 @@ fn every_surface_of_the_corpus_is_read() {
 fn samples_are_read_without_a_warning() {
     for path in folder("../samples").iter().filter(|path| is_x3d(path)) {
         let import = open(path, &Limits::default()).unwrap();
-        assert_eq!(import.scene.patches().len(), surfaces_in(&text(path)));
+        assert_eq!(surfaces_of(&import), surfaces_in(&text(path)));
         assert_eq!(import.warnings.as_slice(), [], "{}", path.display());
     }
 }
@@ -163,5 +163,35 @@ fn samples_cut_short_do_no_harm() {
                 assert!(!import.warnings.as_slice().is_empty(), "cut at {end}");
             }
         }
+    }
+}
+
+/// The largest and the least value of `measure` over a grid of points of a file's surfaces.
+fn spread(name: &str, measure: impl Fn(glam::DVec3) -> f64) -> Option<(f64, f64)> {
+    let path = folder("../../shared/corpus/x3d");
+    let path = path.into_iter().find(|path| path.ends_with(name))?;
+    let import = open(&path, &Limits::default()).unwrap();
+    let mut range = (f64::INFINITY, f64::NEG_INFINITY);
+    for surface in import.scene.patches().iter().map(|patch| &patch.surface) {
+        let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+        for (i, j) in (0..=64).flat_map(|i| (0..=64).map(move |j| (f64::from(i), f64::from(j)))) {
+            let uv = [(&u, i), (&v, j)].map(|(r, k)| r.start + (r.end - r.start) * k / 64.0);
+            let found = measure(surface.evaluate(uv.into()));
+            range = (range.0.min(found), range.1.max(found));
+        }
+    }
+    Some(range)
+}
+
+#[test]
+fn spheres_and_cones_of_others_are_exact() {
+    if let Some((least, most)) = spread("NurbsSphere.x3d", glam::DVec3::length) {
+        println!("{least} {most}");
+        assert!(most - least < 1e-12 * most, "{least} {most}");
+    }
+    let ratio = |p: glam::DVec3| p.x.hypot(p.z) + p.y * 0.5;
+    if let Some((least, most)) = spread("NurbsCone.x3d", ratio) {
+        println!("{least} {most}");
+        assert!(most - least < 1e-12 * most, "{least} {most}");
     }
 }

@@ -19,14 +19,26 @@ fn without_places(scene: &kernel::Scene) -> String {
 fn four_spellings_are_one_scene() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../samples");
     let scenes = ["x3d", "x3dv", "x3dj", "wrl"].map(|extension| {
-        let import = open(folder.join("door").with_extension(extension), &Limits::default());
+        let import = open(
+            folder.join("door").with_extension(extension),
+            &Limits::default(),
+        );
         let import = import.expect("a sample that can be read");
         assert_eq!(import.warnings.as_slice(), [], "{extension}");
         without_places(&import.scene)
     });
     assert!(scenes[0].len() > 10_000);
     for scene in &scenes[1..] {
-        let differs = || scene.bytes().zip(scenes[0].bytes()).position(|(a, b)| a != b);
-        assert!(*scene == scenes[0], "{:?}", differs().map(|at| &scene[at.saturating_sub(200)..]));
+        let differs = || {
+            scene
+                .bytes()
+                .zip(scenes[0].bytes())
+                .position(|(a, b)| a != b)
+        };
+        assert!(
+            *scene == scenes[0],
+            "{:?}",
+            differs().map(|at| &scene[at.saturating_sub(200)..])
+        );
     }
 }

@@ -179,6 +179,9 @@ impl Builder<'_> {
         if let Some(known) = self.loader.known.get(name) {
             return Ok(known.clone());
         }
+        if self.loader.known.len() >= FILES {
+            return Ok(Err(format!("more than {FILES} files are named")));
+        }
         let contents = match self.fetch(name) {
             Ok(bytes) => Ok(Rc::new(self.contents(name, &bytes)?)),
             Err(reason) => Err(reason),
@@ -191,9 +194,6 @@ impl Builder<'_> {
     fn fetch(&mut self, name: &str) -> Result<Vec<u8>, String> {
         if name.contains(':') {
             return Err("only local files are read".to_owned());
-        }
-        if self.loader.known.len() >= FILES {
-            return Err(format!("more than {FILES} files are named"));
         }
         if self.loader.reading.len() >= DEEP {
             return Err(format!("files stand in each other deeper than {DEEP}"));

@@ -25,11 +25,15 @@ enum Level<'a> {
     Rest { defaults: bool },
 }
 
+/// So many words that do not belong where they stand, and the file is given up.
+const STRAYS: usize = 1000;
+
 struct Reader<'a, 'b, 'c> {
     text: &'a str,
     rest: &'a str,
     lines: Lines<'a>,
     levels: Vec<Level<'a>>,
+    strays: usize,
     builder: &'b mut Builder<'c>,
 }
 
@@ -61,9 +65,10 @@ pub(crate) fn read_classic(
         rest: &text,
         lines: Lines::new(&text),
         levels: vec![Level::File],
+        strays: 0,
         builder,
     };
-    while reader.step()? {}
+    while reader.strays < STRAYS && reader.step()? {}
     let broken = reader.unfinished();
     if broken.is_none() {
         builder.end()?;
@@ -161,6 +166,7 @@ impl<'a> Reader<'a, '_, '_> {
             Token::Text(_) => "a string".to_owned(),
             Token::Word(word) => word.chars().take(20).collect(),
         };
+        self.strays += 1;
         let line = self.line();
         let inside = self.builder.innermost().map(|node| node.kind.to_string());
         let place = self.builder.file().place(line, &inside.unwrap_or_default());
@@ -173,6 +179,11 @@ impl<'a> Reader<'a, '_, '_> {
         let left = blank(self.rest).map_or(self.rest, |(rest, ())| rest);
         if left.is_empty() && self.levels == [Level::File] {
             return None;
+        }
+        if self.strays >= STRAYS {
+            let line = self.line();
+            let text = format!("{STRAYS} words that do not belong here; nothing more is read");
+            return Some(self.builder.broken(line, text));
         }
         let line = self.lines.at(self.text.len());
         let node = self.builder.innermost();
