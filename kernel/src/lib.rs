@@ -30,6 +30,7 @@ mod normal;
 mod patch;
 mod ray;
 mod scene;
+mod sky;
 mod spline;
 mod surface;
 mod trim;
@@ -49,6 +50,7 @@ pub use ray::Ray;
 pub use scene::{
     Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Shape, Unit, UpAxis,
 };
+pub use sky::Sky;
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
 pub use trim::{Cover, TrimLoop, TrimRegion};

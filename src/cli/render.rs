@@ -14,7 +14,7 @@ use nurbray::kernel::{Camera, Projection, Scene, linear_from_srgb};
 use nurbray::output::{self, Aov, OutputOptions, PngDepth};
 use nurbray::{
     Accelerator, CertifyStats, METHODS, Method, RenderOptions, RenderStats, Shading, certify_film,
-    render,
+    over_sky, render,
 };
 use serde_json::{Value, json};
 
@@ -264,15 +264,11 @@ fn render_file(
     let certified = args
         .certify
         .then(|| certify_film(&mut film, &accelerator, &camera));
-    let background = args.background.unwrap_or_else(|| {
-        let color = scene
-            .background
-            .unwrap_or_else(|| linear_from_srgb(DEFAULT_BACKGROUND));
-        Background::Color(color)
-    });
-    let film = match background {
-        Background::Color(color) => film.over(color),
-        Background::None => film,
+    let film = match (args.background, &scene.sky, scene.background) {
+        (Some(Background::None), ..) => film,
+        (Some(Background::Color(color)), ..) | (None, None, Some(color)) => film.over(color),
+        (None, Some(sky), _) => over_sky(film, &camera, sky),
+        (None, None, None) => film.over(linear_from_srgb(DEFAULT_BACKGROUND)),
     };
     let started = Instant::now();
     if let Some(folder) = target.parent().filter(|f| !f.as_os_str().is_empty()) {

@@ -4,7 +4,8 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{DAffine3, DVec3};
 use kernel::{
-    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, linear_from_srgb,
+    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, Sky,
+    linear_from_srgb,
 };
 
 use super::Node;
@@ -30,7 +31,12 @@ const SPOT_4: [f64; 2] = [0.589_049, FRAC_PI_2];
 const SPOT_97: [f64; 2] = [FRAC_PI_2, FRAC_PI_4];
 
 impl Converter<'_> {
+    /// A `Material`, or the front of a `TwoSidedMaterial`.
     pub(super) fn material(&mut self, node: &Node) -> Made {
+        if node.flag("separateBackColor", false, &mut self.warnings) {
+            let text = "both sides are shown in the material of the front";
+            self.warnings.unsupported(node.place(), text);
+        }
         let ambient = self.share(node, "ambientIntensity", 0.2);
         let diffuse = self.color(node, "diffuseColor", DVec3::splat(0.8));
         let material = Material {
@@ -231,21 +237,39 @@ impl Converter<'_> {
         }
     }
 
-    pub(super) fn background(&mut self, node: &Node) -> Made {
+    /// The first background: one colour, or a sky and a ground of several.
+    pub(super) fn background(&mut self, index: usize, node: &Node) -> Made {
         if std::mem::replace(&mut self.bound.background, true) {
             return Made::Nothing;
         }
-        let colors = node.points_3d("skyColor", &mut self.warnings);
-        let is_plain = node.text("groundColor").is_none() && node.text("skyAngle").is_none();
-        let textures = node.children.iter().map(|link| &self.tree.nodes[link.node]);
-        if !is_plain || colors.len() > 1 || textures.into_iter().any(|n| !n.is_metadata()) {
-            let text = "a background of several colours is shown in the first one";
+        let mut textures = node.children.iter().map(|link| &self.tree.nodes[link.node]);
+        let has_texture = textures.any(|n| !n.is_metadata());
+        if has_texture || node.fields.iter().any(|f| f.name.ends_with("Url")) {
+            let text = "the pictures of a background are not read";
             self.warnings.unsupported(node.place(), text);
         }
-        let color = colors.first().copied().unwrap_or(DVec3::ZERO);
-        let color = color.clamp(DVec3::ZERO, DVec3::ONE);
-        self.scene.background = Some(linear_from_srgb(color));
+        let sky = self.stops(node, "skyColor", "skyAngle");
+        let ground = self.stops(node, "groundColor", "groundAngle");
+        self.scene.background = Some(sky.first().map_or(DVec3::ZERO, |&(_, color)| color));
+        let up = self.world_from_parent(index).transform_vector3(DVec3::Y);
+        if sky.len() > 1 || !ground.is_empty() {
+            self.scene.sky = Some(Sky::new(up.normalize_or(DVec3::Y), sky, ground));
+        }
         Made::Nothing
+    }
+
+    /// Linear colours at angles, the first of which is zero.
+    fn stops(&mut self, node: &Node, colors: &str, angles: &str) -> Vec<(f64, DVec3)> {
+        let found = node.points_3d(colors, &mut self.warnings).into_iter();
+        let found = found.map(|c| linear_from_srgb(c.clamp(DVec3::ZERO, DVec3::ONE)));
+        let given = node.numbers(angles, &mut self.warnings).into_iter();
+        let places = std::iter::once(0.0).chain(given.map(|a| a * node.file.angle));
+        let stops: Vec<_> = places.zip(found.clone()).collect();
+        if stops.len() < found.count() {
+            let text = "colours without an angle are not used";
+            self.warnings.invalid(node.field_place(colors), text);
+        }
+        stops
     }
 
     pub(super) fn navigation(&mut self, node: &Node) -> Made {

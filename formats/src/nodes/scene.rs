@@ -176,13 +176,13 @@ impl Converter<'_> {
             kind if is_group(kind) => self.group(index, node),
             "Shape" => self.shape(node),
             "Appearance" => self.appearance(node),
-            "Material" => self.material(node),
+            "Material" | "TwoSidedMaterial" => self.material(node),
             "PhysicalMaterial" => self.physical_material(node),
             "UnlitMaterial" => self.unlit_material(node),
             kind if is_geometry(kind) => return self.geometry(node),
             "Viewpoint" | "OrthoViewpoint" => self.viewpoint(index, node),
             "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
-            "Background" => self.background(node),
+            "Background" | "TextureBackground" => self.background(index, node),
             "NavigationInfo" => self.navigation(node),
             kind if SILENT.contains(&kind) || node.is_metadata() => Made::Nothing,
             kind => {
@@ -250,7 +250,15 @@ impl Converter<'_> {
     }
 
     /// An appearance is its material; without one the default of the scene holds.
-    fn appearance(&self, node: &Node) -> Made {
+    fn appearance(&mut self, node: &Node) -> Made {
+        let fields = node.children.iter().map(|link| link.field.as_deref());
+        if fields
+            .into_iter()
+            .any(|field| field == Some("backMaterial"))
+        {
+            let text = "both sides are shown in the material of the front";
+            self.warnings.unsupported(node.place(), text);
+        }
         let made = self.made_inside(node).into_iter();
         let mut materials = made.filter(|made| matches!(made, Made::Material(_)));
         materials.next().unwrap_or(Made::Nothing)
@@ -339,7 +347,9 @@ impl Converter<'_> {
 fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     let is_child = |&i: &usize| {
         let link = &node.children[i];
-        !tree.nodes[link.node].is_metadata() && link.field.as_deref() != Some("proxy")
+        // A material of the back only is told about where its appearance is made.
+        let apart = matches!(link.field.as_deref(), Some("proxy" | "backMaterial"));
+        !tree.nodes[link.node].is_metadata() && !apart
     };
     let mut all = (0..node.children.len()).filter(is_child);
     let kind = &*node.kind;

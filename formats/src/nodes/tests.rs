@@ -291,3 +291,54 @@ fn a_swept_surface_is_what_extrusions_with_short_segments_become() {
     // The segments are 0.003 long; what remains is of second order.
     assert!(largest < 1e-4, "{largest}");
 }
+
+#[test]
+fn skies_turn_with_their_transform() {
+    let import = read_scene(
+        "Transform { rotation 1 0 0 1.5707963267948966 children [ Background { skyColor [ 1 0 0, 0 0 1 ] \
+         skyAngle 1.5 groundColor [ 0 1 0, 0 1 0 ] groundAngle 1.2 } ] }\n\
+         Shape { appearance Appearance { material TwoSidedMaterial { diffuseColor 1 0 0 \
+         separateBackColor TRUE } } geometry Box { } }",
+    );
+    assert_eq!(import.scene.background, Some(DVec3::X));
+    let sky = import.scene.sky.as_ref().unwrap();
+    let near = |direction, color: DVec3| assert!(sky.color(direction).distance(color) < 1e-12);
+    near(DVec3::Z, DVec3::X);
+    near(DVec3::NEG_Z, DVec3::Y);
+    near(DVec3::X, DVec3::Z);
+    assert_eq!(import.scene.materials()[0].diffuse, DVec3::X);
+    let [warning] = import.warnings.as_slice() else {
+        panic!("the back is told about");
+    };
+    let text = "line 3, TwoSidedMaterial: both sides are shown in the material of the front";
+    assert_eq!(warning.to_string(), text);
+}
+
+#[test]
+fn spots_have_the_angles_of_their_standard() {
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+    for (header, expected) in [
+        ("#VRML V2.0 utf8", (FRAC_PI_4, FRAC_PI_4)),
+        ("#X3D V3.2 utf8", (FRAC_PI_4, FRAC_PI_2)),
+        ("#X3D V4.0 utf8", (0.589_049, FRAC_PI_2)),
+    ] {
+        let (limits, resolver) = (&Limits::default(), &NoFiles);
+        let text = format!("{header}\nSpotLight {{ attenuation 1 0 0.5 radius 7 }}");
+        let options = ReadOptions { limits, resolver };
+        let import = read(text.as_bytes(), None, &options).unwrap();
+        let kernel::LightKind::Spot {
+            inner,
+            outer,
+            falloff,
+            ..
+        } = import.scene.lights[0].kind
+        else {
+            panic!("a spot");
+        };
+        assert_eq!((inner, outer), expected, "{header}");
+        assert_eq!(
+            (falloff.attenuation, falloff.radius),
+            (DVec3::new(1.0, 0.0, 0.5), 7.0)
+        );
+    }
+}
