@@ -98,16 +98,31 @@ impl From<Error> for OpenError {
     }
 }
 
-/// Reads the file at `path`. Files that it names are looked for in its folder only.
+/// Reads the file at `path`. Files that it names must lie in its folder or below.
 ///
 /// # Errors
 /// If the file cannot be read, is larger than the limit, or holds nothing usable.
 pub fn open(path: impl AsRef<Path>, limits: &Limits) -> Result<Import, OpenError> {
+    let folder = path.as_ref().parent().unwrap_or(Path::new(""));
+    open_within(&path, folder, limits)
+}
+
+/// Reads the file at `path`. Files that it names are looked for from its folder on, and must
+/// lie in `root` or below.
+///
+/// # Errors
+/// If the file cannot be read, is larger than the limit, or holds nothing usable.
+pub fn open_within(
+    path: impl AsRef<Path>,
+    root: impl AsRef<Path>,
+    limits: &Limits,
+) -> Result<Import, OpenError> {
     let path = path.as_ref();
     let bytes = read_within(fs::File::open(path)?, limits.bytes)?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let resolver = Folder {
-        root: path.parent().unwrap_or(Path::new("")),
+        base: path.parent().unwrap_or(Path::new("")),
+        root: root.as_ref(),
         limits,
     };
     let options = ReadOptions {
@@ -232,8 +247,9 @@ fn read_within(source: impl io::Read, limit: usize) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Resolves names to files in one folder and below.
+/// Resolves names in one folder to files in another one and below.
 struct Folder<'a> {
+    base: &'a Path,
     root: &'a Path,
     limits: &'a Limits,
 }
@@ -243,16 +259,16 @@ impl Resolver for Folder<'_> {
         let denied = |why| io::Error::new(io::ErrorKind::PermissionDenied, why);
         let name = PathBuf::from(name.replace('\\', "/"));
         let inside = |c| matches!(c, Component::Normal(_) | Component::CurDir);
-        if !name.components().all(inside) {
+        // Without a look at the disk: that a file elsewhere exists is nobody's business.
+        if self.base == self.root && !name.components().all(inside) {
             return Err(denied("the name leads out of the folder"));
         }
         // A link inside the folder may still lead out of it.
-        let root = if self.root.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            self.root
-        };
-        let path = root.join(name).canonicalize()?;
+        let [base, root] = [self.base, self.root].map(|folder| match folder.as_os_str() {
+            name if name.is_empty() => Path::new("."),
+            _ => folder,
+        });
+        let path = base.join(name).canonicalize()?;
         if !path.starts_with(root.canonicalize()?) {
             return Err(denied("the name leads out of the folder"));
         }

@@ -48,7 +48,7 @@ pub(crate) struct Builder<'a> {
     pub(super) file: Rc<File>,
     pub(super) loader: Loader,
     count: usize,
-    /// Nodes made as copies of prototypes.
+    /// Nodes made as copies of prototypes, and points moved by deformers.
     pub(super) copies: usize,
 }
 
@@ -222,6 +222,9 @@ impl<'a> Builder<'a> {
         if is_inline(&open.node.kind) {
             self.inline(&mut open.node)?;
             open.height = self.height_inside(&open.node);
+        }
+        if &*open.node.kind == "CoordinateDeformer" {
+            self.deform(&open.node);
         }
         let Open {
             node, slot, height, ..

@@ -6,7 +6,7 @@ use kernel::modelling::plane;
 use kernel::{Curve, Error as GeometryError, KnotVector, Patch, Surface, TrimLoop};
 
 use super::Node;
-use super::scene::Converter;
+use super::scene::{Converter, turn};
 use super::solids::in_frame;
 use crate::Error;
 
@@ -81,13 +81,7 @@ impl Converter<'_> {
     fn orientations(&mut self, node: &Node) -> Vec<DQuat> {
         let numbers = node.numbers("orientation", &mut self.warnings);
         let (turns, _) = numbers.as_chunks();
-        let turn = |&[x, y, z, angle]: &[f64; 4]| {
-            let axis = DVec3::new(x, y, z).try_normalize();
-            axis.map_or(DQuat::IDENTITY, |axis| {
-                DQuat::from_axis_angle(axis, angle * node.file.angle)
-            })
-        };
-        turns.iter().map(turn).collect()
+        turns.iter().map(|&t| turn(t, node)).collect()
     }
 }
 

@@ -27,6 +27,17 @@ impl Direction {
         closed: "uClosed",
     };
 
+    /// Those of a volume.
+    pub(super) const VOLUME: [Self; 3] = [
+        Self::U,
+        Self::V,
+        Self {
+            order: "wOrder",
+            knots: "wKnot",
+            closed: "wClosed",
+        },
+    ];
+
     /// The second of a surface.
     pub(super) const V: Self = Self {
         order: "vOrder",
@@ -59,7 +70,12 @@ impl Knots {
         meets: bool,
         warnings: &mut Warnings,
     ) -> Result<Self, GeometryError> {
-        let order = node.count(direction.order, 3, warnings);
+        let default = if &*node.kind == "CoordinateDeformer" {
+            2
+        } else {
+            3
+        };
+        let order = node.count(direction.order, default, warnings);
         let degree = order.saturating_sub(1);
         let clamped = KnotVector::clamped_uniform(degree, count, 0.0..1.0)?;
         let given = given(node, direction.knots, order, count, warnings);

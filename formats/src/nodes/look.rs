@@ -9,7 +9,7 @@ use kernel::{
 };
 
 use super::Node;
-use super::scene::{Converter, Made};
+use super::scene::{Converter, Made, rotation};
 
 /// Factor from the field `shininess` to the exponent of the Phong model.
 const SHININESS: f64 = 128.0;
@@ -126,7 +126,7 @@ impl Converter<'_> {
 
     pub(super) fn viewpoint(&mut self, index: usize, node: &Node) -> Made {
         let world = self.world_from_parent(index);
-        let rotation = self.rotation(node, "orientation");
+        let rotation = rotation(node, "orientation", &mut self.warnings);
         let [right, up, back] = DVec3::AXES.map(|axis| world.transform_vector3(rotation * axis));
         let position = DVec3::new(0.0, 0.0, 10.0);
         let position = node.vector("position", position, &mut self.warnings);

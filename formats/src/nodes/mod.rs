@@ -11,6 +11,7 @@
 
 mod build;
 mod curve;
+mod deform;
 mod extrusion;
 mod files;
 mod knots;

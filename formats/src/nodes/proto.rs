@@ -325,5 +325,6 @@ pub(super) fn is_inline(kind: &str) -> bool {
     matches!(kind, "Inline" | "InlineLoadControl")
 }
 
-/// The share of [`crate::Limits::entities`] that instances of prototypes may make.
-const COPIES: usize = 250;
+/// The share of [`crate::Limits::entities`] that instances of prototypes and points of
+/// deformers may make.
+pub(super) const COPIES: usize = 250;

@@ -128,38 +128,13 @@ impl Converter<'_> {
         let known = self.reached[index].map(|r| r.parent_from_node);
         let node = &self.tree.nodes[index];
         let parent_from_node = known.unwrap_or_else(|| match &*node.kind {
-            kind if TRANSFORMS.contains(&kind) => self.transform(node),
+            kind if TRANSFORMS.contains(&kind) => transform(node, &mut self.warnings),
             _ => DAffine3::IDENTITY,
         });
         self.reached[index] = Some(Reached {
             world_from_parent,
             parent_from_node,
         });
-    }
-
-    /// The map of a Transform: `T C R SR S SR^-1 C^-1`.
-    fn transform(&mut self, node: &Node) -> DAffine3 {
-        let warnings = &mut self.warnings;
-        let translation = node.vector("translation", DVec3::ZERO, warnings);
-        let center = node.vector("center", DVec3::ZERO, warnings);
-        let scale = node.vector("scale", DVec3::ONE, warnings);
-        let rotation = self.rotation(node, "rotation");
-        let orientation = self.rotation(node, "scaleOrientation");
-        DAffine3::from_translation(translation + center)
-            * DAffine3::from_quat(rotation * orientation)
-            * DAffine3::from_scale(scale)
-            * DAffine3::from_quat(orientation.inverse())
-            * DAffine3::from_translation(-center)
-    }
-
-    /// A field that holds an axis and an angle; no rotation if it is not there.
-    pub(super) fn rotation(&mut self, node: &Node, field: &str) -> DQuat {
-        let tuple = node.tuple(field, &mut self.warnings);
-        let [x, y, z, angle] = tuple.unwrap_or([0.0, 0.0, 1.0, 0.0]);
-        let axis = DVec3::new(x, y, z).try_normalize();
-        axis.map_or(DQuat::IDENTITY, |axis| {
-            DQuat::from_axis_angle(axis, angle * node.file.angle)
-        })
     }
 
     /// Where the node's own coordinates lie.
@@ -343,6 +318,34 @@ impl Converter<'_> {
     }
 }
 
+/// The map of a Transform: `T C R SR S SR^-1 C^-1`.
+pub(super) fn transform(node: &Node, warnings: &mut Warnings) -> DAffine3 {
+    let translation = node.vector("translation", DVec3::ZERO, warnings);
+    let center = node.vector("center", DVec3::ZERO, warnings);
+    let scale = node.vector("scale", DVec3::ONE, warnings);
+    let rotation = rotation(node, "rotation", warnings);
+    let orientation = self::rotation(node, "scaleOrientation", warnings);
+    DAffine3::from_translation(translation + center)
+        * DAffine3::from_quat(rotation * orientation)
+        * DAffine3::from_scale(scale)
+        * DAffine3::from_quat(orientation.inverse())
+        * DAffine3::from_translation(-center)
+}
+
+/// A field that holds an axis and an angle; no rotation if it is not there.
+pub(super) fn rotation(node: &Node, field: &str, warnings: &mut Warnings) -> DQuat {
+    let tuple = node.tuple(field, warnings);
+    turn(tuple.unwrap_or([0.0, 0.0, 1.0, 0.0]), node)
+}
+
+/// The rotation about an axis by an angle in the unit of the node's file.
+pub(super) fn turn([x, y, z, angle]: [f64; 4], node: &Node) -> DQuat {
+    let axis = DVec3::new(x, y, z).try_normalize();
+    axis.map_or(DQuat::IDENTITY, |axis| {
+        DQuat::from_axis_angle(axis, angle * node.file.angle)
+    })
+}
+
 /// Positions of the children of a node that matter if the node is shown.
 fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     let is_child = |&i: &usize| {
@@ -359,6 +362,10 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     }
     match kind {
         "LOD" => all.next().into_iter().collect(),
+        // The other fields say how points are deformed.
+        "CoordinateDeformer" => all
+            .filter(|&i| matches!(node.children[i].field.as_deref(), None | Some("children")))
+            .collect(),
         // What stands inside is part of it.
         "NurbsSweptSurface" | "NurbsSwungSurface" | "TrimmedSurface" => Vec::new(),
         // The other fields repeat what stands in its skeleton.

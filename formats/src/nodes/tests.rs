@@ -342,3 +342,28 @@ fn spots_have_the_angles_of_their_standard() {
         );
     }
 }
+
+#[test]
+fn a_deformer_carries_points_through_its_volume() {
+    // A cube of eight points, stretched threefold along x; linear in every direction.
+    let volume = "uDimension 2 vDimension 2 wDimension 2 controlPoint [ 0 0 0, 3 0 0, 0 1 0, 3 1 0, \
+        0 0 1, 3 0 1, 0 1 1, 3 1 1 ]";
+    let import = read_scene(&format!(
+        "CoordinateDeformer {{ {volume} inputTransform Transform {{ translation 0.5 0 0 }} \
+         inputCoord Coordinate {{ point [ 0 0 0, 0.5 0 0, 0 0.5 0.25 ] }} \
+         outputCoord DEF OUT Coordinate {{ }} \
+         children Shape {{ geometry TriangleSet {{ coord USE OUT }} }} }}"
+    ));
+    assert_eq!(import.warnings.as_slice(), []);
+    let found = import.scene.meshes()[0].positions();
+    assert_eq!(
+        found,
+        [
+            DVec3::new(1.5, 0.0, 0.0),
+            DVec3::X * 3.0,
+            DVec3::new(1.5, 0.5, 0.25)
+        ]
+    );
+    let import = read_scene("CoordinateDeformer { inputCoord Coordinate { } uDimension 2 }");
+    assert_eq!(import.warnings.as_slice().len(), 1);
+}

@@ -241,6 +241,7 @@ fn files_cannot_contain_themselves_or_lead_away() {
     let import = read_text(
         "Inline { url \"http://a.b/c.wrl\" } Inline { url \"/etc/passwd\" } Inline { url \"../a\" }",
         &crate::Folder {
+            base: std::path::Path::new("."),
             root: std::path::Path::new("."),
             limits: &Limits::default(),
         },
