@@ -34,6 +34,7 @@ mod x3d;
 
 pub use error::{Error, Place, Problem, Warning, Warnings};
 pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
+pub use nodes::Animation;
 
 /// A file format: one row per folder of this crate.
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +61,8 @@ pub struct Import {
     pub scene: Scene,
     /// What was not used or was repaired.
     pub warnings: Warnings,
+    /// The same scene at other times, if anything in it moves by itself.
+    pub animation: Option<Animation>,
 }
 
 /// All formats, those with the surest signs first.

@@ -1,6 +1,6 @@
 //! From the order of a file to a [`Tree`]: nesting, DEF and USE, limits.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::files::Loader;
 use super::proto::{Declared, Prototype, Scope, is_inline};
@@ -11,7 +11,7 @@ use crate::{Error, Problem, ReadOptions, Warnings};
 #[derive(Debug)]
 pub(super) struct Open {
     pub(super) node: Node,
-    pub(super) slot: Option<Rc<str>>,
+    pub(super) slot: Option<Arc<str>>,
     /// Largest height of the children.
     pub(super) height: usize,
     role: Role,
@@ -45,7 +45,7 @@ pub(crate) struct Builder<'a> {
     /// Names, innermost last: one scope for each file and each body of a prototype.
     pub(super) scopes: Vec<Scope>,
     /// The file that is being read.
-    pub(super) file: Rc<File>,
+    pub(super) file: Arc<File>,
     pub(super) loader: Loader,
     count: usize,
     /// Nodes made as copies of prototypes, and points moved by deformers.
@@ -59,19 +59,20 @@ impl<'a> Builder<'a> {
         spelling: Spelling,
         options: &'a ReadOptions<'a>,
     ) -> Self {
-        let (nodes, root) = (Vec::new(), None);
+        let (nodes, routes, root) = (Vec::new(), Vec::new(), None);
         Self {
             options,
             tree: Tree {
                 format,
                 nodes,
+                routes,
                 root,
             },
             warnings: Warnings::default(),
             heights: Vec::new(),
             open: Vec::new(),
             scopes: Vec::new(),
-            file: Rc::default(),
+            file: Arc::default(),
             loader: Loader::new(spelling),
             count: 0,
             copies: 0,
@@ -79,7 +80,7 @@ impl<'a> Builder<'a> {
     }
 
     /// The file that is being read.
-    pub(crate) fn file(&self) -> &Rc<File> {
+    pub(crate) fn file(&self) -> &Arc<File> {
         &self.file
     }
 
@@ -100,7 +101,7 @@ impl<'a> Builder<'a> {
         let node = Node {
             kind: kind.into(),
             line,
-            file: Rc::clone(&self.file),
+            file: Arc::clone(&self.file),
             ..Node::default()
         };
         self.open.push(Open {
@@ -229,7 +230,7 @@ impl<'a> Builder<'a> {
         let Open {
             node, slot, height, ..
         } = open;
-        let (def, is_scene) = (Rc::clone(&node.def), &*node.kind == "Scene");
+        let (def, is_scene) = (Arc::clone(&node.def), &*node.kind == "Scene");
         let index = self.store(node, height)?;
         if let (false, Some(scope)) = (def.is_empty(), self.scopes.last_mut()) {
             scope.nodes.insert(def, index);
@@ -257,7 +258,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Puts a stored node into the innermost open one.
-    pub(super) fn link(&mut self, node: usize, field: Option<Rc<str>>, defined_here: bool) {
+    pub(super) fn link(&mut self, node: usize, field: Option<Arc<str>>, defined_here: bool) {
         if let Some(outer) = self.open.last_mut() {
             outer.height = outer.height.max(self.heights[node]);
             outer.node.children.push(Link {
@@ -281,7 +282,7 @@ impl<'a> Builder<'a> {
 
     /// Sets the version of X3D or VRML.
     pub(crate) fn set_version(&mut self, version: &str) {
-        version.clone_into(&mut Rc::make_mut(&mut self.file).version);
+        version.clone_into(&mut Arc::make_mut(&mut self.file).version);
     }
 
     /// Takes over a `unit`: the size of one in metres or radians.
@@ -292,7 +293,7 @@ impl<'a> Builder<'a> {
             self.warnings.invalid(node.place(), text);
             return;
         }
-        let file = Rc::make_mut(&mut self.file);
+        let file = Arc::make_mut(&mut self.file);
         match &*node.string("category") {
             "length" => {
                 let name = node.string("name");

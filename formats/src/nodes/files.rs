@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::build::Builder;
 use super::proto::{Body, Prototype, Scope};
@@ -26,7 +26,7 @@ pub(super) struct Loader {
     /// Marks of the contents that are being read: a file must not contain itself.
     reading: Vec<u64>,
     /// Files by name; for those that could not be read, why.
-    known: HashMap<Rc<str>, Result<Rc<Contents>, String>>,
+    known: HashMap<Arc<str>, Result<Arc<Contents>, String>>,
     /// What these files have in bytes together.
     bytes: usize,
 }
@@ -34,7 +34,7 @@ pub(super) struct Loader {
 /// What a file holds.
 #[derive(Debug)]
 pub(super) struct Contents {
-    file: Rc<File>,
+    file: Arc<File>,
     scene: Option<usize>,
     names: Scope,
 }
@@ -126,11 +126,11 @@ impl Builder<'_> {
         &mut self,
         node: &Node,
         addresses: &[String],
-    ) -> Result<Option<Rc<Body>>, Error> {
+    ) -> Result<Option<Arc<Body>>, Error> {
         let body = |contents: &Contents, fragment: Option<&str>| {
             let name = fragment.or(contents.names.first.as_deref())?;
             match contents.names.prototypes.get(name)? {
-                Prototype::Here(body) => Some(Rc::clone(body)),
+                Prototype::Here(body) => Some(Arc::clone(body)),
                 _ => None,
             }
         };
@@ -175,7 +175,7 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// If a limit is passed.
-    fn load(&mut self, name: &str) -> Result<Result<Rc<Contents>, String>, Error> {
+    fn load(&mut self, name: &str) -> Result<Result<Arc<Contents>, String>, Error> {
         if let Some(known) = self.loader.known.get(name) {
             return Ok(known.clone());
         }
@@ -183,7 +183,7 @@ impl Builder<'_> {
             return Ok(Err(format!("more than {FILES} files are named")));
         }
         let contents = match self.fetch(name) {
-            Ok(bytes) => Ok(Rc::new(self.contents(name, &bytes)?)),
+            Ok(bytes) => Ok(Arc::new(self.contents(name, &bytes)?)),
             Err(reason) => Err(reason),
         };
         self.loader.known.insert(name.into(), contents.clone());
@@ -218,7 +218,7 @@ impl Builder<'_> {
             name: name.to_owned(),
             ..File::default()
         };
-        let outer_file = std::mem::replace(&mut self.file, Rc::new(file));
+        let outer_file = std::mem::replace(&mut self.file, Arc::new(file));
         let outer_scene = self.loader.scene.take();
         let outer_scope = std::mem::replace(&mut self.loader.first_scope, self.scopes.len());
         // What is open belongs to the outer file, and nothing of this one is put into it.

@@ -9,6 +9,7 @@
 //! Nodes are stored children first, so a USE can only point to a node that is complete.
 //! Cycles cannot be built, and the conversion needs no recursion.
 
+mod animate;
 mod build;
 mod curve;
 mod deform;
@@ -27,12 +28,13 @@ mod trim;
 #[cfg(test)]
 mod tests;
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
+pub use animate::Animation;
 pub(crate) use build::Builder;
 pub(crate) use text::{Lines, decode, without_mark};
 
@@ -47,9 +49,9 @@ pub(crate) type Spelling = fn(&[u8], &mut Builder<'_>) -> Result<Option<Error>, 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Field {
     /// The name.
-    pub name: Rc<str>,
+    pub name: Arc<str>,
     /// The value, not yet read, without brackets around lists.
-    pub value: Rc<str>,
+    pub value: Arc<str>,
 }
 
 /// A node within another one.
@@ -58,7 +60,7 @@ pub(crate) struct Link {
     /// Index of the node in the tree.
     pub node: usize,
     /// The field of the outer node it belongs to, if the file says so.
-    pub field: Option<Rc<str>>,
+    pub field: Option<Arc<str>>,
     /// Whether the node is defined here; otherwise this is a USE of it.
     pub defined_here: bool,
 }
@@ -92,11 +94,11 @@ impl Default for File {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Node {
     /// Its type, such as `Transform`.
-    pub kind: Rc<str>,
+    pub kind: Arc<str>,
     /// Its DEF name, or empty.
-    pub def: Rc<str>,
+    pub def: Arc<str>,
     /// The file it stands in.
-    pub file: Rc<File>,
+    pub file: Arc<File>,
     /// The line where it begins.
     pub line: usize,
     /// The fields that are not nodes.
@@ -108,7 +110,7 @@ pub(crate) struct Node {
     /// Whether the file has its end.
     pub complete: bool,
     /// Fields that the prototype around it fills: the name here, the name there.
-    pub connections: Vec<(Rc<str>, Rc<str>)>,
+    pub connections: Vec<(Arc<str>, Arc<str>)>,
 }
 
 /// All nodes of a file, children before parents.
@@ -118,6 +120,8 @@ pub(crate) struct Tree {
     pub format: &'static str,
     /// The nodes.
     pub nodes: Vec<Node>,
+    /// What moves what.
+    pub routes: Vec<animate::Route>,
     /// The node that holds the whole scene.
     pub root: Option<usize>,
 }
@@ -143,7 +147,8 @@ pub(crate) fn read(
             problem: Problem::Invalid(text),
         });
     }
-    let import = scene::convert(&tree, warnings, options)?;
+    let mut import = scene::convert(&tree, warnings, options)?;
+    import.animation = Animation::of(&tree, options.limits);
     match broken {
         Some(broken) if import.scene.root().is_none() => Err(broken),
         _ => Ok(import),

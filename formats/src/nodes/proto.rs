@@ -5,8 +5,9 @@
 //! USE. So a prototype costs little, however often it stands there.
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
+use super::animate::Route;
 use super::build::{Builder, Open};
 use super::scene::is_known;
 use super::{Field, Link, Node};
@@ -16,22 +17,22 @@ use crate::Error;
 #[derive(Debug, Default)]
 pub(super) struct Scope {
     /// Nodes by their DEF.
-    pub(super) nodes: HashMap<Rc<str>, usize>,
+    pub(super) nodes: HashMap<Arc<str>, usize>,
     /// Prototypes.
-    pub(super) prototypes: HashMap<Rc<str>, Prototype>,
+    pub(super) prototypes: HashMap<Arc<str>, Prototype>,
     /// The first prototype that is declared here.
-    pub(super) first: Option<Rc<str>>,
+    pub(super) first: Option<Arc<str>>,
 }
 
 /// A declared prototype.
 #[derive(Clone, Debug)]
 pub(super) enum Prototype {
     /// It stands in a file that has been read.
-    Here(Rc<Body>),
+    Here(Arc<Body>),
     /// It stands in one of these files.
-    Elsewhere(Rc<[String]>),
+    Elsewhere(Arc<[String]>),
     /// It is a node that is known without it.
-    Known(Rc<str>),
+    Known(Arc<str>),
     /// Its files have been looked for in vain.
     Missing,
 }
@@ -46,8 +47,8 @@ pub(super) struct Declared {
 /// A field of a prototype with its default.
 #[derive(Clone, Debug)]
 struct Declaration {
-    name: Rc<str>,
-    value: Option<Rc<str>>,
+    name: Arc<str>,
+    value: Option<Arc<str>>,
     nodes: Vec<Link>,
 }
 
@@ -61,6 +62,8 @@ pub(super) struct Body {
     own: Vec<usize>,
     /// Nodes from here on are not of the prototype.
     end: usize,
+    /// Routes that each instance has for itself.
+    routes: Vec<Route>,
 }
 
 /// Nodes that are known to us and that prototypes of other names stand for: programs declare
@@ -92,21 +95,36 @@ impl Builder<'_> {
                 return Ok(Some(open));
             }
             "unit" => self.set_unit(&open.node),
-            "ROUTE" => {
-                let text = "animation does not run: no ROUTE is followed";
-                self.warnings.unsupported(open.node.place(), text);
-            }
+            "ROUTE" => self.route(&open.node),
             "component" | "meta" | "IMPORT" | "EXPORT" => {}
             _ => return Ok(Some(open)),
         }
         Ok(None)
     }
 
+    /// A `ROUTE` between two nodes of the present scope.
+    fn route(&mut self, route: &Node) {
+        let scope = self.scopes.last();
+        let node = |field| scope.and_then(|s| s.nodes.get(&*route.string(field)).copied());
+        let [Some(from), Some(to)] = ["fromNode", "toNode"].map(node) else {
+            let text = "a ROUTE between nodes that are not both there";
+            self.warnings.invalid(route.place(), text);
+            return;
+        };
+        let [from_field, to_field] = ["fromField", "toField"].map(|f| route.string(f).into());
+        self.tree.routes.push(Route {
+            from,
+            from_field,
+            to,
+            to_field,
+        });
+    }
+
     /// A `field` of an interface; those of scripts are passed over.
     fn declare_field(&mut self, field: Node) {
         let declaration = Declaration {
             name: field.string("name").into(),
-            value: field.text("value").map(Rc::from),
+            value: field.text("value").map(Arc::from),
             nodes: field.children,
         };
         let mut around = self.open.iter_mut().rev().take(2);
@@ -117,17 +135,17 @@ impl Builder<'_> {
 
     /// A `fieldValue` of an instance.
     fn fill_field(&mut self, field: Node) {
-        let name: Rc<str> = field.string("name").into();
+        let name: Arc<str> = field.string("name").into();
         let Some(around) = self.open.last_mut() else {
             return;
         };
         if let Some(value) = field.text("value") {
-            let (name, value) = (Rc::clone(&name), value.into());
+            let (name, value) = (Arc::clone(&name), value.into());
             around.node.fields.push(Field { name, value });
         }
         for mut link in field.children {
             around.height = around.height.max(self.heights[link.node]);
-            link.field = Some(Rc::clone(&name));
+            link.field = Some(Arc::clone(&name));
             around.node.children.push(link);
         }
     }
@@ -148,21 +166,28 @@ impl Builder<'_> {
                 own.push(index);
             }
         }
+        let is_own = |r: &Route| [r.from, r.to].iter().any(|i| own.binary_search(i).is_ok());
+        let routes = self
+            .tree
+            .routes
+            .extract_if(.., |route| is_own(route))
+            .collect();
         if let Some(around) = self.open.last_mut() {
             around.declared.body = Some(Body {
                 interface: Vec::new(),
                 root: root.node,
                 own,
                 end: self.tree.nodes.len(),
+                routes,
             });
         }
     }
 
     fn declare(&mut self, open: Open) {
-        let name: Rc<str> = open.node.string("name").into();
+        let name: Arc<str> = open.node.string("name").into();
         let prototype = match open.declared.body {
-            _ if is_nurbs(&name) => Prototype::Known(Rc::clone(&name)),
-            Some(body) => Prototype::Here(Rc::new(Body {
+            _ if is_nurbs(&name) => Prototype::Known(Arc::clone(&name)),
+            Some(body) => Prototype::Here(Arc::new(Body {
                 interface: open.declared.interface,
                 ..body
             })),
@@ -178,7 +203,7 @@ impl Builder<'_> {
     /// An `EXTERNPROTO`: a node that is known needs no file, whether the prototype has its
     /// name or one of the addresses ends in it.
     fn declare_elsewhere(&mut self, node: &Node) {
-        let name: Rc<str> = node.string("name").into();
+        let name: Arc<str> = node.string("name").into();
         let addresses = node.strings("url");
         let urns = addresses.iter().filter(|a| a.starts_with("urn:"));
         let tails = urns.filter_map(|urn| urn.rsplit(':').next());
@@ -190,9 +215,9 @@ impl Builder<'_> {
         self.declare_as(name, prototype);
     }
 
-    fn declare_as(&mut self, name: Rc<str>, prototype: Prototype) {
+    fn declare_as(&mut self, name: Arc<str>, prototype: Prototype) {
         if let Some(scope) = self.scopes.last_mut() {
-            scope.first.get_or_insert_with(|| Rc::clone(&name));
+            scope.first.get_or_insert_with(|| Arc::clone(&name));
             scope.prototypes.insert(name, prototype);
         }
     }
@@ -223,7 +248,7 @@ impl Builder<'_> {
                 let found = self.fetch_prototype(node, &addresses)?;
                 let found = found.map_or(Prototype::Missing, Prototype::Here);
                 let prototypes = &mut self.scopes[scope].prototypes;
-                prototypes.insert(Rc::clone(&node.kind), found.clone());
+                prototypes.insert(Arc::clone(&node.kind), found.clone());
                 Ok(Some(found))
             }
             found => Ok(Some(found)),
@@ -267,13 +292,21 @@ impl Builder<'_> {
             let height = self.height_inside(&copy);
             self.store(copy, height)?;
         }
+        self.copies += body.routes.len();
+        self.tree
+            .routes
+            .extend(body.routes.iter().map(|route| Route {
+                from: copy_of(route.from).unwrap_or(route.from),
+                to: copy_of(route.to).unwrap_or(route.to),
+                ..route.clone()
+            }));
         let Some(root) = copy_of(body.root) else {
             return Ok(());
         };
         let made = &mut self.tree.nodes[root];
         made.complete &= node.complete;
         if !node.def.is_empty() {
-            made.def = Rc::clone(&node.def);
+            made.def = Arc::clone(&node.def);
             if let Some(scope) = self.scopes.last_mut() {
                 scope.nodes.insert(node.def, root);
             }
@@ -288,11 +321,11 @@ impl Builder<'_> {
         for (field, outer) in std::mem::take(&mut copy.connections) {
             let given = instance.children.iter();
             let given: Vec<_> = given.filter(|l| l.field.as_ref() == Some(&outer)).collect();
-            let value = instance.text(&outer).map(Rc::from);
+            let value = instance.text(&outer).map(Arc::from);
             let default = body.interface.iter().find(|d| d.name == outer);
             let default = default.filter(|_| given.is_empty() && value.is_none());
             if let Some(value) = value.or_else(|| default?.value.clone()) {
-                let name = Rc::clone(&field);
+                let name = Arc::clone(&field);
                 copy.fields.push(Field { name, value });
             }
             let nodes: Vec<_> = match default {
@@ -300,7 +333,7 @@ impl Builder<'_> {
                 None => given,
             };
             if !nodes.is_empty() {
-                let place = Some(Rc::clone(&field));
+                let place = Some(Arc::clone(&field));
                 copy.children.retain(|link| link.field != place);
                 copy.children.extend(nodes.into_iter().map(|link| Link {
                     field: place.clone(),
@@ -310,7 +343,7 @@ impl Builder<'_> {
             // The prototype around this instance may fill the field in turn.
             let further = instance.connections.iter();
             let further = further.filter(|(name, _)| *name == outer);
-            let further = further.map(|(_, further)| (Rc::clone(&field), Rc::clone(further)));
+            let further = further.map(|(_, further)| (Arc::clone(&field), Arc::clone(further)));
             copy.connections.extend(further);
         }
         if is_inline(&copy.kind) {

@@ -7,6 +7,7 @@
 use glam::{DAffine3, DQuat, DVec3};
 use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape};
 
+use super::animate::is_driver;
 use super::{Node, Tree};
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
@@ -19,18 +20,7 @@ pub(super) fn convert(
     warnings: Warnings,
     options: &ReadOptions<'_>,
 ) -> Result<Import, Error> {
-    let mut converter = Converter {
-        tree,
-        options,
-        scene: Scene::default(),
-        warnings,
-        points: 0,
-        tests: crate::triangulate::TESTS,
-        reached: Vec::new(),
-        made: Vec::new(),
-        shapes: Vec::new(),
-        bound: Bound::default(),
-    };
+    let mut converter = Converter::new(tree, warnings, options);
     if let Some(root) = tree.root {
         converter.scene.unit = Some(tree.nodes[root].file.length.clone());
         converter.reach(root);
@@ -104,7 +94,23 @@ pub(super) struct Bound {
     pub(super) background: bool,
 }
 
-impl Converter<'_> {
+impl<'a> Converter<'a> {
+    /// A conversion that has not begun.
+    pub(super) fn new(tree: &'a Tree, warnings: Warnings, options: &'a ReadOptions<'a>) -> Self {
+        Self {
+            tree,
+            options,
+            scene: Scene::default(),
+            warnings,
+            points: 0,
+            tests: crate::triangulate::TESTS,
+            reached: Vec::new(),
+            made: Vec::new(),
+            shapes: Vec::new(),
+            bound: Bound::default(),
+        }
+    }
+
     /// Marks the nodes that are shown, from `root` down, with their places.
     fn reach(&mut self, root: usize) {
         self.reached.resize(root + 1, None);
@@ -159,7 +165,9 @@ impl Converter<'_> {
             "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
             "Background" | "TextureBackground" => self.background(index, node),
             "NavigationInfo" => self.navigation(node),
-            kind if SILENT.contains(&kind) || node.is_metadata() => Made::Nothing,
+            kind if SILENT.contains(&kind) || is_driver(kind) || node.is_metadata() => {
+                Made::Nothing
+            }
             kind => {
                 let text = format!("{kind} is not read");
                 self.warnings.unsupported(node.place(), text);

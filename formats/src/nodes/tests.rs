@@ -367,3 +367,78 @@ fn a_deformer_carries_points_through_its_volume() {
     let import = read_scene("CoordinateDeformer { inputCoord Coordinate { } uDimension 2 }");
     assert_eq!(import.warnings.as_slice().len(), 1);
 }
+
+/// Where the first thing shown stands at a time.
+fn place_at(import: &Import, seconds: f64) -> DVec3 {
+    let scene = import
+        .animation
+        .as_ref()
+        .unwrap()
+        .scene_at(seconds)
+        .unwrap();
+    let placements = scene.placements();
+    placements[0].world_from_object.transform_point3(DVec3::X)
+}
+
+#[test]
+fn routes_move_what_they_lead_to() {
+    let import = read_scene(
+        "DEF T TimeSensor { cycleInterval 4 loop TRUE startTime 1 }\n\
+         DEF P PositionInterpolator { key [ 0 0.5 1 ] keyValue [ 0 0 0, 0 2 0, 0 2 6 ] }\n\
+         DEF O OrientationInterpolator { key [ 0 1 ] keyValue [ 0 0 1 0, 0 0 1 3.141592653589793 ] }\n\
+         DEF M Transform { children Shape { geometry Sphere { } } }\n\
+         ROUTE T.fraction_changed TO P.set_fraction ROUTE P.value_changed TO M.set_translation\n\
+         ROUTE T.fraction_changed TO O.set_fraction ROUTE O.value_changed TO M.rotation",
+    );
+    assert_eq!(import.warnings.as_slice(), []);
+    let near = |seconds, x: f64, y: f64, z: f64| {
+        let found = place_at(&import, seconds);
+        assert!(
+            found.distance(DVec3::new(x, y, z)) < 1e-12,
+            "{found} at {seconds}"
+        );
+    };
+    // Before the start nothing has moved; then come a quarter, a half and the end of a turn.
+    near(0.5, 1.0, 0.0, 0.0);
+    near(2.0, 0.5_f64.sqrt(), 1.0 + 0.5_f64.sqrt(), 0.0);
+    near(3.0, 0.0, 3.0, 0.0);
+    near(5.0, -1.0, 2.0, 6.0);
+    near(6.0, 0.5_f64.sqrt(), 1.0 + 0.5_f64.sqrt(), 0.0);
+    let still = shape("Sphere { }");
+    assert_eq!(still.animation, None);
+}
+
+#[test]
+fn control_points_and_curves_are_followed() {
+    let import = read_scene(
+        "DEF T TimeSensor { }\n\
+         DEF C CoordinateInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 1 0 0, 0 1 0, 1 1 0, \
+           0 0 4, 1 0 4, 0 1 4, 1 1 8 ] }\n\
+         DEF N NurbsPositionInterpolator { order 3 controlPoint Coordinate { point [ 0 0 0, 1 2 0, 2 0 0 ] } }\n\
+         DEF M Transform { children Shape { geometry NurbsPatchSurface { uDimension 2 vDimension 2 \
+           uOrder 2 vOrder 2 controlPoint DEF K Coordinate { point [ 0 0 0, 1 0 0, 0 1 0, 1 1 0 ] } } } }\n\
+         ROUTE T.fraction_changed TO C.set_fraction ROUTE C.value_changed TO K.set_point\n\
+         ROUTE T.fraction_changed TO N.set_fraction ROUTE N.value_changed TO M.set_translation",
+    );
+    assert_eq!(import.warnings.as_slice(), []);
+    let scene = import.animation.as_ref().unwrap().scene_at(0.5).unwrap();
+    let corner = scene.patches()[0].surface.evaluate(DVec2::ONE);
+    assert_eq!(corner, DVec3::new(1.0, 1.0, 4.0));
+    // The middle of the parabola.
+    assert_eq!(place_at(&import, 0.5), DVec3::new(2.0, 1.0, 0.0));
+    assert_eq!(place_at(&import, 9.0), DVec3::new(3.0, 0.0, 0.0));
+}
+
+#[test]
+fn instances_of_a_prototype_move_by_themselves() {
+    let import = read_scene(
+        "PROTO Mover [ field SFTime cycle 1 ] { Group { children [\n\
+           DEF T TimeSensor { cycleInterval IS cycle }\n\
+           DEF P PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 0 8 0 ] }\n\
+           DEF M Transform { children Shape { geometry Sphere { } } } ]\n\
+           ROUTE T.fraction_changed TO P.set_fraction ROUTE P.value_changed TO M.set_translation } }\n\
+         Mover { cycle 2 }",
+    );
+    assert_eq!(import.warnings.as_slice(), []);
+    assert_eq!(place_at(&import, 1.0), DVec3::new(1.0, 4.0, 0.0));
+}

@@ -1,7 +1,7 @@
 //! The text of files and of field values.
 
 use std::borrow::Cow;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::File;
 use crate::Warnings;
@@ -14,7 +14,7 @@ pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
 /// The text of a file; bytes that are no UTF-8 are taken for Latin-1.
 pub(crate) fn decode<'a>(
     bytes: &'a [u8],
-    file: &Rc<File>,
+    file: &Arc<File>,
     warnings: &mut Warnings,
 ) -> Cow<'a, str> {
     let wide = |read: fn([u8; 2]) -> u16| {

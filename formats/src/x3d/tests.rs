@@ -324,7 +324,7 @@ fn nothing_is_left_out_in_silence() {
         [
             "line 3, Inline: a file that is named could not be read: \
              a: files named inside are not opened",
-            "line 3, ROUTE: animation does not run: no ROUTE is followed",
+            "line 3, ROUTE: a ROUTE between nodes that are not both there",
             "line 2, Text: Text is not read (and 1 more)",
             "line 2, ImageTexture: ImageTexture is not read",
         ]
