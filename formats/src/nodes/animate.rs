@@ -1,5 +1,8 @@
 //! What a scene looks like at a time: sensors of time, interpolators, and the routes between
 //! them and the fields that they move.
+//!
+//! The tree is kept, and its fields are changed before it becomes a scene once more: so
+//! everything that can be read can move, and nothing has to be written twice.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
