@@ -65,27 +65,22 @@ impl Animation {
     /// once.
     fn changes(&self, seconds: f64, options: &ReadOptions<'_>) -> Vec<Change> {
         let tree = &self.tree;
-        let mut routes: HashMap<usize, Vec<&Route>> = HashMap::new();
+        let mut routes: HashMap<(usize, &str), Vec<&Route>> = HashMap::new();
         for route in &tree.routes {
-            routes.entry(route.from).or_default().push(route);
+            let start = (route.from, plain_name(&route.from_field));
+            routes.entry(start).or_default().push(route);
         }
         let mut converter = Converter::new(tree, Warnings::default(), options);
         let mut events: VecDeque<(usize, &str, Vec<f64>)> = VecDeque::new();
         for (index, node) in tree.nodes.iter().enumerate() {
-            if &*node.kind == "TimeSensor" && routes.contains_key(&index) {
+            if &*node.kind == "TimeSensor" && routes.contains_key(&(index, "fraction")) {
                 let fraction = fraction(node, seconds).into_iter();
                 events.extend(fraction.map(|f| (index, "fraction", vec![f])));
             }
         }
         let mut changes = Vec::new();
         while let Some((from, field, value)) = events.pop_front() {
-            let sends = |route: &&Route| plain_name(&route.from_field) == field;
-            let Some(here) = routes.get_mut(&from) else {
-                continue;
-            };
-            let fired: Vec<&Route> = here.iter().copied().filter(sends).collect();
-            here.retain(|route| !sends(route));
-            for route in fired {
+            for route in routes.remove(&(from, field)).unwrap_or_default() {
                 let (node, name) = (&tree.nodes[route.to], plain_name(&route.to_field));
                 if name == "fraction" {
                     let sent = interpolated(&mut converter, node, &value);

@@ -515,3 +515,45 @@ fn swung_surface_is_profile_times_trajectory() {
     }
     assert_eq!(messages(&import).len(), 1, "{:?}", messages(&import));
 }
+
+#[test]
+fn prototypes_of_other_files_are_read_from_xml() {
+    struct Part;
+    impl crate::Resolver for Part {
+        fn resolve(&self, name: &str) -> std::io::Result<Vec<u8>> {
+            assert_eq!(name, "parts/ball.x3dv");
+            Ok(b"#X3D V3.3 utf8\nPROTO Ball [ inputOutput SFFloat size 1 ] { Sphere { radius IS size } }".to_vec())
+        }
+    }
+    let text = file(
+        "<ExternProtoDeclare name='Ball' url='\"parts/ball.x3dv#Ball\" \"http://a.b/c\"'>\
+         <field name='size' type='SFFloat' accessType='inputOutput'/></ExternProtoDeclare>\
+         <Shape><ProtoInstance name='Ball' DEF='B'><fieldValue name='size' value='2'/>\
+         </ProtoInstance></Shape><Shape><ProtoInstance USE='B'/></Shape>",
+    );
+    let (limits, resolver) = (&Limits::default(), &Part);
+    let import = read(text.as_bytes(), &ReadOptions { limits, resolver }).unwrap();
+    assert_eq!(messages(&import), Vec::<String>::new());
+    assert_eq!(import.scene.placement_count(), 2);
+    let patch = &import.scene.patches()[0];
+    assert_eq!(
+        (import.scene.patches().len(), patch.name.as_str()),
+        (1, "B")
+    );
+    assert!((patch.surface.evaluate(DVec2::new(1.0, 0.5)).length() - 2.0).abs() < 1e-15);
+}
+
+#[test]
+fn broken_json_says_where() {
+    let json = |text: &str| read_with(&Limits::default(), text);
+    let import = json(
+        "{\"X3D\": {\"Scene\": {\"-children\": [\n{\"Shape\": {\"-geometry\":\
+        {\"Box\": {\"@size\": [1, 2, 3]}}}},\n{\"Group\": {\"-children\" []}}]}}}",
+    );
+    let import = import.unwrap();
+    assert_eq!(import.scene.patches().len(), 6);
+    let text = "line 3: broken JSON: ':' is wanted here; nothing is read from here on";
+    assert_eq!(messages(&import)[0], text);
+    let error = json("{\"X3D\": [").unwrap_err().to_string();
+    assert!(error.starts_with("X3D line 1: broken JSON: "), "{error}");
+}
