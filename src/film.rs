@@ -91,13 +91,19 @@ impl Film {
 
     /// Puts an opaque linear colour behind everything.
     #[must_use]
+    pub fn over(self, background: DVec3) -> Self {
+        self.over_each(|_, _| background)
+    }
+
+    /// Puts an opaque linear colour behind each pixel, by its `x` and `y`.
+    #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "film is single precision")]
-    pub fn over(mut self, background: DVec3) -> Self {
-        let behind = background.to_array().map(|c| c as f32);
-        for color in &mut self.colors {
+    pub(crate) fn over_each(mut self, background: impl Fn(u32, u32) -> DVec3) -> Self {
+        let places = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
+        for (color, (x, y)) in self.colors.iter_mut().zip(places) {
             let through = 1.0 - color[3];
-            for (c, b) in color.iter_mut().zip(behind) {
-                *c += through * b;
+            for (c, b) in color.iter_mut().zip(background(x, y).to_array()) {
+                *c += through * b as f32;
             }
             color[3] = 1.0;
         }

@@ -39,5 +39,5 @@ pub use film::{Film, PixelData};
 pub use integrator::Shading;
 pub use intersect::{Hit, METHODS, Method};
 pub use output::OutputOptions;
-pub use render::{RenderOptions, RenderStats, render};
+pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use glam::{DVec2, DVec3};
-use kernel::{Camera, Ray};
+use kernel::{Camera, Ray, Sky};
 use rayon::prelude::*;
 
 use crate::accelerator::{Accelerator, Workspace};
@@ -267,6 +267,17 @@ fn pixel_data(camera: &Camera, hit: &Hit) -> PixelData {
         shape: hit.shape as f32,
         ..PixelData::MISS
     }
+}
+
+/// Puts the colours of a sky behind everything, as the camera sees them in the middle of each
+/// pixel.
+#[must_use]
+pub fn over_sky(film: Film, camera: &Camera, sky: &Sky) -> Film {
+    let size = DVec2::new(f64::from(film.width()), f64::from(film.height()));
+    film.over_each(|x, y| {
+        let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+        sky.color(film_ray(camera, size, place).direction)
+    })
 }
 
 /// The ray through a place on a film of the given size, both in pixels from the upper left.

@@ -268,3 +268,45 @@ fn ambient_light_alone_gives_one_colour() {
     let mean = coverage / film.colors().len() as f64;
     assert!((mean - disc).abs() < 2e-3, "{mean} instead of {disc}");
 }
+
+#[test]
+fn frames_show_what_has_moved() {
+    let folder = TempDir::new().unwrap();
+    let scene = folder.path().join("ball.wrl");
+    let text = "#VRML V2.0 utf8\n\
+        Viewpoint { position 0 0 10 }\n\
+        DEF T TimeSensor { cycleInterval 2 }\n\
+        DEF P PositionInterpolator { key [ 0 1 ] keyValue [ -2 0 0, 2 0 0 ] }\n\
+        DEF M Transform { children Shape { geometry Sphere { } } }\n\
+        ROUTE T.fraction_changed TO P.set_fraction\n\
+        ROUTE P.value_changed TO M.set_translation\n";
+    fs::write(&scene, text).unwrap();
+    let stats = folder.path().join("stats.jsonl");
+    let options = format!(
+        "--size 32x24 --frames 0..2 --fps 1 --stats {}",
+        stats.display()
+    );
+    program(&scene, &folder.path().join("{frame}.png"), &options);
+    // The middle of what is not background, in pixels.
+    let middle = |name: &str| {
+        let picture = image::open(folder.path().join(name)).unwrap().into_rgb8();
+        let behind = *picture.get_pixel(0, 0);
+        let columns = picture.enumerate_pixels().filter(|(_, _, p)| **p != behind);
+        let columns: Vec<_> = columns.map(|(x, ..)| f64::from(x)).collect();
+        columns.iter().sum::<f64>() / columns.len() as f64 - 15.5
+    };
+    let found = ["0000.png", "0001.png", "0002.png"].map(middle);
+    assert!(
+        found[0] < -4.0 && found[1].abs() < 0.5 && found[2] > 4.0,
+        "{found:?}"
+    );
+    let stats = fs::read_to_string(stats).unwrap();
+    let times = stats.lines().map(|line| line.contains("\"time\":"));
+    assert_eq!(times.filter(|&found| found).count(), 3);
+    program(
+        &scene,
+        &folder.path().join("still.png"),
+        "--size 32x24 --time 1",
+    );
+    assert!(middle("still.png").abs() < 0.5);
+}

@@ -16,6 +16,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+use std::borrow::Cow;
 use std::io::{self, Read as _};
 use std::path::{Component, Path, PathBuf};
 use std::{fmt, fs};
@@ -27,10 +28,13 @@ mod iges;
 mod limits;
 mod nodes;
 mod obj;
+mod triangulate;
+mod vrml;
 mod x3d;
 
 pub use error::{Error, Place, Problem, Warning, Warnings};
 pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
+pub use nodes::Animation;
 
 /// A file format: one row per folder of this crate.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +63,8 @@ pub struct Import {
     pub warnings: Warnings,
     /// What became of the entities of the file, by type; empty for formats without entities.
     pub ledger: Vec<Tally>,
+    /// The same scene at other times, if anything in it moves by itself.
+    pub animation: Option<Animation>,
 }
 
 /// What became of the entities of one type, by their numbers in the file.
@@ -77,7 +83,7 @@ pub struct Tally {
 }
 
 /// All formats, those with the surest signs first.
-pub const FORMATS: &[Format] = &[x3d::FORMAT, iges::FORMAT, obj::FORMAT];
+pub const FORMATS: &[Format] = &[x3d::FORMAT, vrml::FORMAT, iges::FORMAT, obj::FORMAT];
 
 /// Why a file could not be opened.
 #[derive(Debug)]
@@ -112,16 +118,31 @@ impl From<Error> for OpenError {
     }
 }
 
-/// Reads the file at `path`. Files that it names are looked for in its folder only.
+/// Reads the file at `path`. Files that it names must lie in its folder or below.
 ///
 /// # Errors
 /// If the file cannot be read, is larger than the limit, or holds nothing usable.
 pub fn open(path: impl AsRef<Path>, limits: &Limits) -> Result<Import, OpenError> {
+    let folder = path.as_ref().parent().unwrap_or(Path::new(""));
+    open_within(&path, folder, limits)
+}
+
+/// Reads the file at `path`. Files that it names are looked for from its folder on, and must
+/// lie in `root` or below.
+///
+/// # Errors
+/// If the file cannot be read, is larger than the limit, or holds nothing usable.
+pub fn open_within(
+    path: impl AsRef<Path>,
+    root: impl AsRef<Path>,
+    limits: &Limits,
+) -> Result<Import, OpenError> {
     let path = path.as_ref();
     let bytes = read_within(fs::File::open(path)?, limits.bytes)?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let resolver = Folder {
-        root: path.parent().unwrap_or(Path::new("")),
+        base: path.parent().unwrap_or(Path::new("")),
+        root: root.as_ref(),
         limits,
     };
     let options = ReadOptions {
@@ -141,15 +162,36 @@ pub fn read(
     extension: Option<&str>,
     options: &ReadOptions<'_>,
 ) -> Result<Import, Error> {
-    if bytes.starts_with(&[0x1f, 0x8b]) {
-        let plain = read_within(
-            flate2::read::MultiGzDecoder::new(bytes),
-            options.limits.bytes,
-        )
-        .map_err(|error| unknown(Problem::Invalid(format!("damaged gzip data: {error}"))))?;
-        return read_plain(&plain, extension, options);
+    let plain = plain(bytes, options.limits.bytes).map_err(unknown)?;
+    read_plain(&plain, extension, options)
+}
+
+/// Compressed data may grow by this factor, and by this many bytes before that counts. Text
+/// full of numbers grows by ten.
+const GROWTH: usize = 100;
+const GROWTH_FREE: usize = 16 << 20;
+
+/// The content of a file with gzip compression undone, if there is one.
+fn plain(bytes: &[u8], limit: usize) -> Result<Cow<'_, [u8]>, Problem> {
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(Cow::Borrowed(bytes));
     }
-    read_plain(bytes, extension, options)
+    let mut decoder = flate2::read::MultiGzDecoder::new(bytes);
+    let (mut plain, mut block) = (Vec::new(), vec![0; 1 << 16]);
+    loop {
+        let count = decoder.read(&mut block);
+        let count = count.map_err(|e| Problem::Invalid(format!("damaged gzip data: {e}")))?;
+        if count == 0 {
+            return Ok(Cow::Owned(plain));
+        }
+        plain.extend_from_slice(&block[..count]);
+        let used = bytes.len() - decoder.get_ref().len();
+        let allowed = used.saturating_mul(GROWTH).saturating_add(GROWTH_FREE);
+        if plain.len() > allowed.min(limit) {
+            let text = format!("gzip data that grows beyond {} bytes", allowed.min(limit));
+            return Err(Problem::TooLarge(text));
+        }
+    }
 }
 
 fn read_plain(
@@ -225,8 +267,9 @@ fn read_within(source: impl io::Read, limit: usize) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Resolves names to files in one folder and below.
+/// Resolves names in one folder to files in another one and below.
 struct Folder<'a> {
+    base: &'a Path,
     root: &'a Path,
     limits: &'a Limits,
 }
@@ -236,16 +279,16 @@ impl Resolver for Folder<'_> {
         let denied = |why| io::Error::new(io::ErrorKind::PermissionDenied, why);
         let name = PathBuf::from(name.replace('\\', "/"));
         let inside = |c| matches!(c, Component::Normal(_) | Component::CurDir);
-        if !name.components().all(inside) {
+        // Without a look at the disk: that a file elsewhere exists is nobody's business.
+        if self.base == self.root && !name.components().all(inside) {
             return Err(denied("the name leads out of the folder"));
         }
         // A link inside the folder may still lead out of it.
-        let root = if self.root.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            self.root
-        };
-        let path = root.join(name).canonicalize()?;
+        let [base, root] = [self.base, self.root].map(|folder| match folder.as_os_str() {
+            name if name.is_empty() => Path::new("."),
+            _ => folder,
+        });
+        let path = base.join(name).canonicalize()?;
         if !path.starts_with(root.canonicalize()?) {
             return Err(denied("the name leads out of the folder"));
         }

@@ -1,4 +1,4 @@
-//! X3D files of other programs, where a folder with them lies beside the repository, and
+//! X3D and VRML files of other programs, where a folder with them lies beside the repository, and
 //! our own samples cut short.
 #![allow(
     clippy::print_stdout,
@@ -10,7 +10,7 @@ use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use nurbray_formats::{Import, Limits, NoFiles, Problem, ReadOptions, open, read};
+use nurbray_formats::{Import, Limits, NoFiles, ReadOptions, open, read};
 
 fn folder(name: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
@@ -36,22 +36,40 @@ fn text(path: &Path) -> String {
     text
 }
 
-/// How many NURBS surfaces the text holds that are no USE of another.
+/// The nodes that are one surface each.
+const SURFACES: [&str; 5] = [
+    "NurbsPatchSurface",
+    "NurbsTrimmedSurface",
+    "NurbsSweptSurface",
+    "NurbsSwungSurface",
+    "NurbsSurface",
+];
+
+/// How many NURBS surfaces the text holds that are no USE of another, in any spelling.
 fn surfaces_in(text: &str) -> usize {
     let count = |kind: &str| {
-        let start = format!("<{kind}");
-        let parts = text.split(&start).skip(1);
-        let tags = parts.map(|part| part.split('>').next().unwrap_or_default());
-        tags.filter(|tag| !tag.contains("USE=")).count()
+        let parts = text.split(kind).zip(text.split(kind).skip(1));
+        let is_node = |(before, after): &(&str, &str)| {
+            let is_element = before.ends_with('<')
+                && after
+                    .split('>')
+                    .next()
+                    .is_some_and(|tag| !tag.contains("USE="));
+            let is_whole = !after.starts_with(char::is_alphanumeric);
+            is_element && is_whole
+                || before.ends_with(char::is_whitespace) && after.trim_start().starts_with('{')
+        };
+        parts.filter(is_node).count()
     };
-    [
-        "NurbsPatchSurface",
-        "NurbsTrimmedSurface",
-        "NurbsSwungSurface",
-    ]
-    .map(count)
-    .iter()
-    .sum()
+    SURFACES.map(count).iter().sum()
+}
+
+/// How many of those are read.
+fn surfaces_of(import: &Import) -> usize {
+    let patches = import.scene.patches().iter();
+    let kinds = [SURFACES.as_slice(), &["TrimmedSurface"]].concat();
+    let is_nurbs = |p: &&kernel::Patch| kinds.iter().any(|kind| p.source.contains(kind));
+    patches.filter(is_nurbs).count()
 }
 
 fn print(path: &Path, found: usize, import: &Import) {
@@ -73,27 +91,31 @@ fn print(path: &Path, found: usize, import: &Import) {
 #[test]
 fn every_surface_of_the_corpus_is_read() {
     println!("file {:37} text patches loops places cameras lights", "");
-    for path in folder("../../shared/corpus/x3d") {
-        let result = open(&path, &Limits::default());
-        if !is_x3d(&path) {
-            let Err(nurbray_formats::OpenError::Format(error)) = result else {
-                panic!("{} is classic", path.display());
-            };
-            assert!(matches!(error.problem, Problem::Unsupported(_)), "{error}");
-            continue;
-        }
-        let import = result.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    for path in ["x3d", "vrml"]
+        .iter()
+        .flat_map(|name| folder(&format!("../../shared/corpus/{name}")))
+    {
         let text = text(&path);
+        let import = match open(&path, &Limits::default()) {
+            Ok(import) => import,
+            Err(error) => {
+                println!("{}: {error}", path.display());
+                assert!(text.starts_with("#VRML V1.0"), "{}", path.display());
+                continue;
+            }
+        };
         let found = surfaces_in(&text);
         print(&path, found, &import);
-        // The last surface of a file that was cut is not complete.
-        let cut = usize::from(!text.trim_end().ends_with("</X3D>"));
-        assert_eq!(
-            import.scene.patches().len(),
-            found - cut,
-            "{}",
-            path.display()
-        );
+        // Those that cannot be read are told about, and the last one of a file that was cut.
+        let told = import.warnings.as_slice().iter();
+        let told = told.filter(|w| {
+            let place = w.places[0].what.as_str();
+            let ends = w.problem.to_string();
+            SURFACES.iter().any(|kind| place.contains(kind))
+                && (w.problem.kind() == "geometry" || ends.contains("left out"))
+        });
+        let told: usize = told.map(|w| w.count).sum();
+        assert_eq!(surfaces_of(&import) + told, found, "{}", path.display());
     }
 }
 
@@ -101,7 +123,7 @@ fn every_surface_of_the_corpus_is_read() {
 fn samples_are_read_without_a_warning() {
     for path in folder("../samples").iter().filter(|path| is_x3d(path)) {
         let import = open(path, &Limits::default()).unwrap();
-        assert_eq!(import.scene.patches().len(), surfaces_in(&text(path)));
+        assert_eq!(surfaces_of(&import), surfaces_in(&text(path)));
         assert_eq!(import.warnings.as_slice(), [], "{}", path.display());
     }
 }
@@ -141,5 +163,35 @@ fn samples_cut_short_do_no_harm() {
                 assert!(!import.warnings.as_slice().is_empty(), "cut at {end}");
             }
         }
+    }
+}
+
+/// The largest and the least value of `measure` over a grid of points of a file's surfaces.
+fn spread(name: &str, measure: impl Fn(glam::DVec3) -> f64) -> Option<(f64, f64)> {
+    let path = folder("../../shared/corpus/x3d");
+    let path = path.into_iter().find(|path| path.ends_with(name))?;
+    let import = open(&path, &Limits::default()).unwrap();
+    let mut range = (f64::INFINITY, f64::NEG_INFINITY);
+    for surface in import.scene.patches().iter().map(|patch| &patch.surface) {
+        let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+        for (i, j) in (0..=64).flat_map(|i| (0..=64).map(move |j| (f64::from(i), f64::from(j)))) {
+            let uv = [(&u, i), (&v, j)].map(|(r, k)| r.start + (r.end - r.start) * k / 64.0);
+            let found = measure(surface.evaluate(uv.into()));
+            range = (range.0.min(found), range.1.max(found));
+        }
+    }
+    Some(range)
+}
+
+#[test]
+fn spheres_and_cones_of_others_are_exact() {
+    if let Some((least, most)) = spread("NurbsSphere.x3d", glam::DVec3::length) {
+        println!("{least} {most}");
+        assert!(most - least < 1e-12 * most, "{least} {most}");
+    }
+    let ratio = |p: glam::DVec3| p.x.hypot(p.z) + p.y * 0.5;
+    if let Some((least, most)) = spread("NurbsCone.x3d", ratio) {
+        println!("{least} {most}");
+        assert!(most - least < 1e-12 * most, "{least} {most}");
     }
 }

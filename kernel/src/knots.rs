@@ -200,6 +200,14 @@ impl KnotVector {
         Self { degree, knots }
     }
 
+    /// The basis functions that are not zero at `t`: the index of the first one, and the values
+    /// of all `degree + 1`. Outside the domain those of the end pieces are prolonged.
+    pub fn basis_functions(&self, t: f64) -> (usize, Vec<f64>) {
+        let span = self.span(t);
+        let [values, ..] = self.basis(span, t);
+        (span - self.degree, values[..=self.degree].to_vec())
+    }
+
     /// The `degree + 1` basis functions that are not zero on `span`, and their
     /// first and second derivatives, at `t`.
     ///

@@ -31,6 +31,7 @@ mod normal;
 mod patch;
 mod ray;
 mod scene;
+mod sky;
 mod spline;
 mod surface;
 mod trim;
@@ -51,6 +52,7 @@ pub use scene::{
     Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Shape, Unit, UpAxis,
     Wire, WireId, WireShape,
 };
+pub use sky::Sky;
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
 pub use trim::{ClosedLoops, Cover, Orientation, TrimLoop, TrimRegion, close as close_loops};

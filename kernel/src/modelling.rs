@@ -1,7 +1,7 @@
 //! Exact rational curves and surfaces: arcs, quadrics, tori, and what sweeps make of curves.
 //!
-//! Everything here is exact up to the rounding of the control points, but what [`fit()`]
-//! and [`fit_surface`] make.
+//! Everything here is exact up to the rounding of the control points, but what [`fit()`],
+//! [`fit_surface`] and [`swept`] make.
 //! A parameter that is an angle equals it, in radians, at the knots, which stand every 90
 //! degrees or closer; between them see [`arc_parameter`].
 
@@ -9,6 +9,7 @@ mod arc;
 mod fit;
 mod quadric;
 mod sweep;
+mod swept;
 
 use glam::DVec3;
 
@@ -18,6 +19,7 @@ pub use arc::{arc, arc_parameter, circle};
 pub use fit::{Fit, FitSurface, fit, fit_surface};
 pub use quadric::{cone, cylinder, plane, sphere, torus};
 pub use sweep::{extrude, revolve, ruled, swung};
+pub use swept::{Swept, swept};
 
 /// A right-handed system of three perpendicular unit vectors at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

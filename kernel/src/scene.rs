@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use crate::{Aabb, Camera, Curve, Error, Light, Material, Mesh, Patch};
+use crate::{Aabb, Camera, Curve, Error, Light, Material, Mesh, Patch, Sky};
 
 /// Index of a patch in its scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -146,6 +146,8 @@ pub struct Scene {
     pub headlight: bool,
     /// Linear colour behind everything, if the file names one.
     pub background: Option<DVec3>,
+    /// How the background changes with the direction, if it does; it then is the first colour.
+    pub sky: Option<Sky>,
     /// The unit of length, if the file names one.
     pub unit: Option<Unit>,
     /// The upward axis.
@@ -165,6 +167,7 @@ impl Default for Scene {
             lights: Vec::new(),
             headlight: true,
             background: None,
+            sky: None,
             unit: None,
             up: UpAxis::default(),
         }

@@ -1,7 +1,7 @@
 //! Input files of every command: reading, limits, and what to say about warnings.
 
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -12,11 +12,14 @@ use serde_json::{Value, json};
 const WARNINGS_SHOWN: usize = 8;
 
 /// Options that concern reading.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub(super) struct ReadArgs {
     /// Multiply the limits on file size, points, nesting and instances by this factor
     #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     relax_limits: u32,
+    /// Let files name others in this folder and below, not only beside themselves
+    #[arg(long, value_name = "FOLDER")]
+    within: Option<PathBuf>,
 }
 
 /// A file that has been read.
@@ -27,7 +30,7 @@ pub(super) struct Loaded {
 }
 
 impl ReadArgs {
-    fn limits(self) -> Limits {
+    fn limits(&self) -> Limits {
         let factor = self.relax_limits as usize;
         let limits = Limits::default();
         Limits {
@@ -42,7 +45,7 @@ impl ReadArgs {
     }
 
     /// Reads a file, or standard input for `-`.
-    pub(super) fn load(self, path: &Path) -> anyhow::Result<Loaded> {
+    pub(super) fn load(&self, path: &Path) -> anyhow::Result<Loaded> {
         let started = Instant::now();
         let limits = self.limits();
         let import = if is_stdin(path) {
@@ -57,7 +60,11 @@ impl ReadArgs {
             };
             formats::read(&bytes, None, &options).context(display(path))?
         } else {
-            formats::open(path, &limits).with_context(|| display(path))?
+            match &self.within {
+                Some(root) => formats::open_within(path, root, &limits),
+                None => formats::open(path, &limits),
+            }
+            .with_context(|| display(path))?
         };
         Ok(Loaded {
             import,

@@ -1,5 +1,7 @@
 //! Values on the command line.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use nurbray::kernel::linear_from_srgb;
 
@@ -41,6 +43,16 @@ pub(super) enum Background {
     Color(DVec3),
 }
 
+/// A range of frames such as `0..23`, both with it.
+pub(super) fn frames(text: &str) -> Result<Range<u32>, String> {
+    let range = text.split_once("..").and_then(|(first, last)| {
+        let (first, last): (u32, u32) = (first.parse().ok()?, last.parse().ok()?);
+        Some(first..last.checked_add(1)?)
+    });
+    let range = range.filter(|range| !range.is_empty());
+    range.ok_or_else(|| format!("'{text}' is not a range of frames such as 0..23"))
+}
+
 /// `none`, `#rrggbb` or `r,g,b` from 0 to 1, as sRGB.
 pub(super) fn background(text: &str) -> Result<Background, String> {
     if text == "none" {
@@ -70,6 +82,8 @@ mod tests {
         assert!(size("640").is_err() && size("0x5").is_err() && size("99999x99999").is_err());
         assert_eq!(background("#ffffff"), Ok(Background::Color(DVec3::ONE)));
         assert_eq!(background("0,0,0"), Ok(Background::Color(DVec3::ZERO)));
+        assert_eq!((frames("0..23"), frames("7..7")), (Ok(0..24), Ok(7..8)));
+        assert!(frames("3..2").is_err() && frames("3").is_err() && frames("-1..2").is_err());
         assert!(background("2,0,0").is_err() && background("#fff").is_err());
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal as _, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -14,7 +15,7 @@ use nurbray::kernel::{Camera, Projection, Scene, linear_from_srgb};
 use nurbray::output::{self, Aov, OutputOptions, PngDepth};
 use nurbray::{
     Accelerator, CertifyStats, METHODS, Method, RenderOptions, RenderStats, Shading, certify_film,
-    render,
+    over_sky, render,
 };
 use serde_json::{Value, json};
 
@@ -34,7 +35,8 @@ pub(super) struct Args {
     /// Files to render; - reads standard input
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Picture to write, .png or .exr; {stem} stands for the input's name without its ending
+    /// Picture to write, .png or .exr; {stem} stands for the input's name without its ending,
+    /// {frame} for the number of the frame in four digits
     #[arg(short, long, value_name = "OUT")]
     output: String,
     /// Size of the picture in pixels
@@ -64,6 +66,20 @@ pub(super) struct Args {
     /// Colour behind the scene: none, #rrggbb, or r,g,b from 0 to 1
     #[arg(long, value_name = "COLOR", value_parser = parse::background)]
     background: Option<Background>,
+    /// Moment of an animated scene, in seconds from its start
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        allow_hyphen_values = true,
+        conflicts_with = "frames"
+    )]
+    time: Option<f64>,
+    /// Frames A to B of an animated scene, B with them; put {frame} into -o
+    #[arg(long, value_name = "A..B", value_parser = parse::frames)]
+    frames: Option<Range<u32>>,
+    /// Frames per second
+    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = rate, requires = "frames")]
+    fps: f64,
     /// How surfaces are shaded; none writes the geometry channels only (EXR)
     #[arg(long, value_enum, default_value_t = ShadingArg::Phong)]
     shading: ShadingArg,
@@ -99,7 +115,8 @@ const EXAMPLES: &str = "\
 Examples:
   nurbray render samples/teapot.obj -o teapot.png
   nurbray render wing.igs -o wing.exr --eye 3,-4,2 --target 0,0,0 --up 0,0,1 --fov 30
-  nurbray render parts/*.igs -o 'out/{stem}.png' --stats stats.jsonl";
+  nurbray render parts/*.igs -o 'out/{stem}.png' --stats stats.jsonl
+  nurbray render robot.x3dv -o 'out/{frame}.png' --frames 0..47";
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ShadingArg {
@@ -133,6 +150,14 @@ fn degrees(text: &str) -> Result<f64, String> {
     angle.ok_or_else(|| format!("'{text}' is not an angle between 0 and 180 degrees"))
 }
 
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text
+        .parse()
+        .ok()
+        .filter(|n: &f64| *n > 0.0 && n.is_finite());
+    rate.ok_or_else(|| format!("'{text}' is not a positive number"))
+}
+
 /// Renders every file; the result is how many failed.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let targets = targets(args)?;
@@ -143,14 +168,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         .build()?;
     let mut failed = 0;
     for (file, target) in args.files.iter().zip(&targets) {
-        match pool.install(|| render_file(args, file, target, &output)) {
-            Ok(report) => stats.add(&report)?,
-            Err(error) => {
-                failed += 1;
-                eprintln!("nurbray: {error:#}");
-                stats
-                    .add(&json!({ "file": input::display(file), "error": format!("{error:#}") }))?;
-            }
+        let done = pool.install(|| render_file(args, file, target, &output, &mut stats));
+        if let Err(error) = done {
+            failed += 1;
+            eprintln!("nurbray: {error:#}");
+            stats.add(&json!({ "file": input::display(file), "error": format!("{error:#}") }))?;
         }
     }
     stats.finish()?;
@@ -178,6 +200,9 @@ fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
             );
         }
         targets.push(target);
+    }
+    if args.frames.is_some() != args.output.contains("{frame}") {
+        bail!("--frames A..B and {{frame}} in -o need each other");
     }
     Ok(targets)
 }
@@ -223,14 +248,45 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
     })
 }
 
+/// Renders a file, or each frame of it.
 fn render_file(
     args: &Args,
     file: &Path,
     target: &Path,
     output: &OutputOptions,
-) -> anyhow::Result<Value> {
-    let loaded = args.read.load(file)?;
+    stats: &mut Stats<'_>,
+) -> anyhow::Result<()> {
+    let mut loaded = args.read.load(file)?;
     input::report_warnings(file, &loaded.import);
+    let frames = args
+        .frames
+        .clone()
+        .map_or(vec![None], |range| range.map(Some).collect());
+    for frame in frames {
+        let seconds = frame.map(|frame| f64::from(frame) / args.fps).or(args.time);
+        if let (Some(seconds), Some(animation)) = (seconds, &loaded.import.animation) {
+            let scene = animation.scene_at(seconds);
+            loaded.import.scene = scene.with_context(|| input::display(file))?;
+        }
+        let name = frame.map_or_else(String::new, |frame| format!("{frame:04}"));
+        let target = target.to_string_lossy().replace("{frame}", &name);
+        let mut report = render_scene(args, &loaded, file, target.as_ref(), output)?;
+        if let Some(seconds) = seconds {
+            report["time"] = seconds.into();
+        }
+        stats.add(&report)?;
+    }
+    Ok(())
+}
+
+/// Renders the scene of a file as it is now.
+fn render_scene(
+    args: &Args,
+    loaded: &Loaded,
+    file: &Path,
+    target: &Path,
+    output: &OutputOptions,
+) -> anyhow::Result<Value> {
     let scene = &loaded.import.scene;
     if scene.placement_count() == 0 {
         let import = &loaded.import;
@@ -264,15 +320,11 @@ fn render_file(
     let certified = args
         .certify
         .then(|| certify_film(&mut film, &accelerator, &camera));
-    let background = args.background.unwrap_or_else(|| {
-        let color = scene
-            .background
-            .unwrap_or_else(|| linear_from_srgb(DEFAULT_BACKGROUND));
-        Background::Color(color)
-    });
-    let film = match background {
-        Background::Color(color) => film.over(color),
-        Background::None => film,
+    let film = match (args.background, &scene.sky, scene.background) {
+        (Some(Background::None), ..) => film,
+        (Some(Background::Color(color)), ..) | (None, None, Some(color)) => film.over(color),
+        (None, Some(sky), _) => over_sky(film, &camera, sky),
+        (None, None, None) => film.over(linear_from_srgb(DEFAULT_BACKGROUND)),
     };
     let started = Instant::now();
     if let Some(folder) = target.parent().filter(|f| !f.as_os_str().is_empty()) {
@@ -280,7 +332,7 @@ fn render_file(
     }
     output::write(&film, target, output).with_context(|| target.display().to_string())?;
     let report = Report {
-        loaded: &loaded,
+        loaded,
         accelerator: &accelerator,
         stats,
         build,

@@ -4,11 +4,12 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{DAffine3, DVec3};
 use kernel::{
-    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, linear_from_srgb,
+    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, Sky,
+    linear_from_srgb,
 };
 
 use super::Node;
-use super::scene::{Converter, Made};
+use super::scene::{Converter, Made, rotation};
 
 /// Factor from the field `shininess` to the exponent of the Phong model.
 const SHININESS: f64 = 128.0;
@@ -21,13 +22,21 @@ const AMBIENT: f64 = 0.2;
 const DIELECTRIC: f64 = 0.04;
 
 /// Opening angles of a `SpotLight` where the file gives none: full light, and no light.
-const SPOT: [f64; 2] = [FRAC_PI_4, FRAC_PI_2];
+const SPOT_3: [f64; 2] = [FRAC_PI_4, FRAC_PI_2];
 
-/// As [`SPOT`], full light since X3D 4.0.
-const SPOT_BEAM_4: f64 = 0.589_049;
+/// As [`SPOT_3`], since X3D 4.0.
+const SPOT_4: [f64; 2] = [0.589_049, FRAC_PI_2];
+
+/// As [`SPOT_3`], in VRML 97.
+const SPOT_97: [f64; 2] = [FRAC_PI_2, FRAC_PI_4];
 
 impl Converter<'_> {
+    /// A `Material`, or the front of a `TwoSidedMaterial`.
     pub(super) fn material(&mut self, node: &Node) -> Made {
+        if node.flag("separateBackColor", false, &mut self.warnings) {
+            let text = "both sides are shown in the material of the front";
+            self.warnings.unsupported(node.place(), text);
+        }
         let ambient = self.share(node, "ambientIntensity", 0.2);
         let diffuse = self.color(node, "diffuseColor", DVec3::splat(0.8));
         let material = Material {
@@ -78,7 +87,7 @@ impl Converter<'_> {
             }
         }
         Material {
-            name: node.def.clone(),
+            name: node.def.to_string(),
             ambient: DVec3::ZERO,
             diffuse: DVec3::ZERO,
             specular: DVec3::ZERO,
@@ -110,19 +119,19 @@ impl Converter<'_> {
     }
 
     /// An angle in radians.
-    fn angle(&mut self, node: &Node, field: &str, default: f64) -> f64 {
+    pub(super) fn angle(&mut self, node: &Node, field: &str, default: f64) -> f64 {
         let found = node.tuple(field, &mut self.warnings);
-        found.map_or(default, |[angle]| angle * self.tree.angle)
+        found.map_or(default, |[angle]| angle * node.file.angle)
     }
 
     pub(super) fn viewpoint(&mut self, index: usize, node: &Node) -> Made {
         let world = self.world_from_parent(index);
-        let rotation = self.rotation(node, "orientation");
+        let rotation = rotation(node, "orientation", &mut self.warnings);
         let [right, up, back] = DVec3::AXES.map(|axis| world.transform_vector3(rotation * axis));
         let position = DVec3::new(0.0, 0.0, 10.0);
         let position = node.vector("position", position, &mut self.warnings);
         let mut eye = world.transform_point3(position);
-        let projection = if node.kind == "OrthoViewpoint" {
+        let projection = if &*node.kind == "OrthoViewpoint" {
             let window = node.tuple("fieldOfView", &mut self.warnings);
             let window = window.filter(|[l, b, r, t]| l < r && b < t);
             let [left, bottom, r, t] = window.unwrap_or([-1.0, -1.0, 1.0, 1.0]);
@@ -140,9 +149,10 @@ impl Converter<'_> {
         };
         match Camera::look_at(eye, eye - back.normalize_or_zero(), up, projection) {
             Some(mut camera) => {
-                let description = node.text("description").unwrap_or_default();
-                let def = Some(node.def.as_str()).filter(|def| !def.is_empty());
-                def.unwrap_or(description).clone_into(&mut camera.name);
+                camera.name = match &*node.def {
+                    "" => node.string("description"),
+                    def => def.to_owned(),
+                };
                 self.scene.cameras.push(camera);
             }
             None => {
@@ -157,7 +167,7 @@ impl Converter<'_> {
         if !node.flag("on", true, &mut self.warnings) {
             return Made::Nothing;
         }
-        let directional = node.kind == "DirectionalLight";
+        let directional = &*node.kind == "DirectionalLight";
         let global = node.flag("global", !directional, &mut self.warnings);
         if !global && node.parent != self.tree.root {
             let text = "a light of one group lights the whole scene";
@@ -186,16 +196,19 @@ impl Converter<'_> {
         let position = world.transform_point3(position);
         let direction = node.vector("direction", DVec3::NEG_Z, &mut self.warnings);
         let direction = world.transform_vector3(direction).try_normalize();
-        match node.kind.as_str() {
+        match &*node.kind {
             "DirectionalLight" => direction.map(|direction| LightKind::Directional { direction }),
             "PointLight" => Some(LightKind::Point {
                 position,
                 falloff: self.falloff(node, world),
             }),
             _ => {
-                let since_4 = self.tree.version.starts_with('4');
-                let beam = if since_4 { SPOT_BEAM_4 } else { SPOT[0] };
-                let outer = self.angle(node, "cutOffAngle", SPOT[1]).clamp(0.0, PI);
+                let [beam, cut_off] = match &*node.file.version {
+                    "2.0" => SPOT_97,
+                    version if version.starts_with('4') => SPOT_4,
+                    _ => SPOT_3,
+                };
+                let outer = self.angle(node, "cutOffAngle", cut_off).clamp(0.0, PI);
                 let inner = self.angle(node, "beamWidth", beam).clamp(0.0, outer);
                 Some(LightKind::Spot {
                     position,
@@ -224,21 +237,39 @@ impl Converter<'_> {
         }
     }
 
-    pub(super) fn background(&mut self, node: &Node) -> Made {
+    /// The first background: one colour, or a sky and a ground of several.
+    pub(super) fn background(&mut self, index: usize, node: &Node) -> Made {
         if std::mem::replace(&mut self.bound.background, true) {
             return Made::Nothing;
         }
-        let colors = node.points_3d("skyColor", &mut self.warnings);
-        let is_plain = node.text("groundColor").is_none() && node.text("skyAngle").is_none();
-        let textures = node.children.iter().map(|link| &self.tree.nodes[link.node]);
-        if !is_plain || colors.len() > 1 || textures.into_iter().any(|n| !n.is_metadata()) {
-            let text = "a background of several colours is shown in the first one";
+        let mut textures = node.children.iter().map(|link| &self.tree.nodes[link.node]);
+        let has_texture = textures.any(|n| !n.is_metadata());
+        if has_texture || node.fields.iter().any(|f| f.name.ends_with("Url")) {
+            let text = "the pictures of a background are not read";
             self.warnings.unsupported(node.place(), text);
         }
-        let color = colors.first().copied().unwrap_or(DVec3::ZERO);
-        let color = color.clamp(DVec3::ZERO, DVec3::ONE);
-        self.scene.background = Some(linear_from_srgb(color));
+        let sky = self.stops(node, "skyColor", "skyAngle");
+        let ground = self.stops(node, "groundColor", "groundAngle");
+        self.scene.background = Some(sky.first().map_or(DVec3::ZERO, |&(_, color)| color));
+        let up = self.world_from_parent(index).transform_vector3(DVec3::Y);
+        if sky.len() > 1 || !ground.is_empty() {
+            self.scene.sky = Some(Sky::new(up.normalize_or(DVec3::Y), sky, ground));
+        }
         Made::Nothing
+    }
+
+    /// Linear colours at angles, the first of which is zero.
+    fn stops(&mut self, node: &Node, colors: &str, angles: &str) -> Vec<(f64, DVec3)> {
+        let found = node.points_3d(colors, &mut self.warnings).into_iter();
+        let found = found.map(|c| linear_from_srgb(c.clamp(DVec3::ZERO, DVec3::ONE)));
+        let given = node.numbers(angles, &mut self.warnings).into_iter();
+        let places = std::iter::once(0.0).chain(given.map(|a| a * node.file.angle));
+        let stops: Vec<_> = places.zip(found.clone()).collect();
+        if stops.len() < found.count() {
+            let text = "colours without an angle are not used";
+            self.warnings.invalid(node.field_place(colors), text);
+        }
+        stops
     }
 
     pub(super) fn navigation(&mut self, node: &Node) -> Made {

@@ -3,32 +3,55 @@
 //!
 //! The spellings (XML, classic, JSON) only fill a [`Tree`] through its [`Builder`]. Field
 //! values stay text until the conversion asks for them, because only the meaning of a field
-//! tells its type.
+//! tells its type. Prototypes and files named inside are put in place while the tree grows,
+//! so the conversion sees plain nodes only.
 //!
 //! Nodes are stored children first, so a USE can only point to a node that is complete.
 //! Cycles cannot be built, and the conversion needs no recursion.
 
+mod animate;
 mod build;
+mod curve;
+mod deform;
+mod extrusion;
+mod files;
+mod knots;
 mod look;
 mod mesh;
 mod nurbs;
+mod proto;
 mod scene;
+mod solids;
+mod text;
 mod trim;
+
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use crate::{Place, Warnings};
+use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
-pub(crate) use build::{Builder, Head};
-pub(crate) use scene::convert;
+pub use animate::Animation;
+pub(crate) use build::Builder;
+pub(crate) use text::{Lines, decode, without_mark};
+
+/// Reads bytes in one spelling into a builder. Gives the error at which it had to stop, which
+/// is a warning already, if it did not come to the end.
+///
+/// # Errors
+/// If a limit is passed.
+pub(crate) type Spelling = fn(&[u8], &mut Builder<'_>) -> Result<Option<Error>, Error>;
 
 /// A field and its value as it stands in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Field {
     /// The name.
-    pub name: String,
-    /// The value, not yet read.
-    pub value: String,
+    pub name: Arc<str>,
+    /// The value, not yet read, without brackets around lists.
+    pub value: Arc<str>,
 }
 
 /// A node within another one.
@@ -37,18 +60,45 @@ pub(crate) struct Link {
     /// Index of the node in the tree.
     pub node: usize,
     /// The field of the outer node it belongs to, if the file says so.
-    pub field: Option<String>,
+    pub field: Option<Arc<str>>,
     /// Whether the node is defined here; otherwise this is a USE of it.
     pub defined_here: bool,
+}
+
+/// What a file says about itself. Files inside others have their own.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct File {
+    /// Its name, for files that are named inside others; empty for the first one.
+    pub name: String,
+    /// Version of X3D or VRML, such as `3.3`; empty if the file does not say.
+    pub version: String,
+    /// The unit of length.
+    pub length: kernel::Unit,
+    /// Radians of one unit of angle.
+    pub angle: f64,
+}
+
+impl Default for File {
+    fn default() -> Self {
+        let name = "m".to_owned();
+        Self {
+            name: String::new(),
+            version: String::new(),
+            length: kernel::Unit { name, metres: 1.0 },
+            angle: 1.0,
+        }
+    }
 }
 
 /// A node of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Node {
     /// Its type, such as `Transform`.
-    pub kind: String,
+    pub kind: Arc<str>,
     /// Its DEF name, or empty.
-    pub def: String,
+    pub def: Arc<str>,
+    /// The file it stands in.
+    pub file: Arc<File>,
     /// The line where it begins.
     pub line: usize,
     /// The fields that are not nodes.
@@ -59,6 +109,8 @@ pub(crate) struct Node {
     pub parent: Option<usize>,
     /// Whether the file has its end.
     pub complete: bool,
+    /// Fields that the prototype around it fills: the name here, the name there.
+    pub connections: Vec<(Arc<str>, Arc<str>)>,
 }
 
 /// All nodes of a file, children before parents.
@@ -66,32 +118,69 @@ pub(crate) struct Node {
 pub(crate) struct Tree {
     /// Name of the format, for errors.
     pub format: &'static str,
-    /// Version of X3D, such as `3.3`; empty if the file does not say.
-    pub version: String,
-    /// The unit of length.
-    pub length: kernel::Unit,
-    /// Radians of one unit of angle.
-    pub angle: f64,
     /// The nodes.
     pub nodes: Vec<Node>,
+    /// What moves what.
+    pub routes: Vec<animate::Route>,
     /// The node that holds the whole scene.
     pub root: Option<usize>,
+}
+
+/// Reads a file in whatever spelling it has, and makes a scene of it.
+///
+/// # Errors
+/// If a limit is passed, the file holds no scene, or it is broken before anything is shown.
+pub(crate) fn read(
+    format: &'static str,
+    spelling: Spelling,
+    bytes: &[u8],
+    options: &ReadOptions<'_>,
+) -> Result<Import, Error> {
+    let mut builder = Builder::new(format, spelling, options);
+    let broken = builder.read(bytes)?;
+    let (tree, warnings) = builder.finish()?;
+    if tree.root.is_none() && broken.is_none() {
+        let text = format!("there is no scene in it; this is no {format} file");
+        return Err(Error {
+            format,
+            place: Place::default(),
+            problem: Problem::Invalid(text),
+        });
+    }
+    let mut import = scene::convert(&tree, warnings, options)?;
+    import.animation = Animation::of(&tree, options.limits);
+    match broken {
+        Some(broken) if import.scene.root().is_none() => Err(broken),
+        _ => Ok(import),
+    }
+}
+
+impl File {
+    /// A place in it.
+    pub(crate) fn place(&self, line: usize, what: &str) -> Place {
+        match (self.name.as_str(), what) {
+            ("", what) => Place::item(line, what),
+            (name, "") => Place::item(line, format!("of {name}")),
+            (name, what) => Place::item(line, format!("{what} of {name}")),
+        }
+    }
 }
 
 impl Node {
     /// Where it stands, in the words of the file.
     pub(crate) fn place(&self) -> Place {
-        Place::item(self.line, self.title())
+        self.file.place(self.line, &self.title())
     }
 
     /// Where one of its fields stands.
     fn field_place(&self, field: &str) -> Place {
-        Place::item(self.line, format!("{}, {field}", self.title()))
+        self.file
+            .place(self.line, &format!("{}, {field}", self.title()))
     }
 
     fn title(&self) -> String {
-        match self.def.as_str() {
-            "" => self.kind.clone(),
+        match &*self.def {
+            "" => self.kind.to_string(),
             def => format!("{} DEF {def}", self.kind),
         }
     }
@@ -101,10 +190,20 @@ impl Node {
         self.kind.starts_with("Metadata")
     }
 
-    /// The text of a field.
+    /// The text of a field, as it stands there last.
     pub(crate) fn text(&self, field: &str) -> Option<&str> {
-        let found = self.fields.iter().find(|f| f.name == field);
-        found.map(|f| f.value.as_str())
+        let found = self.fields.iter().rev().find(|f| &*f.name == field);
+        found.map(|f| &*f.value)
+    }
+
+    /// The strings of a field: what stands in quotes, or all of it if nothing does.
+    pub(crate) fn strings(&self, field: &str) -> Vec<String> {
+        self.text(field).map_or_else(Vec::new, text::strings)
+    }
+
+    /// The first string of a field, or nothing.
+    pub(crate) fn string(&self, field: &str) -> String {
+        self.strings(field).into_iter().next().unwrap_or_default()
     }
 
     /// The numbers of a field; empty if it is not there or one of them is malformed.
@@ -113,7 +212,7 @@ impl Node {
             return Vec::new();
         };
         let mut numbers = Vec::new();
-        for word in words(text) {
+        for word in text::words(text) {
             match word.parse() {
                 Ok(number) if f64::is_finite(number) => numbers.push(number),
                 _ => {
@@ -226,20 +325,14 @@ impl Node {
     }
 }
 
-/// The words of a value; commas are white space.
-fn words(text: &str) -> impl Iterator<Item = &str> {
-    let words = text.split(|c: char| c == ',' || c.is_ascii_whitespace());
-    words.filter(|word| !word.is_empty())
-}
-
 #[cfg(test)]
-mod tests {
+mod field_tests {
     use super::*;
 
     fn node(value: &str) -> Node {
-        let (name, value) = ("a".to_owned(), value.to_owned());
+        let (name, value) = ("a".into(), value.into());
         Node {
-            kind: "Test".to_owned(),
+            kind: "Test".into(),
             line: 7,
             fields: vec![Field { name, value }],
             ..Node::default()

@@ -1,61 +1,146 @@
-//! NURBS surfaces of X3D.
+//! NURBS surfaces of X3D and VRML 97.
 //!
 //! The standard says nothing about whether control points are multiplied by their weights
 //! already. Most viewers take them as they are for the numerators of the rational form, and
 //! so do we: the Cartesian point is `controlPoint / weight`.
 
 use glam::{DVec2, DVec3};
-use kernel::{Error as GeometryError, KnotVector, Patch, Surface, modelling};
+use kernel::{Curve, Error as GeometryError, Patch, Surface, modelling};
 
+use super::extrusion::frames;
+use super::knots::{Direction, Knots, weights};
 use super::scene::Converter;
 use super::{Link, Node};
 use crate::{Error, Warnings};
 
-impl Converter<'_> {
-    /// A `NurbsPatchSurface`, `NurbsTrimmedSurface` or `NurbsSwungSurface`.
+/// How far a swept surface may be from its definition, as a share of its size.
+const FIT: f64 = 1e-9;
+
+impl<'a> Converter<'a> {
+    /// The surfaces of a geometry.
     ///
     /// # Errors
     /// If a limit is passed.
-    pub(super) fn patch(&mut self, node: &Node) -> Result<Result<Patch, GeometryError>, Error> {
-        if node.kind == "NurbsSwungSurface" {
-            return Ok(self.swung(node)?.map(Patch::from));
+    pub(super) fn patches(
+        &mut self,
+        node: &Node,
+    ) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
+        match &*node.kind {
+            "NurbsSwungSurface" => self.swung(node),
+            "NurbsSweptSurface" => self.swept(node),
+            "TrimmedSurface" => self.trimmed(node),
+            "Extrusion" => self.extrusion(node),
+            "Box" | "Cone" | "Cylinder" | "Disk2D" | "Rectangle2D" | "Sphere" => {
+                Ok(self.solid(node))
+            }
+            _ => Ok(self.net(node, node)?.map(|patch| vec![patch])),
         }
+    }
+
+    /// A surface with a net of control points, and the contours of `trims`.
+    fn net(&mut self, node: &Node, trims: &Node) -> Result<Result<Patch, GeometryError>, Error> {
         let points = self.points_inside(node)?;
         let surface = match net(node, &points, &mut self.warnings) {
             Ok(surface) => surface,
             Err(problem) => return Ok(Err(problem)),
         };
-        let loops = self.trim_loops(node, &surface)?;
+        let loops = self.trim_loops(trims, &surface)?;
+        // Only VRML 97 has this field; its front turns around.
+        let turned = !node.flag("ccw", true, &mut self.warnings) && loops.is_empty();
+        let surface = if turned {
+            surface.reversed_u()
+        } else {
+            surface
+        };
         let patch = Patch::from(surface);
         Ok(Ok(Patch { loops, ..patch }))
     }
 
-    /// A `NurbsSwungSurface`, by the definition of the textbooks; its front turns around where
-    /// `ccw` is false. Viewers do not agree on what the node means.
-    fn swung(&mut self, node: &Node) -> Result<Result<Surface, GeometryError>, Error> {
-        let text = "NurbsSwungSurface is read as profile times trajectory; some viewers differ";
-        self.warnings.unsupported(node.place(), text);
-        let mut curves = Vec::new();
-        for field in ["profileCurve", "trajectoryCurve"] {
-            let link = node
-                .children
-                .iter()
-                .find(|link| link.field.as_deref() == Some(field));
-            let Some(curve) = link.map(|link| &self.tree.nodes[link.node]) else {
-                return Ok(Err(GeometryError::EmptyLoop));
-            };
-            match self.parameter_curve(curve)? {
-                Ok(curve) => curves.push(curve),
-                Err(problem) => return Ok(Err(problem)),
+    /// The `TrimmedSurface` of VRML 97: contours around a `NurbsSurface`.
+    fn trimmed(&mut self, node: &Node) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
+        let mut inside = node.children.iter().map(|link| &self.tree.nodes[link.node]);
+        let surface = inside.find(|n| matches!(&*n.kind, "NurbsSurface" | "NurbsPatchSurface"));
+        match surface {
+            Some(surface) => Ok(self.net(surface, node)?.map(|patch| vec![patch])),
+            None => {
+                let text = "there is no surface in it; it is left out";
+                self.warnings.invalid(node.place(), text);
+                Ok(Ok(Vec::new()))
             }
         }
-        let surface = modelling::swung(&curves[0], &curves[1]);
-        let turned = !node.flag("ccw", true, &mut self.warnings);
-        Ok(Ok(if turned {
-            surface.reversed_u()
-        } else {
-            surface
+    }
+
+    /// A `NurbsSwungSurface`, by the definition of the textbooks.
+    fn swung(&mut self, node: &Node) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
+        let text = "NurbsSwungSurface is read as profile times trajectory; some viewers differ";
+        self.warnings.unsupported(node.place(), text);
+        let fields = ["profileCurve", "trajectoryCurve"];
+        let [Some(profile), Some(trajectory)] = fields.map(|field| self.part(node, field)) else {
+            let text = format!(
+                "it needs a {} and a {}; it is left out",
+                fields[0], fields[1]
+            );
+            self.warnings.invalid(node.place(), text);
+            return Ok(Ok(Vec::new()));
+        };
+        let profile = self.parameter_curve(profile)?;
+        let trajectory = self.parameter_curve(trajectory)?;
+        Ok(profile.and_then(|profile| {
+            let surface = modelling::swung(&profile, &trajectory?);
+            Ok(self.faced(node, vec![surface]))
         }))
+    }
+
+    /// A `NurbsSweptSurface`: the section is carried as an `Extrusion` carries it along ever
+    /// shorter segments of the trajectory.
+    fn swept(&mut self, node: &Node) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
+        let fields = ["crossSectionCurve", "trajectoryCurve"];
+        let [Some(section), Some(trajectory)] = fields.map(|field| self.part(node, field)) else {
+            let text = format!(
+                "it needs a {} and a {}; it is left out",
+                fields[0], fields[1]
+            );
+            self.warnings.invalid(node.place(), text);
+            return Ok(Ok(Vec::new()));
+        };
+        let section = self.parameter_curve(section)?;
+        let trajectory = self.curve_3d(trajectory)?;
+        let swept = section.and_then(|section| {
+            let trajectory = trajectory?;
+            if trajectory.degree() == 1 {
+                let spine: Vec<DVec3> = trajectory.points().collect();
+                return Ok((
+                    vec![along_polyline(&section, &trajectory, &spine)?],
+                    0.0,
+                    1.0,
+                ));
+            }
+            let size = trajectory.hull_bounds().diagonal();
+            let size = section.points().map(DVec2::length).fold(size, f64::max);
+            let swept = modelling::swept(&section, &trajectory, FIT * size)?;
+            Ok((swept.surfaces, swept.accuracy, size))
+        });
+        Ok(swept.map(|(surfaces, accuracy, size)| {
+            if accuracy > FIT * size {
+                let text = format!("the surface is only within {accuracy:.1e} of what is meant");
+                self.warnings.unsupported(node.place(), text);
+            }
+            self.faced(node, surfaces)
+        }))
+    }
+
+    /// Faces of which the front turns around where `ccw` is false.
+    fn faced(&mut self, node: &Node, surfaces: Vec<Surface>) -> Vec<Patch> {
+        let turned = !node.flag("ccw", true, &mut self.warnings);
+        let face = |s: Surface| if turned { s.reversed_u() } else { s };
+        surfaces.into_iter().map(|s| Patch::from(face(s))).collect()
+    }
+
+    /// The node in a field.
+    fn part(&self, node: &Node, field: &str) -> Option<&'a Node> {
+        let mut links = node.children.iter();
+        let link = links.find(|link| link.field.as_deref() == Some(field))?;
+        Some(&self.tree.nodes[link.node])
     }
 
     /// The points of the Coordinate node inside, whatever field it claims to be.
@@ -65,37 +150,86 @@ impl Converter<'_> {
     pub(super) fn points_inside(&mut self, node: &Node) -> Result<Vec<DVec3>, Error> {
         let inside = |link: &Link| &self.tree.nodes[link.node];
         let mut inside = node.children.iter().map(inside);
-        let coordinate =
-            inside.find(|n| matches!(n.kind.as_str(), "Coordinate" | "CoordinateDouble"));
-        let Some(coordinate) = coordinate else {
-            return Ok(Vec::new());
+        let coordinate = inside.find(|n| matches!(&*n.kind, "Coordinate" | "CoordinateDouble"));
+        // In VRML 97 the points are a field of the surface itself.
+        let (holder, field) = match coordinate {
+            Some(coordinate) => (coordinate, "point"),
+            None => (node, "controlPoint"),
         };
-        let points = coordinate.points_3d("point", &mut self.warnings);
-        self.count_points(points.len(), coordinate)?;
+        let points = holder.points_3d(field, &mut self.warnings);
+        self.count_points(points.len(), holder)?;
         Ok(points)
     }
 }
 
 /// The surface of a node with these control points.
 fn net(node: &Node, points: &[DVec3], warnings: &mut Warnings) -> Result<Surface, GeometryError> {
-    let order_u = node.count("uOrder", 3, warnings);
-    let order_v = node.count("vOrder", 3, warnings);
     let (count_u, count_v) = dimensions(node, points.len(), warnings);
     // Before anything is allocated by these numbers.
-    let expected = count_u.saturating_mul(count_v);
-    if expected != points.len() {
-        let found = points.len();
-        return Err(GeometryError::PointCount { found, expected });
+    let (found, expected) = (points.len(), count_u.saturating_mul(count_v));
+    let points = points
+        .get(..expected)
+        .ok_or(GeometryError::PointCount { found, expected })?;
+    if found > expected {
+        let text = format!("{found} control points; the first {expected} are used");
+        warnings.invalid(node.place(), text);
     }
-    let knots_u = knots(node, "uKnot", order_u, count_u, warnings)?;
-    let knots_v = knots(node, "vKnot", order_v, count_v, warnings)?;
-    match weights(node, points.len(), warnings) {
-        None => Surface::from_u_fastest(knots_u, knots_v, points, None),
-        Some(weights) => {
-            let points: Vec<_> = points.iter().zip(&weights).map(|(&p, &w)| p / w).collect();
-            Surface::from_u_fastest(knots_u, knots_v, &points, Some(&weights))
-        }
+    let weights = weights(node, expected, warnings);
+    let net = Net {
+        points,
+        weights: weights.as_deref(),
+    };
+    let some = expected > 0;
+    let u_meets = some && (0..count_v).all(|j| net.same(j * count_u, j * count_u + count_u - 1));
+    let v_meets = some && (0..count_u).all(|i| net.same(i, (count_v - 1) * count_u + i));
+    let u = Knots::of(node, &Direction::U, count_u, u_meets, warnings)?;
+    let v = Knots::of(node, &Direction::V, count_v, v_meets, warnings)?;
+    let places = v
+        .points(count_v)
+        .flat_map(|j| u.points(count_u).map(move |i| j * count_u + i));
+    let (points, weights): (Vec<_>, Vec<_>) = places.map(|i| net.cartesian(i)).unzip();
+    let weights = net.weights.map(|_| &weights[..]);
+    Surface::from_u_fastest(u.knots, v.knots, &points, weights)
+}
+
+/// The control points of a surface as the file has them.
+struct Net<'a> {
+    points: &'a [DVec3],
+    weights: Option<&'a [f64]>,
+}
+
+impl Net<'_> {
+    fn weight(&self, i: usize) -> f64 {
+        self.weights.map_or(1.0, |weights| weights[i])
     }
+
+    /// Whether two control points are one.
+    fn same(&self, i: usize, j: usize) -> bool {
+        self.points[i] == self.points[j] && self.weight(i).total_cmp(&self.weight(j)).is_eq()
+    }
+
+    fn cartesian(&self, i: usize) -> (DVec3, f64) {
+        (self.points[i] / self.weight(i), self.weight(i))
+    }
+}
+
+/// The surface of a section along a polyline, as an `Extrusion` has it.
+fn along_polyline(
+    section: &Curve<DVec2>,
+    trajectory: &Curve<DVec3>,
+    spine: &[DVec3],
+) -> Result<Surface, GeometryError> {
+    let frames = frames(spine);
+    let rows = spine.iter().zip(&frames);
+    let points: Vec<DVec3> = rows
+        .flat_map(|(&place, axes)| {
+            let point = move |c: DVec2| place + *axes * DVec3::new(c.x, 0.0, c.y);
+            section.points().map(point)
+        })
+        .collect();
+    let weights: Vec<f64> = spine.iter().flat_map(|_| section.weights()).collect();
+    let (u, v) = (section.knots().clone(), trajectory.knots().clone());
+    Surface::from_u_fastest(u, v, &points, Some(&weights))
 }
 
 /// The numbers of control points along u and v; one that is missing follows from the other.
@@ -110,78 +244,4 @@ fn dimensions(node: &Node, points: usize, warnings: &mut Warnings) -> (usize, us
     let text = "one dimension is missing; it follows from the number of control points";
     warnings.invalid(node.place(), text);
     found
-}
-
-/// The knots of one direction of a surface or of a curve with `count` control points.
-///
-/// Where they are missing or unusable, clamped knots with equal steps over `0..1` take
-/// their place.
-///
-/// # Errors
-/// If no knots exist for this order and this number of points.
-pub(super) fn knots(
-    node: &Node,
-    field: &str,
-    order: usize,
-    count: usize,
-    warnings: &mut Warnings,
-) -> Result<KnotVector, GeometryError> {
-    let degree = order.saturating_sub(1);
-    let uniform = KnotVector::clamped_uniform(degree, count, 0.0..1.0)?;
-    let mut given = node.numbers(field, warnings);
-    if given.is_empty() {
-        return Ok(uniform);
-    }
-    let expected = count + order;
-    if let (true, [first, .., last]) = (given.len() + 2 == expected, &given[..]) {
-        let (first, last) = (*first, *last);
-        given.insert(0, first);
-        given.push(last);
-        let text = "two knots are missing; the first and the last are repeated";
-        warnings.invalid(node.field_place(field), text);
-    }
-    if given.len() != expected {
-        let text = format!(
-            "{} knots; dimension + order = {expected} are needed; equal steps are used",
-            given.len()
-        );
-        warnings.invalid(node.field_place(field), text);
-        return Ok(uniform);
-    }
-    Ok(KnotVector::new(degree, given).unwrap_or_else(|problem| {
-        let text = format!("{problem}; equal steps are used");
-        warnings.invalid(node.field_place(field), text);
-        uniform
-    }))
-}
-
-/// The weights of `count` control points; `None` if all are one.
-pub(super) fn weights(node: &Node, count: usize, warnings: &mut Warnings) -> Option<Vec<f64>> {
-    let weights = node.numbers("weight", warnings);
-    if weights.is_empty() {
-        return None;
-    }
-    let place = || node.field_place("weight");
-    if weights.len() != count {
-        let text = format!(
-            "{} weights for {count} control points; all weights are taken as one",
-            weights.len()
-        );
-        warnings.invalid(place(), text);
-        return None;
-    }
-    if let Some((i, w)) = weights.iter().enumerate().find(|&(_, &w)| w <= 0.0) {
-        let text =
-            format!("weight {i} is {w}; weights must be positive; all weights are taken as one");
-        warnings.invalid(place(), text);
-        return None;
-    }
-    Some(weights)
-}
-
-/// Control points of the plane with their weights, Cartesian.
-pub(super) fn cartesian_2d(points: &mut [DVec2], weights: Option<&[f64]>) {
-    for (point, weight) in points.iter_mut().zip(weights.unwrap_or_default()) {
-        *point /= *weight;
-    }
 }

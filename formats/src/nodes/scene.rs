@@ -7,6 +7,7 @@
 use glam::{DAffine3, DQuat, DVec3};
 use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape};
 
+use super::animate::is_driver;
 use super::{Node, Tree};
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
@@ -14,23 +15,14 @@ use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 ///
 /// # Errors
 /// If a limit is passed.
-pub(crate) fn convert(
+pub(super) fn convert(
     tree: &Tree,
     warnings: Warnings,
     options: &ReadOptions<'_>,
 ) -> Result<Import, Error> {
-    let mut converter = Converter {
-        tree,
-        options,
-        scene: Scene::default(),
-        warnings,
-        points: 0,
-        reached: Vec::new(),
-        made: Vec::new(),
-        bound: Bound::default(),
-    };
-    converter.scene.unit = Some(tree.length.clone());
+    let mut converter = Converter::new(tree, warnings, options);
     if let Some(root) = tree.root {
+        converter.scene.unit = Some(tree.nodes[root].file.length.clone());
         converter.reach(root);
         for index in 0..=root {
             let made = match converter.reached[index] {
@@ -62,10 +54,14 @@ pub(super) struct Converter<'a> {
     pub(super) warnings: Warnings,
     /// Control points read so far.
     pub(super) points: usize,
+    /// Tests of corners that polygons may still cost.
+    pub(super) tests: usize,
     /// For each node, its place if it is shown.
     reached: Vec<Option<Reached>>,
     /// For each node, what has become of it.
     pub(super) made: Vec<Made>,
+    /// What geometries consist of, one list for each.
+    shapes: Vec<Vec<Shape>>,
     pub(super) bound: Bound,
 }
 
@@ -83,10 +79,10 @@ pub(super) enum Made {
     Nothing,
     /// A group.
     Node(NodeId),
-    /// A shape with its material.
-    Item(Item),
-    /// Geometry.
-    Geometry(Shape),
+    /// A geometry with its material.
+    Shape(usize, Option<MaterialId>),
+    /// Geometry, by its position in the list of shapes.
+    Geometry(usize),
     /// A material or an appearance.
     Material(MaterialId),
 }
@@ -98,7 +94,23 @@ pub(super) struct Bound {
     pub(super) background: bool,
 }
 
-impl Converter<'_> {
+impl<'a> Converter<'a> {
+    /// A conversion that has not begun.
+    pub(super) fn new(tree: &'a Tree, warnings: Warnings, options: &'a ReadOptions<'a>) -> Self {
+        Self {
+            tree,
+            options,
+            scene: Scene::default(),
+            warnings,
+            points: 0,
+            tests: crate::triangulate::TESTS,
+            reached: Vec::new(),
+            made: Vec::new(),
+            shapes: Vec::new(),
+            bound: Bound::default(),
+        }
+    }
+
     /// Marks the nodes that are shown, from `root` down, with their places.
     fn reach(&mut self, root: usize) {
         self.reached.resize(root + 1, None);
@@ -121,39 +133,14 @@ impl Converter<'_> {
     fn mark(&mut self, index: usize, world_from_parent: DAffine3) {
         let known = self.reached[index].map(|r| r.parent_from_node);
         let node = &self.tree.nodes[index];
-        let parent_from_node = known.unwrap_or_else(|| match node.kind.as_str() {
-            "Transform" | "CADPart" => self.transform(node),
+        let parent_from_node = known.unwrap_or_else(|| match &*node.kind {
+            kind if TRANSFORMS.contains(&kind) => transform(node, &mut self.warnings),
             _ => DAffine3::IDENTITY,
         });
         self.reached[index] = Some(Reached {
             world_from_parent,
             parent_from_node,
         });
-    }
-
-    /// The map of a Transform: `T C R SR S SR^-1 C^-1`.
-    fn transform(&mut self, node: &Node) -> DAffine3 {
-        let warnings = &mut self.warnings;
-        let translation = node.vector("translation", DVec3::ZERO, warnings);
-        let center = node.vector("center", DVec3::ZERO, warnings);
-        let scale = node.vector("scale", DVec3::ONE, warnings);
-        let rotation = self.rotation(node, "rotation");
-        let orientation = self.rotation(node, "scaleOrientation");
-        DAffine3::from_translation(translation + center)
-            * DAffine3::from_quat(rotation * orientation)
-            * DAffine3::from_scale(scale)
-            * DAffine3::from_quat(orientation.inverse())
-            * DAffine3::from_translation(-center)
-    }
-
-    /// A field that holds an axis and an angle; no rotation if it is not there.
-    pub(super) fn rotation(&mut self, node: &Node, field: &str) -> DQuat {
-        let tuple = node.tuple(field, &mut self.warnings);
-        let [x, y, z, angle] = tuple.unwrap_or([0.0, 0.0, 1.0, 0.0]);
-        let axis = DVec3::new(x, y, z).try_normalize();
-        axis.map_or(DQuat::IDENTITY, |axis| {
-            DQuat::from_axis_angle(axis, angle * self.tree.angle)
-        })
     }
 
     /// Where the node's own coordinates lie.
@@ -166,19 +153,21 @@ impl Converter<'_> {
     fn make(&mut self, index: usize) -> Result<Made, Error> {
         let tree = self.tree;
         let node = &tree.nodes[index];
-        let made = match node.kind.as_str() {
+        let made = match &*node.kind {
             kind if is_group(kind) => self.group(index, node),
             "Shape" => self.shape(node),
             "Appearance" => self.appearance(node),
-            "Material" => self.material(node),
+            "Material" | "TwoSidedMaterial" => self.material(node),
             "PhysicalMaterial" => self.physical_material(node),
             "UnlitMaterial" => self.unlit_material(node),
             kind if is_geometry(kind) => return self.geometry(node),
             "Viewpoint" | "OrthoViewpoint" => self.viewpoint(index, node),
             "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
-            "Background" => self.background(node),
+            "Background" | "TextureBackground" => self.background(index, node),
             "NavigationInfo" => self.navigation(node),
-            kind if SILENT.contains(&kind) || node.is_metadata() => Made::Nothing,
+            kind if SILENT.contains(&kind) || is_driver(kind) || node.is_metadata() => {
+                Made::Nothing
+            }
             kind => {
                 let text = format!("{kind} is not read");
                 self.warnings.unsupported(node.place(), text);
@@ -189,24 +178,28 @@ impl Converter<'_> {
     }
 
     fn group(&mut self, index: usize, node: &Node) -> Made {
-        if node.kind == "Billboard" {
+        if &*node.kind == "Billboard" {
             let text = "Billboard does not turn to the camera";
             self.warnings.unsupported(node.place(), text);
         }
         let made = self.made_inside(node).into_iter();
-        let children: Vec<_> = made
-            .filter_map(|made| match made {
-                Made::Node(id) => Some(Child::Node(id)),
-                Made::Item(item) => Some(Child::Item(item)),
-                _ => None,
-            })
-            .collect();
+        let mut children = Vec::new();
+        for made in made {
+            match made {
+                Made::Node(id) => children.push(Child::Node(id)),
+                Made::Shape(geometry, material) => {
+                    let shapes = self.shapes[geometry].iter();
+                    children.extend(shapes.map(|&shape| Child::Item(Item { shape, material })));
+                }
+                _ => {}
+            }
+        }
         if children.is_empty() {
             return Made::Nothing;
         }
         let reached = self.reached.get(index).copied().flatten();
         let made = self.scene.add_node(kernel::Node {
-            name: node.def.clone(),
+            name: node.def.to_string(),
             parent_from_node: reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node),
             children,
             ..kernel::Node::default()
@@ -229,19 +222,27 @@ impl Converter<'_> {
     }
 
     fn shape(&self, node: &Node) -> Made {
-        let (mut shape, mut material) = (None, None);
+        let (mut geometry, mut material) = (None, None);
         for made in self.made_inside(node) {
             match made {
-                Made::Geometry(found) => shape = shape.or(Some(found)),
+                Made::Geometry(found) => geometry = geometry.or(Some(found)),
                 Made::Material(found) => material = material.or(Some(found)),
                 _ => {}
             }
         }
-        shape.map_or(Made::Nothing, |shape| Made::Item(Item { shape, material }))
+        geometry.map_or(Made::Nothing, |geometry| Made::Shape(geometry, material))
     }
 
     /// An appearance is its material; without one the default of the scene holds.
-    fn appearance(&self, node: &Node) -> Made {
+    fn appearance(&mut self, node: &Node) -> Made {
+        let fields = node.children.iter().map(|link| link.field.as_deref());
+        if fields
+            .into_iter()
+            .any(|field| field == Some("backMaterial"))
+        {
+            let text = "both sides are shown in the material of the front";
+            self.warnings.unsupported(node.place(), text);
+        }
         let made = self.made_inside(node).into_iter();
         let mut materials = made.filter(|made| matches!(made, Made::Material(_)));
         materials.next().unwrap_or(Made::Nothing)
@@ -255,38 +256,55 @@ impl Converter<'_> {
             return Ok(Made::Nothing);
         }
         let (name, source) = (self.name(node), node.place().to_string());
-        let shape = if NURBS.contains(&node.kind.as_str()) {
-            let patch = self.patch(node)?;
-            let patch = patch.map(|patch| Patch {
-                name,
-                source,
-                ..patch
-            });
-            patch.and_then(|patch| self.scene.add_patch(patch).map(Shape::Patch))
+        let (mut shapes, mut problem) = (Vec::new(), None);
+        if MESHES.contains(&&*node.kind) {
+            match self.mesh(node)? {
+                Ok(mut mesh) => {
+                    (mesh.name, mesh.source) = (name, source);
+                    shapes.push(self.scene.add_mesh(mesh).map(Shape::Mesh));
+                }
+                Err(found) => problem = Some(found),
+            }
         } else {
-            let mesh = self.mesh(node)?.map(|mut mesh| {
-                (mesh.name, mesh.source) = (name, source);
-                mesh
+            let patches = self.patches(node)?.unwrap_or_else(|found| {
+                problem = Some(found);
+                Vec::new()
             });
-            mesh.and_then(|mesh| self.scene.add_mesh(mesh).map(Shape::Mesh))
-        };
-        Ok(shape.map_or_else(
-            |problem| {
-                self.warnings.add(node.place(), problem);
-                Made::Nothing
-            },
-            Made::Geometry,
-        ))
+            for patch in patches {
+                let (name, source) = (name.clone(), source.clone());
+                let patch = Patch {
+                    name,
+                    source,
+                    ..patch
+                };
+                shapes.push(self.scene.add_patch(patch).map(Shape::Patch));
+            }
+        }
+        let (shapes, failed): (Vec<_>, Vec<_>) = shapes.into_iter().partition(Result::is_ok);
+        for problem in problem
+            .into_iter()
+            .chain(failed.into_iter().filter_map(Result::err))
+        {
+            self.warnings.add(node.place(), problem);
+        }
+        if shapes.is_empty() {
+            return Ok(Made::Nothing);
+        }
+        self.shapes.push(shapes.into_iter().flatten().collect());
+        Ok(Made::Geometry(self.shapes.len() - 1))
     }
 
     /// The DEF name of a geometry, or of the shape or group around it.
     pub(super) fn name(&self, node: &Node) -> String {
         let around = |node: &Node| node.parent.map(|parent| &self.tree.nodes[parent]);
-        let shape = around(node).filter(|parent| parent.kind == "Shape");
+        let shape = around(node).filter(|parent| &*parent.kind == "Shape");
         let group = shape.and_then(around);
         let all = [Some(node), shape, group].into_iter().flatten();
         let mut names = all.map(|node| &node.def).filter(|name| !name.is_empty());
-        names.next().cloned().unwrap_or_default()
+        names
+            .next()
+            .map(|name| name.to_string())
+            .unwrap_or_default()
     }
 
     /// Adds to the number of control points read. A node that is used often is read as
@@ -309,22 +327,60 @@ impl Converter<'_> {
     }
 }
 
+/// The map of a Transform: `T C R SR S SR^-1 C^-1`.
+pub(super) fn transform(node: &Node, warnings: &mut Warnings) -> DAffine3 {
+    let translation = node.vector("translation", DVec3::ZERO, warnings);
+    let center = node.vector("center", DVec3::ZERO, warnings);
+    let scale = node.vector("scale", DVec3::ONE, warnings);
+    let rotation = rotation(node, "rotation", warnings);
+    let orientation = self::rotation(node, "scaleOrientation", warnings);
+    DAffine3::from_translation(translation + center)
+        * DAffine3::from_quat(rotation * orientation)
+        * DAffine3::from_scale(scale)
+        * DAffine3::from_quat(orientation.inverse())
+        * DAffine3::from_translation(-center)
+}
+
+/// A field that holds an axis and an angle; no rotation if it is not there.
+pub(super) fn rotation(node: &Node, field: &str, warnings: &mut Warnings) -> DQuat {
+    let tuple = node.tuple(field, warnings);
+    turn(tuple.unwrap_or([0.0, 0.0, 1.0, 0.0]), node)
+}
+
+/// The rotation about an axis by an angle in the unit of the node's file.
+pub(super) fn turn([x, y, z, angle]: [f64; 4], node: &Node) -> DQuat {
+    let axis = DVec3::new(x, y, z).try_normalize();
+    axis.map_or(DQuat::IDENTITY, |axis| {
+        DQuat::from_axis_angle(axis, angle * node.file.angle)
+    })
+}
+
 /// Positions of the children of a node that matter if the node is shown.
 fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     let is_child = |&i: &usize| {
         let link = &node.children[i];
-        !tree.nodes[link.node].is_metadata() && link.field.as_deref() != Some("proxy")
+        // A material of the back only is told about where its appearance is made.
+        let apart = matches!(link.field.as_deref(), Some("proxy" | "backMaterial"));
+        !tree.nodes[link.node].is_metadata() && !apart
     };
     let mut all = (0..node.children.len()).filter(is_child);
-    let kind = node.kind.as_str();
+    let kind = &*node.kind;
     let has_shown = is_group(kind) || is_geometry(kind) || matches!(kind, "Shape" | "Appearance");
     if !has_shown || !node.flag("visible", true, warnings) {
         return Vec::new();
     }
     match kind {
         "LOD" => all.next().into_iter().collect(),
-        // Its curves are parts of it.
-        "NurbsSwungSurface" => Vec::new(),
+        // The other fields say how points are deformed.
+        "CoordinateDeformer" => all
+            .filter(|&i| matches!(node.children[i].field.as_deref(), None | Some("children")))
+            .collect(),
+        // What stands inside is part of it.
+        "NurbsSweptSurface" | "NurbsSwungSurface" | "TrimmedSurface" => Vec::new(),
+        // The other fields repeat what stands in its skeleton.
+        "HAnimHumanoid" => all
+            .filter(|&i| matches!(node.children[i].field.as_deref(), Some("skeleton" | "skin")))
+            .collect(),
         "Switch" => {
             let choice = node.number("whichChoice", -1.0, warnings);
             let all = all.enumerate();
@@ -340,40 +396,69 @@ const TEXT_OF_POINT: usize = 24;
 
 /// Nodes that show their children, or some of them.
 fn is_group(kind: &str) -> bool {
-    const GROUPS: &[&str] = &[
-        "Anchor",
-        "Billboard",
-        "CADAssembly",
-        "CADFace",
-        "CADLayer",
-        "CADPart",
-        "Collision",
-        "Group",
-        "LOD",
-        "Layer",
-        "LayerSet",
-        "PickableGroup",
-        "Scene",
-        "StaticGroup",
-        "Switch",
-        "Transform",
-        "ViewpointGroup",
-    ];
-    GROUPS.contains(&kind)
+    GROUPS.contains(&kind) || TRANSFORMS.contains(&kind)
 }
 
-/// The surfaces that are read.
-const NURBS: &[&str] = &[
+/// Nodes that show their children where they are, or some of them.
+const GROUPS: &[&str] = &[
+    "Anchor",
+    "Billboard",
+    "CADAssembly",
+    "CADFace",
+    "CADLayer",
+    "Collision",
+    "CoordinateDeformer",
+    "Group",
+    "HAnimHumanoid",
+    "HAnimSegment",
+    "LOD",
+    "Layer",
+    "LayerSet",
+    "NurbsGroup",
+    "PickableGroup",
+    "Scene",
+    "StaticGroup",
+    "Switch",
+    "ViewpointGroup",
+];
+
+/// Nodes that show their children somewhere else.
+const TRANSFORMS: &[&str] = &["CADPart", "HAnimJoint", "HAnimSite", "Transform"];
+
+/// What is read as exact surfaces.
+const SURFACES: &[&str] = &[
+    "Box",
+    "Cone",
+    "Cylinder",
+    "Disk2D",
+    "Extrusion",
     "NurbsPatchSurface",
+    "NurbsSurface",
+    "NurbsSweptSurface",
     "NurbsSwungSurface",
     "NurbsTrimmedSurface",
+    "Rectangle2D",
+    "Sphere",
+    "TrimmedSurface",
 ];
 
 /// The polygons that are read.
-const MESHES: &[&str] = &["IndexedFaceSet", "IndexedTriangleSet", "TriangleSet"];
+const MESHES: &[&str] = &[
+    "ElevationGrid",
+    "IndexedFaceSet",
+    "IndexedQuadSet",
+    "IndexedTriangleFanSet",
+    "IndexedTriangleSet",
+    "IndexedTriangleStripSet",
+    "QuadSet",
+    "TriangleFanSet",
+    "TriangleSet",
+    "TriangleSet2D",
+    "TriangleStripSet",
+];
 
 fn is_geometry(kind: &str) -> bool {
-    NURBS.contains(&kind) || MESHES.contains(&kind)
+    SURFACES.contains(&kind) || MESHES.contains(&kind)
 }
 
 /// Nodes that show nothing by themselves.
@@ -381,7 +466,17 @@ const SILENT: &[&str] = &[
     "Contour2D",
     "Coordinate",
     "CoordinateDouble",
+    // One of which the file could not be read, as has been said.
+    "Inline",
+    "InlineLoadControl",
     "Normal",
     "NurbsSet",
     "WorldInfo",
 ];
+
+/// Nodes that have an area, and need no prototype: programs declare for them what other
+/// viewers may lack.
+pub(super) fn is_known(kind: &str) -> bool {
+    const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "Polyline2D"];
+    is_group(kind) || is_geometry(kind) || SILENT.contains(&kind) || PARTS.contains(&kind)
+}

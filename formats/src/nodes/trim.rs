@@ -4,7 +4,7 @@ use glam::DVec2;
 use kernel::{Curve, Error as GeometryError, Surface, TrimLoop};
 
 use super::Node;
-use super::nurbs::{cartesian_2d, knots, weights};
+use super::curve::is_polyline;
 use super::scene::Converter;
 use crate::Error;
 
@@ -31,7 +31,7 @@ impl Converter<'_> {
         let mut loops = Vec::new();
         for link in &node.children {
             let contour = &self.tree.nodes[link.node];
-            if contour.kind != "Contour2D" {
+            if &*contour.kind != "Contour2D" {
                 continue;
             }
             let curves = self.contour_curves(contour)?;
@@ -58,9 +58,9 @@ impl Converter<'_> {
         let mut curves = Vec::new();
         for link in &contour.children {
             let node = &self.tree.nodes[link.node];
-            let curve = match node.kind.as_str() {
-                "NurbsCurve2D" => self.curve_2d(node)?,
-                "ContourPolyline2D" => self.polyline_2d(node)?,
+            let curve = match &*node.kind {
+                "NurbsCurve2D" => self.parameter_curve(node)?,
+                kind if is_polyline(kind) => self.parameter_curve(node)?,
                 _ if node.is_metadata() => continue,
                 kind => {
                     let text = format!("{kind} is not read as part of a contour");
@@ -74,40 +74,6 @@ impl Converter<'_> {
             }
         }
         Ok(Ok(curves))
-    }
-
-    /// A `ContourPolyline2D`, or what is taken for a `NurbsCurve2D`.
-    ///
-    /// # Errors
-    /// If a limit is passed.
-    pub(super) fn parameter_curve(
-        &mut self,
-        node: &Node,
-    ) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
-        if node.kind == "ContourPolyline2D" {
-            self.polyline_2d(node)
-        } else {
-            self.curve_2d(node)
-        }
-    }
-
-    fn curve_2d(&mut self, node: &Node) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
-        let mut points = node.points_2d("controlPoint", &mut self.warnings);
-        self.count_points(points.len(), node)?;
-        let weights = weights(node, points.len(), &mut self.warnings);
-        cartesian_2d(&mut points, weights.as_deref());
-        let order = node.count("order", 3, &mut self.warnings);
-        let knots = knots(node, "knot", order, points.len(), &mut self.warnings);
-        Ok(knots.and_then(|knots| Curve::new(knots, &points, weights.as_deref())))
-    }
-
-    /// The points stand in `controlPoint`; X3D 3.0 and some programs have other names.
-    fn polyline_2d(&mut self, node: &Node) -> Result<Result<Curve<DVec2>, GeometryError>, Error> {
-        let names = ["controlPoint", "point", "lineSegments"];
-        let name = names.into_iter().find(|name| node.text(name).is_some());
-        let points = node.points_2d(name.unwrap_or("controlPoint"), &mut self.warnings);
-        self.count_points(points.len(), node)?;
-        Ok(Curve::polyline(&points))
     }
 }
 

@@ -17,7 +17,7 @@ mod materials;
 mod polygons;
 mod scene;
 mod statements;
-mod triangulate;
+
 mod trims;
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};

@@ -11,7 +11,7 @@ use kernel::Mesh;
 
 use super::Lists;
 use super::statements::{Statement, reference};
-use super::triangulate::{TESTS, triangles};
+use crate::triangulate::{TESTS, triangles};
 use crate::{Place, Problem, Warnings};
 
 /// Group and material of a part of the file, as positions in lists of names.

@@ -314,19 +314,19 @@ fn units_reach_lengths_and_angles() {
 #[test]
 fn nothing_is_left_out_in_silence() {
     let import = read_scene(
-        "<Shape DEF='S'><Box/><Appearance><ImageTexture/></Appearance></Shape>\n\
-         <Inline url='a'/><ROUTE/><ProtoDeclare><ProtoBody><Box DEF='S'/></ProtoBody>\
-         </ProtoDeclare>\n<Shape><Box/></Shape><WorldInfo/><MetadataString/>",
+        "<Shape DEF='S'><Text/><Appearance><ImageTexture/></Appearance></Shape>\n\
+         <Inline url='a'/><ROUTE/><ProtoDeclare><ProtoBody><Text DEF='S'/></ProtoBody>\
+         </ProtoDeclare>\n<Shape><Text/></Shape><WorldInfo/><MetadataString/>",
     );
     assert!(import.scene.root().is_none());
     assert_eq!(
         messages(&import),
         [
-            "line 2, Box: Box is not read (and 1 more)",
+            "line 3, Inline: a file that is named could not be read: \
+             a: files named inside are not opened",
+            "line 3, ROUTE: a ROUTE between nodes that are not both there",
+            "line 2, Text: Text is not read (and 1 more)",
             "line 2, ImageTexture: ImageTexture is not read",
-            "line 3, Inline: Inline is not read",
-            "line 3, ROUTE: ROUTE is not read",
-            "line 3, ProtoDeclare: ProtoDeclare is not read",
         ]
     );
 }
@@ -370,15 +370,19 @@ fn polygons_become_triangles() {
     let [faces, indexed, plain] = import.scene.meshes() else {
         panic!("three meshes");
     };
-    assert_eq!(faces.triangles(), [[0, 2, 1], [0, 3, 2], [0, 3, 2]]);
+    assert_eq!(faces.triangles(), [[0, 1, 2], [0, 2, 3], [0, 1, 3]]);
+    assert_eq!(
+        faces.positions(),
+        [DVec3::Y, DVec3::new(1.0, 1.0, 0.0), DVec3::X, DVec3::ZERO]
+    );
     assert_eq!((faces.name.as_str(), faces.normals().len()), ("S", 4));
     assert_eq!(indexed.triangles(), [[0, 1, 2]]);
     assert_eq!(plain.triangles(), [[0, 1, 2]]);
     assert_eq!(
         messages(&import),
         [
-            "line 2, IndexedFaceSet: faces with points that are not among the 4 there are",
-            "line 2, IndexedTriangleSet: triangles with points that are not there",
+            "line 2, IndexedFaceSet: polygons with points that are not among the 4 there are \
+             (and 1 more)",
         ]
     );
 }
@@ -424,28 +428,10 @@ fn entities_of_a_document_are_not_expanded() {
 }
 
 #[test]
-fn classic_spellings_are_refused_kindly() {
-    for (text, message) in [
-        (
-            "#X3D V3.0 utf8\nShape {}",
-            "X3D line 1: ClassicVRML encoding is not read yet; write it as X3D XML",
-        ),
-        (
-            "#VRML V2.0 utf8\n",
-            "X3D line 1: VRML97 is not read yet; write it as X3D XML",
-        ),
-        (
-            "#VRML V1.0 ascii\n",
-            "X3D line 1: VRML 1.0 is not read; write it as X3D XML",
-        ),
-        (
-            "<html/>",
-            "X3D the file: there is no Scene element; this is no X3D file",
-        ),
-    ] {
-        let problem = read_with(&Limits::default(), text).unwrap_err();
-        assert_eq!(problem.to_string(), message);
-    }
+fn a_file_without_a_scene_is_refused() {
+    let problem = read_with(&Limits::default(), "<html/>").unwrap_err();
+    let text = "X3D the file: there is no scene in it; this is no X3D file";
+    assert_eq!(problem.to_string(), text);
 }
 
 #[test]
@@ -476,11 +462,20 @@ fn the_format_is_recognised() {
         "<X3D>",
         "\u{feff}<?xml version='1.0'?>\n<!-- long -->\n<X3D profile='Full'>",
         "#X3D V3.3 utf8",
-        "#VRML V2.0 utf8",
+        "{ \"X3D\": {",
     ] {
         assert!(sniff(yes.as_bytes()), "{yes}");
     }
-    for no in ["", "<X3", "<X3DX>", "<svg>", "# X3D", "v 0 0 0\n# <X3D>"] {
+    for no in [
+        "",
+        "<X3",
+        "<X3DX>",
+        "<svg>",
+        "# X3D",
+        "v 0 0 0\n# <X3D>",
+        "#VRML V2.0",
+        "{}",
+    ] {
         assert!(!sniff(no.as_bytes()), "{no}");
     }
 }
@@ -519,4 +514,46 @@ fn swung_surface_is_profile_times_trajectory() {
         assert!((point.y - u).abs() < 1e-15);
     }
     assert_eq!(messages(&import).len(), 1, "{:?}", messages(&import));
+}
+
+#[test]
+fn prototypes_of_other_files_are_read_from_xml() {
+    struct Part;
+    impl crate::Resolver for Part {
+        fn resolve(&self, name: &str) -> std::io::Result<Vec<u8>> {
+            assert_eq!(name, "parts/ball.x3dv");
+            Ok(b"#X3D V3.3 utf8\nPROTO Ball [ inputOutput SFFloat size 1 ] { Sphere { radius IS size } }".to_vec())
+        }
+    }
+    let text = file(
+        "<ExternProtoDeclare name='Ball' url='\"parts/ball.x3dv#Ball\" \"http://a.b/c\"'>\
+         <field name='size' type='SFFloat' accessType='inputOutput'/></ExternProtoDeclare>\
+         <Shape><ProtoInstance name='Ball' DEF='B'><fieldValue name='size' value='2'/>\
+         </ProtoInstance></Shape><Shape><ProtoInstance USE='B'/></Shape>",
+    );
+    let (limits, resolver) = (&Limits::default(), &Part);
+    let import = read(text.as_bytes(), &ReadOptions { limits, resolver }).unwrap();
+    assert_eq!(messages(&import), Vec::<String>::new());
+    assert_eq!(import.scene.placement_count(), 2);
+    let patch = &import.scene.patches()[0];
+    assert_eq!(
+        (import.scene.patches().len(), patch.name.as_str()),
+        (1, "B")
+    );
+    assert!((patch.surface.evaluate(DVec2::new(1.0, 0.5)).length() - 2.0).abs() < 1e-15);
+}
+
+#[test]
+fn broken_json_says_where() {
+    let json = |text: &str| read_with(&Limits::default(), text);
+    let import = json(
+        "{\"X3D\": {\"Scene\": {\"-children\": [\n{\"Shape\": {\"-geometry\":\
+        {\"Box\": {\"@size\": [1, 2, 3]}}}},\n{\"Group\": {\"-children\" []}}]}}}",
+    );
+    let import = import.unwrap();
+    assert_eq!(import.scene.patches().len(), 6);
+    let text = "line 3: broken JSON: ':' is wanted here; nothing is read from here on";
+    assert_eq!(messages(&import)[0], text);
+    let error = json("{\"X3D\": [").unwrap_err().to_string();
+    assert!(error.starts_with("X3D line 1: broken JSON: "), "{error}");
 }

@@ -1,0 +1,253 @@
+//! What a scene looks like at a time: sensors of time, interpolators, and the routes between
+//! them and the fields that they move.
+//!
+//! The tree is kept, and its fields are changed before it becomes a scene once more: so
+//! everything that can be read can move, and nothing has to be written twice.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+
+use glam::{DQuat, DVec2, DVec3};
+use kernel::Scene;
+
+use super::scene::{Converter, turn};
+use super::{Field, Node, Tree};
+use crate::{Error, Limits, NoFiles, ReadOptions, Warnings};
+
+/// A route from a field of a node to a field of another one.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Route {
+    /// The node that sends.
+    pub from: usize,
+    /// Its field, with or without `_changed`.
+    pub from_field: Arc<str>,
+    /// The node that receives.
+    pub to: usize,
+    /// Its field, with or without `set_`.
+    pub to_field: Arc<str>,
+}
+
+/// A scene that changes with time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Animation {
+    tree: Tree,
+    limits: Limits,
+}
+
+impl Animation {
+    /// The animation of a tree, if a sensor of time has a route to anything.
+    pub(super) fn of(tree: &Tree, limits: &Limits) -> Option<Self> {
+        let moves = |route: &Route| &*tree.nodes[route.from].kind == "TimeSensor";
+        tree.routes.iter().any(moves).then(|| Self {
+            tree: tree.clone(),
+            limits: limits.clone(),
+        })
+    }
+
+    /// The scene `seconds` after the file has been opened, which is the time zero of its
+    /// sensors. Scripts and what a user does are left out.
+    ///
+    /// # Errors
+    /// If a limit is passed.
+    pub fn scene_at(&self, seconds: f64) -> Result<Scene, Error> {
+        let options = ReadOptions {
+            limits: &self.limits,
+            resolver: &NoFiles,
+        };
+        let mut tree = self.tree.clone();
+        for change in self.changes(seconds, &options) {
+            tree.nodes[change.node].fields.push(change.field);
+        }
+        super::scene::convert(&tree, Warnings::default(), &options).map(|import| import.scene)
+    }
+
+    /// The fields that have other values at a time than in the file. Each route is followed
+    /// once.
+    fn changes(&self, seconds: f64, options: &ReadOptions<'_>) -> Vec<Change> {
+        let tree = &self.tree;
+        let mut routes: HashMap<(usize, &str), Vec<&Route>> = HashMap::new();
+        for route in &tree.routes {
+            let start = (route.from, plain_name(&route.from_field));
+            routes.entry(start).or_default().push(route);
+        }
+        let mut converter = Converter::new(tree, Warnings::default(), options);
+        let mut events: VecDeque<(usize, &str, Vec<f64>)> = VecDeque::new();
+        for (index, node) in tree.nodes.iter().enumerate() {
+            if &*node.kind == "TimeSensor" && routes.contains_key(&(index, "fraction")) {
+                let fraction = fraction(node, seconds).into_iter();
+                events.extend(fraction.map(|f| (index, "fraction", vec![f])));
+            }
+        }
+        let mut changes = Vec::new();
+        while let Some((from, field, value)) = events.pop_front() {
+            for route in routes.remove(&(from, field)).unwrap_or_default() {
+                let (node, name) = (&tree.nodes[route.to], plain_name(&route.to_field));
+                if name == "fraction" {
+                    let sent = interpolated(&mut converter, node, &value);
+                    events.extend(
+                        sent.into_iter()
+                            .map(|(name, value)| (route.to, name, value)),
+                    );
+                    continue;
+                }
+                let text: Vec<String> = value.iter().map(|x| format!("{x:e}")).collect();
+                changes.push(Change {
+                    node: route.to,
+                    field: Field {
+                        name: name.into(),
+                        value: text.join(" ").into(),
+                    },
+                });
+                events.push_back((route.to, name, value.clone()));
+            }
+        }
+        changes
+    }
+}
+
+/// A new value of a field.
+struct Change {
+    node: usize,
+    field: Field,
+}
+
+/// The name of a field without what marks it as sent or received.
+fn plain_name(field: &str) -> &str {
+    let field = field.strip_prefix("set_").unwrap_or(field);
+    field.strip_suffix("_changed").unwrap_or(field)
+}
+
+/// How far the cycle of a sensor has come, from 0 to 1; nothing before it starts.
+fn fraction(sensor: &Node, seconds: f64) -> Option<f64> {
+    let mut warnings = Warnings::default();
+    let mut number = |field, default| sensor.number(field, default, &mut warnings);
+    let (start, stop) = (number("startTime", 0.0), number("stopTime", 0.0));
+    let cycle = number("cycleInterval", 1.0);
+    let enabled = sensor.flag("enabled", true, &mut warnings);
+    let since = if stop > start {
+        seconds.min(stop)
+    } else {
+        seconds
+    } - start;
+    if !enabled || since < 0.0 || cycle <= 0.0 {
+        return None;
+    }
+    let cycles = since / cycle;
+    match sensor.flag("loop", false, &mut warnings) {
+        // A cycle that has just ended is at its end.
+        true if cycles > 0.0 && cycles.fract() <= 0.0 => Some(1.0),
+        true => Some(cycles.fract()),
+        false => Some(cycles.min(1.0)),
+    }
+}
+
+/// What an interpolator sends for a fraction: the plain name of the field and its value.
+fn interpolated<'n>(
+    converter: &mut Converter<'_>,
+    node: &Node,
+    fraction: &[f64],
+) -> Vec<(&'n str, Vec<f64>)> {
+    let value = |value| vec![("value", value)];
+    let at = |i: usize| fraction.get(i).copied().unwrap_or(0.0);
+    match &*node.kind {
+        "OrientationInterpolator" => between(node, at(0), turned).map_or_else(Vec::new, value),
+        kind if LINEAR.contains(&kind) => between(node, at(0), mixed).map_or_else(Vec::new, value),
+        "NurbsPositionInterpolator" | "NurbsOrientationInterpolator" => {
+            let Ok(Ok(curve)) = converter.curve_3d(node) else {
+                return Vec::new();
+            };
+            let domain = curve.domain();
+            let found = curve.derivatives(at(0).clamp(domain.start, domain.end));
+            if &*node.kind == "NurbsPositionInterpolator" {
+                return value(found.point.to_array().to_vec());
+            }
+            let along = found.first.normalize_or(DVec3::X);
+            value(axis_angle(DQuat::from_rotation_arc(DVec3::X, along), node))
+        }
+        "NurbsSurfaceInterpolator" => {
+            let Ok(Ok(patches)) = converter.patches(node) else {
+                return Vec::new();
+            };
+            let Some(surface) = patches.first().map(|patch| &patch.surface) else {
+                return Vec::new();
+            };
+            let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+            let uv = DVec2::new(at(0).clamp(u.start, u.end), at(1).clamp(v.start, v.end));
+            let normal = surface.normal(uv).unwrap_or(DVec3::Z);
+            let position = surface.evaluate(uv).to_array().to_vec();
+            vec![
+                ("position", position),
+                ("normal", normal.to_array().to_vec()),
+            ]
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Interpolators of which each number changes evenly between its keys.
+const LINEAR: &[&str] = &[
+    "ColorInterpolator",
+    "CoordinateInterpolator",
+    "CoordinateInterpolator2D",
+    "NormalInterpolator",
+    "PositionInterpolator",
+    "PositionInterpolator2D",
+    "ScalarInterpolator",
+];
+
+/// Nodes that act through routes and show nothing.
+pub(super) fn is_driver(kind: &str) -> bool {
+    LINEAR.contains(&kind)
+        || matches!(
+            kind,
+            "NurbsOrientationInterpolator"
+                | "NurbsPositionInterpolator"
+                | "NurbsSurfaceInterpolator"
+                | "OrientationInterpolator"
+                | "TimeSensor"
+        )
+}
+
+/// The values of an interpolator mixed between the two keys around a fraction.
+fn between(
+    node: &Node,
+    fraction: f64,
+    mix: fn(&Node, &[f64], &[f64], f64) -> Vec<f64>,
+) -> Option<Vec<f64>> {
+    let mut warnings = Warnings::default();
+    let keys = node.numbers("key", &mut warnings);
+    let values = node.numbers("keyValue", &mut warnings);
+    let size = values
+        .len()
+        .checked_div(keys.len())
+        .filter(|&size| size > 0)?;
+    let value = |i: usize| &values[i * size..(i + 1) * size];
+    let after = keys.partition_point(|&key| key <= fraction);
+    let Some(before) = after.checked_sub(1) else {
+        return Some(value(0).to_vec());
+    };
+    if after == keys.len() {
+        return Some(value(before).to_vec());
+    }
+    let share = (fraction - keys[before]) / (keys[after] - keys[before]);
+    Some(mix(node, value(before), value(after), share))
+}
+
+fn mixed(_: &Node, a: &[f64], b: &[f64], share: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + (b - a) * share).collect()
+}
+
+/// The rotation on the shortest way between two.
+fn turned(node: &Node, a: &[f64], b: &[f64], share: f64) -> Vec<f64> {
+    let rotation = |values: &[f64]| {
+        let values = <[f64; 4]>::try_from(values);
+        values.map_or(DQuat::IDENTITY, |values| turn(values, node))
+    };
+    axis_angle(rotation(a).slerp(rotation(b), share), node)
+}
+
+/// A rotation as the node's file would write it.
+fn axis_angle(rotation: DQuat, node: &Node) -> Vec<f64> {
+    let (axis, angle) = rotation.to_axis_angle();
+    vec![axis.x, axis.y, axis.z, angle / node.file.angle]
+}

@@ -1,0 +1,171 @@
+//! Knots and weights of NURBS nodes, with what takes their place where they are wrong.
+
+use kernel::{Error as GeometryError, KnotVector};
+
+use super::Node;
+use crate::Warnings;
+
+/// The fields that describe one parameter.
+pub(super) struct Direction {
+    order: &'static str,
+    knots: &'static str,
+    closed: &'static str,
+}
+
+impl Direction {
+    /// Of a curve.
+    pub(super) const CURVE: Self = Self {
+        order: "order",
+        knots: "knot",
+        closed: "closed",
+    };
+
+    /// The first of a surface.
+    pub(super) const U: Self = Self {
+        order: "uOrder",
+        knots: "uKnot",
+        closed: "uClosed",
+    };
+
+    /// Those of a volume.
+    pub(super) const VOLUME: [Self; 3] = [
+        Self::U,
+        Self::V,
+        Self {
+            order: "wOrder",
+            knots: "wKnot",
+            closed: "wClosed",
+        },
+    ];
+
+    /// The second of a surface.
+    pub(super) const V: Self = Self {
+        order: "vOrder",
+        knots: "vKnot",
+        closed: "vClosed",
+    };
+}
+
+/// Knots, and how many control points from the second on follow again after the last one.
+#[derive(Debug)]
+pub(super) struct Knots {
+    pub(super) knots: KnotVector,
+    wrapped: usize,
+}
+
+impl Knots {
+    /// The knots of a node for `count` control points, of which the last is the first again
+    /// if `meets`.
+    ///
+    /// Where knots are missing or unusable, clamped ones with equal steps over `0..1` take
+    /// their place. Where the file asks for a smooth joint, the ends meet and the knots are
+    /// not clamped, the curve goes on around the joint.
+    ///
+    /// # Errors
+    /// If no knots exist for this order and this number of points.
+    pub(super) fn of(
+        node: &Node,
+        direction: &Direction,
+        count: usize,
+        meets: bool,
+        warnings: &mut Warnings,
+    ) -> Result<Self, GeometryError> {
+        let default = if &*node.kind == "CoordinateDeformer" {
+            2
+        } else {
+            3
+        };
+        let order = node.count(direction.order, default, warnings);
+        let degree = order.saturating_sub(1);
+        let clamped = KnotVector::clamped_uniform(degree, count, 0.0..1.0)?;
+        let given = given(node, direction.knots, order, count, warnings);
+        let closed = node.flag(direction.closed, false, warnings) && meets && degree > 1;
+        let own = match given {
+            Some(knots) if closed && knots[0] >= knots[degree] => {
+                return Self::fixed(KnotVector::new(degree, knots));
+            }
+            Some(mut knots) if closed => {
+                for i in 1..degree {
+                    knots.push(knots[knots.len() - 1] + knots[i] - knots[i - 1]);
+                }
+                knots
+            }
+            None if closed => (0..count + 2 * degree).map(|i| i as f64).collect(),
+            Some(knots) => {
+                let place = node.field_place(direction.knots);
+                return Self::fixed(KnotVector::new(degree, knots).or_else(|problem| {
+                    warnings.invalid(place, format!("{problem}; equal steps are used"));
+                    Ok(clamped)
+                }));
+            }
+            None => return Self::fixed(Ok(clamped)),
+        };
+        let knots = KnotVector::new(degree, own)?;
+        let wrapped = degree - 1;
+        Ok(Self { knots, wrapped })
+    }
+
+    fn fixed(knots: Result<KnotVector, GeometryError>) -> Result<Self, GeometryError> {
+        let wrapped = 0;
+        knots.map(|knots| Self { knots, wrapped })
+    }
+
+    /// The control points in order, of `count` that the file has.
+    pub(super) fn points(&self, count: usize) -> impl Iterator<Item = usize> + use<> {
+        (0..count).chain((0..self.wrapped).map(move |i| 1 + i % (count - 1)))
+    }
+}
+
+/// The knots of a field, if there are as many as are needed.
+fn given(
+    node: &Node,
+    field: &str,
+    order: usize,
+    count: usize,
+    warnings: &mut Warnings,
+) -> Option<Vec<f64>> {
+    let mut given = node.numbers(field, warnings);
+    let expected = count + order;
+    if let (true, [first, .., last]) = (given.len() + 2 == expected, &given[..]) {
+        let (first, last) = (*first, *last);
+        given.insert(0, first);
+        given.push(last);
+        let text = "two knots are missing; the first and the last are repeated";
+        warnings.invalid(node.field_place(field), text);
+    }
+    if given.len() == expected {
+        return Some(given);
+    }
+    if !given.is_empty() {
+        let found = given.len();
+        let text = format!(
+            "{found} knots; dimension + order = {expected} are needed; equal steps are used"
+        );
+        warnings.invalid(node.field_place(field), text);
+    }
+    None
+}
+
+/// The weights of `count` control points; `None` if all are one.
+pub(super) fn weights(node: &Node, count: usize, warnings: &mut Warnings) -> Option<Vec<f64>> {
+    let weights = node.numbers("weight", warnings);
+    if weights.is_empty() {
+        return None;
+    }
+    let place = || node.field_place("weight");
+    if weights.len() != count {
+        let text = format!(
+            "{} weights for {count} control points; all weights are taken as one",
+            weights.len()
+        );
+        warnings.invalid(place(), text);
+        return None;
+    }
+    if let Some((i, w)) = weights.iter().enumerate().find(|&(_, &w)| w <= 0.0) {
+        let text =
+            format!("weight {i} is {w}; weights must be positive; all weights are taken as one");
+        warnings.invalid(place(), text);
+        return None;
+    }
+    Some(weights)
+}

@@ -1,0 +1,363 @@
+//! Prototypes: declarations, and the nodes that their instances stand for.
+//!
+//! The body of a prototype is stored once. An instance copies only its first node, and what
+//! lies between that and the fields that the instance can fill; all else is shared, as if by
+//! USE. So a prototype costs little, however often it stands there.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::animate::Route;
+use super::build::{Builder, Open};
+use super::scene::is_known;
+use super::{Field, Link, Node};
+use crate::Error;
+
+/// The names of a file or of the body of a prototype.
+#[derive(Debug, Default)]
+pub(super) struct Scope {
+    /// Nodes by their DEF.
+    pub(super) nodes: HashMap<Arc<str>, usize>,
+    /// Prototypes.
+    pub(super) prototypes: HashMap<Arc<str>, Prototype>,
+    /// The first prototype that is declared here.
+    pub(super) first: Option<Arc<str>>,
+}
+
+/// A declared prototype.
+#[derive(Clone, Debug)]
+pub(super) enum Prototype {
+    /// It stands in a file that has been read.
+    Here(Arc<Body>),
+    /// It stands in one of these files.
+    Elsewhere(Arc<[String]>),
+    /// It is a node that is known without it.
+    Known(Arc<str>),
+    /// Its files have been looked for in vain.
+    Missing,
+}
+
+/// What has been read of the declaration of a prototype.
+#[derive(Debug, Default)]
+pub(super) struct Declared {
+    interface: Vec<Declaration>,
+    body: Option<Body>,
+}
+
+/// A field of a prototype with its default.
+#[derive(Clone, Debug)]
+struct Declaration {
+    name: Arc<str>,
+    value: Option<Arc<str>>,
+    nodes: Vec<Link>,
+}
+
+/// The body of a prototype.
+#[derive(Debug)]
+pub(super) struct Body {
+    interface: Vec<Declaration>,
+    /// Its first node, which is what an instance stands for.
+    root: usize,
+    /// The nodes that each instance has for itself, in the order of the tree.
+    own: Vec<usize>,
+    /// Nodes from here on are not of the prototype.
+    end: usize,
+    /// Routes that each instance has for itself.
+    routes: Vec<Route>,
+}
+
+/// Nodes that are known to us and that prototypes of other names stand for: programs declare
+/// what only some viewers have built in, with a script as a last resort.
+fn is_nurbs(kind: &str) -> bool {
+    is_known(kind) && (kind.starts_with("Nurbs") || matches!(kind, "TrimmedSurface" | "Contour2D"))
+}
+
+impl Builder<'_> {
+    /// Takes over what is no node: declarations and statements. Nodes come back.
+    pub(super) fn structure(&mut self, mut open: Open) -> Result<Option<Open>, Error> {
+        match &*open.node.kind {
+            "IS" | "ProtoInterface" => {}
+            "connect" => {
+                let [field, outer] = ["nodeField", "protoField"].map(|f| open.node.string(f));
+                // Around it is the IS, around that the node.
+                if let Some(around) = self.open.iter_mut().rev().nth(1) {
+                    let connection = (field.into(), outer.into());
+                    around.node.connections.push(connection);
+                }
+            }
+            "field" => self.declare_field(open.node),
+            "fieldValue" => self.fill_field(open.node),
+            "ProtoBody" => self.end_body(&open),
+            "ProtoDeclare" => self.declare(open),
+            "ExternProtoDeclare" => self.declare_elsewhere(&open.node),
+            "ProtoInstance" => {
+                open.node.kind = open.node.string("name").into();
+                return Ok(Some(open));
+            }
+            "unit" => self.set_unit(&open.node),
+            "ROUTE" => self.route(&open.node),
+            "component" | "meta" | "IMPORT" | "EXPORT" => {}
+            _ => return Ok(Some(open)),
+        }
+        Ok(None)
+    }
+
+    /// A `ROUTE` between two nodes of the present scope.
+    fn route(&mut self, route: &Node) {
+        let scope = self.scopes.last();
+        let node = |field| scope.and_then(|s| s.nodes.get(&*route.string(field)).copied());
+        let [Some(from), Some(to)] = ["fromNode", "toNode"].map(node) else {
+            let text = "a ROUTE between nodes that are not both there";
+            self.warnings.invalid(route.place(), text);
+            return;
+        };
+        let [from_field, to_field] = ["fromField", "toField"].map(|f| route.string(f).into());
+        self.tree.routes.push(Route {
+            from,
+            from_field,
+            to,
+            to_field,
+        });
+    }
+
+    /// A `field` of an interface; those of scripts are passed over.
+    fn declare_field(&mut self, field: Node) {
+        let declaration = Declaration {
+            name: field.string("name").into(),
+            value: field.text("value").map(Arc::from),
+            nodes: field.children,
+        };
+        let mut around = self.open.iter_mut().rev().take(2);
+        if let Some(open) = around.find(|open| &*open.node.kind == "ProtoDeclare") {
+            open.declared.interface.push(declaration);
+        }
+    }
+
+    /// A `fieldValue` of an instance.
+    fn fill_field(&mut self, field: Node) {
+        let name: Arc<str> = field.string("name").into();
+        let Some(around) = self.open.last_mut() else {
+            return;
+        };
+        if let Some(value) = field.text("value") {
+            let (name, value) = (Arc::clone(&name), value.into());
+            around.node.fields.push(Field { name, value });
+        }
+        for mut link in field.children {
+            around.height = around.height.max(self.heights[link.node]);
+            link.field = Some(Arc::clone(&name));
+            around.node.children.push(link);
+        }
+    }
+
+    /// Finds out which nodes of a body each instance needs for itself.
+    fn end_body(&mut self, body: &Open) {
+        let nodes = &self.tree.nodes;
+        let mut links = body.node.children.iter();
+        let Some(root) = links.find(|link| !nodes[link.node].is_metadata()) else {
+            return;
+        };
+        let mut own = Vec::new();
+        for (index, node) in nodes.iter().enumerate().skip(body.first) {
+            let mut inside = node.children.iter().map(|link| link.node);
+            let varies =
+                !node.connections.is_empty() || inside.any(|i| own.binary_search(&i).is_ok());
+            if varies || index == root.node {
+                own.push(index);
+            }
+        }
+        let is_own = |r: &Route| [r.from, r.to].iter().any(|i| own.binary_search(i).is_ok());
+        let routes = self
+            .tree
+            .routes
+            .extract_if(.., |route| is_own(route))
+            .collect();
+        if let Some(around) = self.open.last_mut() {
+            around.declared.body = Some(Body {
+                interface: Vec::new(),
+                root: root.node,
+                own,
+                end: self.tree.nodes.len(),
+                routes,
+            });
+        }
+    }
+
+    fn declare(&mut self, open: Open) {
+        let name: Arc<str> = open.node.string("name").into();
+        let prototype = match open.declared.body {
+            _ if is_nurbs(&name) => Prototype::Known(Arc::clone(&name)),
+            Some(body) => Prototype::Here(Arc::new(Body {
+                interface: open.declared.interface,
+                ..body
+            })),
+            None => {
+                let text = format!("the prototype {name} has nothing in its body");
+                self.warnings.invalid(open.node.place(), text);
+                Prototype::Missing
+            }
+        };
+        self.declare_as(name, prototype);
+    }
+
+    /// An `EXTERNPROTO`: a node that is known needs no file, whether the prototype has its
+    /// name or one of the addresses ends in it.
+    fn declare_elsewhere(&mut self, node: &Node) {
+        let name: Arc<str> = node.string("name").into();
+        let addresses = node.strings("url");
+        let urns = addresses.iter().filter(|a| a.starts_with("urn:"));
+        let tails = urns.filter_map(|urn| urn.rsplit(':').next());
+        let known = std::iter::once(&*name).chain(tails).find(|n| is_known(n));
+        let prototype = match known {
+            Some(kind) => Prototype::Known(kind.into()),
+            None => Prototype::Elsewhere(addresses.iter().map(|a| self.beside(a)).collect()),
+        };
+        self.declare_as(name, prototype);
+    }
+
+    fn declare_as(&mut self, name: Arc<str>, prototype: Prototype) {
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.first.get_or_insert_with(|| Arc::clone(&name));
+            scope.prototypes.insert(name, prototype);
+        }
+    }
+
+    /// The prototype that a node is an instance of. Where it stands for a known node, that
+    /// becomes the kind of the node.
+    ///
+    /// # Errors
+    /// If a file that has to be read for it passes a limit.
+    pub(super) fn prototype(&mut self, node: &mut Node) -> Result<Option<Prototype>, Error> {
+        let Some((scope, prototype)) = self.declared(&node.kind) else {
+            let is_around = |open: &Open| {
+                &*open.node.kind == "ProtoDeclare" && open.node.text("name") == Some(&node.kind)
+            };
+            if self.open.iter().any(is_around) {
+                let text = "a prototype is used inside itself";
+                self.warnings.invalid(node.place(), text);
+                return Ok(Some(Prototype::Missing));
+            }
+            return Ok(None);
+        };
+        match prototype.clone() {
+            Prototype::Known(kind) => {
+                node.kind = kind;
+                Ok(None)
+            }
+            Prototype::Elsewhere(addresses) => {
+                let found = self.fetch_prototype(node, &addresses)?;
+                let found = found.map_or(Prototype::Missing, Prototype::Here);
+                let prototypes = &mut self.scopes[scope].prototypes;
+                prototypes.insert(Arc::clone(&node.kind), found.clone());
+                Ok(Some(found))
+            }
+            found => Ok(Some(found)),
+        }
+    }
+
+    /// Puts what an instance stands for into the outer node.
+    ///
+    /// # Errors
+    /// If instances make too many nodes.
+    pub(super) fn instance(&mut self, prototype: &Prototype, open: Open) -> Result<(), Error> {
+        let Open { node, slot, .. } = open;
+        let Prototype::Here(body) = prototype else {
+            let text = format!(
+                "the prototype {} could not be read; it is left out",
+                node.kind
+            );
+            self.warnings.unsupported(node.place(), text);
+            return Ok(());
+        };
+        // Shared with all that nest in it, copies are few; those of copies of copies are not.
+        self.copies += body.own.len();
+        let limit = self.options.limits.entities / COPIES;
+        if self.copies > limit {
+            let text = format!("more than {limit} nodes made by prototypes");
+            return Err(self.too_large(node.line, text));
+        }
+        let mut copies = Vec::new();
+        for &index in &body.own {
+            copies.push(self.filled(index, body, &node)?);
+        }
+        let base = self.tree.nodes.len();
+        let copy_of = |index| body.own.binary_search(&index).ok().map(|at| base + at);
+        for mut copy in copies {
+            for link in &mut copy.children {
+                match copy_of(link.node) {
+                    Some(own) => link.node = own,
+                    None => link.defined_here &= link.node >= body.end,
+                }
+            }
+            let height = self.height_inside(&copy);
+            self.store(copy, height)?;
+        }
+        self.copies += body.routes.len();
+        self.tree
+            .routes
+            .extend(body.routes.iter().map(|route| Route {
+                from: copy_of(route.from).unwrap_or(route.from),
+                to: copy_of(route.to).unwrap_or(route.to),
+                ..route.clone()
+            }));
+        let Some(root) = copy_of(body.root) else {
+            return Ok(());
+        };
+        let made = &mut self.tree.nodes[root];
+        made.complete &= node.complete;
+        if !node.def.is_empty() {
+            made.def = Arc::clone(&node.def);
+            if let Some(scope) = self.scopes.last_mut() {
+                scope.nodes.insert(node.def, root);
+            }
+        }
+        self.link(root, slot, true);
+        Ok(())
+    }
+
+    /// A copy of a node of a body, with the fields that an instance fills.
+    fn filled(&mut self, index: usize, body: &Body, instance: &Node) -> Result<Node, Error> {
+        let mut copy = self.tree.nodes[index].clone();
+        for (field, outer) in std::mem::take(&mut copy.connections) {
+            let given = instance.children.iter();
+            let given: Vec<_> = given.filter(|l| l.field.as_ref() == Some(&outer)).collect();
+            let value = instance.text(&outer).map(Arc::from);
+            let default = body.interface.iter().find(|d| d.name == outer);
+            let default = default.filter(|_| given.is_empty() && value.is_none());
+            if let Some(value) = value.or_else(|| default?.value.clone()) {
+                let name = Arc::clone(&field);
+                copy.fields.push(Field { name, value });
+            }
+            let nodes: Vec<_> = match default {
+                Some(default) => default.nodes.iter().collect(),
+                None => given,
+            };
+            if !nodes.is_empty() {
+                let place = Some(Arc::clone(&field));
+                copy.children.retain(|link| link.field != place);
+                copy.children.extend(nodes.into_iter().map(|link| Link {
+                    field: place.clone(),
+                    ..link.clone()
+                }));
+            }
+            // The prototype around this instance may fill the field in turn.
+            let further = instance.connections.iter();
+            let further = further.filter(|(name, _)| *name == outer);
+            let further = further.map(|(_, further)| (Arc::clone(&field), Arc::clone(further)));
+            copy.connections.extend(further);
+        }
+        if is_inline(&copy.kind) {
+            self.inline(&mut copy)?;
+        }
+        Ok(copy)
+    }
+}
+
+/// Whether a node stands for a file.
+pub(super) fn is_inline(kind: &str) -> bool {
+    matches!(kind, "Inline" | "InlineLoadControl")
+}
+
+/// The share of [`crate::Limits::entities`] that instances of prototypes and points of
+/// deformers may make.
+pub(super) const COPIES: usize = 250;

@@ -1,0 +1,279 @@
+use std::io;
+
+use glam::DVec3;
+
+use super::*;
+use crate::{Limits, NoFiles, Resolver};
+
+fn read_text(text: &str, resolver: &dyn Resolver) -> Import {
+    let limits = &Limits::default();
+    let text = format!("#VRML V2.0 utf8\n{text}");
+    read(text.as_bytes(), &ReadOptions { limits, resolver }).unwrap()
+}
+
+fn read_scene(text: &str) -> Import {
+    read_text(text, &NoFiles)
+}
+
+fn messages(import: &Import) -> Vec<String> {
+    let list = import.warnings.as_slice().iter();
+    list.map(ToString::to_string).collect()
+}
+
+/// A folder with these files in it.
+struct Files<'a>(&'a [(&'a str, &'a str)]);
+
+impl Resolver for Files<'_> {
+    fn resolve(&self, name: &str) -> io::Result<Vec<u8>> {
+        let found = self.0.iter().find(|(file, _)| *file == name);
+        let found = found.ok_or_else(|| io::Error::from(io::ErrorKind::NotFound));
+        found.map(|(_, text)| text.as_bytes().to_vec())
+    }
+}
+
+/// Where the first corner of every triangle stands in the world: one for each `TRIANGLE`.
+fn corners(import: &Import) -> Vec<[f64; 3]> {
+    let scene = &import.scene;
+    let corner = |placement: kernel::Placement| match placement.shape {
+        kernel::Shape::Mesh(id) => {
+            let point = scene.mesh(id).positions()[0];
+            placement.world_from_object.transform_point3(point)
+        }
+        kernel::Shape::Patch(_) => DVec3::NAN,
+    };
+    let placements = scene.placements().into_iter();
+    placements.map(|p| corner(p).to_array()).collect()
+}
+
+const TRIANGLE: &str = "Shape { geometry IndexedFaceSet { coordIndex 0 1 2 \
+    coord Coordinate { point [ 1 0 0, 0 1 0, 0 0 1 ] } } }";
+
+#[test]
+fn values_end_where_the_next_field_begins() {
+    let import = read_scene(
+        "Transform { translation 1 2,3 # four\n scale 1 1 1 children [] }\n\
+         DEF A-1.x Viewpoint { fieldOfView .5 description \"a\\\"b\" position +1e1 0 -2. }\n\
+         Shape { geometry IndexedFaceSet { coordIndex [ 0, 1, 2, -1, # \"\n 0 2 1 ]\n\
+           coord DEF C Coordinate { point [ 0 0 0, 1 0 0, # [\n 0 1 0, ] } solid FALSE } }",
+    );
+    assert_eq!(messages(&import), Vec::<String>::new());
+    assert_eq!(import.scene.meshes()[0].triangles(), [[0, 1, 2], [0, 2, 1]]);
+    let camera = &import.scene.cameras[0];
+    assert_eq!(
+        (camera.name.as_str(), camera.eye()),
+        ("A-1.x", DVec3::new(10.0, 0.0, -2.0))
+    );
+}
+
+#[test]
+fn what_does_not_belong_is_passed_over() {
+    let import = read_scene(&format!(
+        "}} ] Shape {{ geometry appearance NULL }}\nGroup {{ children [ {TRIANGLE}, 1 ] ] }}\nfoo 3"
+    ));
+    assert_eq!(corners(&import), [[1.0, 0.0, 0.0]]);
+    let expected = [
+        "line 2, Scene: } does not belong here; it is passed over",
+        "line 2, Scene: ] does not belong here; it is passed over (and 1 more)",
+        "line 2, Shape: geometry does not belong here; it is passed over",
+        "line 3, Group: 1 does not belong here; it is passed over",
+        "line 4, Scene: foo does not belong here; it is passed over",
+        "line 4, Scene: 3 does not belong here; it is passed over",
+    ];
+    assert_eq!(messages(&import), expected);
+}
+
+#[test]
+fn a_file_that_ends_too_soon_keeps_what_was_complete() {
+    let import = read_scene(&format!(
+        "{TRIANGLE} Group {{ children [ {TRIANGLE} Shape {{"
+    ));
+    assert_eq!(import.scene.placement_count(), 2);
+    assert_eq!(
+        messages(&import),
+        ["line 2: the file ends inside Shape of line 2"]
+    );
+    let import = read_scene(&format!("{TRIANGLE} WorldInfo {{ title \"abc"));
+    let text = "line 2: a string ends inside WorldInfo of line 2";
+    assert_eq!(messages(&import), [text]);
+}
+
+#[test]
+fn vrml_1_is_refused_kindly() {
+    for (text, word) in [
+        ("#VRML V1.0 ascii\n", "VRML 97"),
+        ("#Inventor V2.1 ascii\n", "VRML 97"),
+    ] {
+        assert!(sniff(text.as_bytes()));
+        let options = ReadOptions {
+            limits: &Limits::default(),
+            resolver: &NoFiles,
+        };
+        let problem = read(text.as_bytes(), &options).unwrap_err();
+        assert_eq!(problem.problem.kind(), "unsupported");
+        assert!(problem.to_string().contains(word), "{problem}");
+    }
+}
+
+#[test]
+fn instances_fill_the_fields_of_a_prototype() {
+    let import = read_scene(&format!(
+        "PROTO At [ exposedField SFVec3f where 5 0 0  field MFNode what [ {TRIANGLE} ] ] {{\n\
+           DEF T Transform {{ translation IS where children IS what }}\n\
+           Group {{ children {TRIANGLE} }}\n\
+         }}\n\
+         At {{ }} At {{ where 0 0 7 }} DEF N At {{ what {TRIANGLE} where 0 2 0 }} USE N\n\
+         PROTO Twice [ field SFVec3f a 0 0 1 ] {{\n\
+           Group {{ children [ At {{ where IS a }} At {{ where 0 0 2 }} ] }}\n\
+         }}\n\
+         Twice {{ }} Twice {{ a 0 0 3 }}"
+    ));
+    assert_eq!(messages(&import), Vec::<String>::new());
+    let expected = [
+        [6.0, 0.0, 0.0],
+        [1.0, 0.0, 7.0],
+        [1.0, 2.0, 0.0],
+        [1.0, 2.0, 0.0],
+        [1.0, 0.0, 1.0],
+        [1.0, 0.0, 2.0],
+        [1.0, 0.0, 3.0],
+        [1.0, 0.0, 2.0],
+    ];
+    assert_eq!(corners(&import), expected);
+    // The default is one mesh, however often it is shown.
+    assert_eq!(import.scene.meshes().len(), 2);
+    assert!(import.scene.nodes().iter().any(|node| node.name == "N"));
+}
+
+#[test]
+fn names_in_a_prototype_are_its_own() {
+    let import = read_scene(&format!(
+        "DEF A {TRIANGLE}\n\
+         PROTO P [ ] {{ Group {{ children [ DEF A Transform {{ translation 0 9 0 children {TRIANGLE} }} \
+           USE A ] }} PROTO Inner [ ] {{ Group {{ }} }} }}\n\
+         P {{ }} USE A Inner {{ }}"
+    ));
+    let expected = [
+        [1.0, 0.0, 0.0],
+        [1.0, 9.0, 0.0],
+        [1.0, 9.0, 0.0],
+        [1.0, 0.0, 0.0],
+    ];
+    assert_eq!(corners(&import), expected);
+    assert_eq!(messages(&import), ["line 4, Inner: Inner is not read"]);
+}
+
+#[test]
+fn a_prototype_inside_itself_is_left_out() {
+    let import = read_scene(&format!(
+        "PROTO P [ ] {{ Group {{ children [ {TRIANGLE} P {{ }} ] }} }}\nP {{ }}"
+    ));
+    assert_eq!(import.scene.placement_count(), 1);
+    assert_eq!(
+        messages(&import)[0],
+        "line 2, P: a prototype is used inside itself"
+    );
+}
+
+#[test]
+fn prototypes_that_double_and_double_meet_the_limit() {
+    let mut text = format!(
+        "PROTO P0 [ field SFVec3f a 0 0 0 field SFVec3f b 0 0 0 ] {{ Transform {{ translation IS a children {TRIANGLE} }} }}\n"
+    );
+    for i in 1..40 {
+        text += &format!(
+            "PROTO P{i} [ field SFVec3f a 0 0 0 field SFVec3f b 0 0 0 ] {{ Group {{ children [ P{j} {{ a IS a b IS b }} P{j} {{ a IS b b IS a }} ] }} }}\n",
+            j = i - 1
+        );
+    }
+    text = format!("#VRML V2.0 utf8\n{text} P39 {{ }}");
+    let options = ReadOptions {
+        limits: &Limits::default(),
+        resolver: &NoFiles,
+    };
+    let problem = read(text.as_bytes(), &options).unwrap_err();
+    assert_eq!(problem.problem.kind(), "too large", "{problem}");
+}
+
+#[test]
+fn known_nodes_need_no_file() {
+    let import = read_scene(
+        "EXTERNPROTO NurbsSurface [ field SFInt32 uDimension ] [ \"urn:x:NurbsSurface\" \"n.wrl\" ]\n\
+         EXTERNPROTO MyPatch [ ] \"urn:web3d:vrml97:node:NurbsSurface\"\n\
+         PROTO NurbsGroup [ exposedField MFNode children [ ] ] { Group { } }\n\
+         NurbsGroup { children [ Shape { geometry NurbsSurface { uDimension 2 vDimension 2 uOrder 2 \
+           vOrder 2 controlPoint [ 0 0 0 1 0 0 0 1 0 1 1 0 ] } }\n\
+         Shape { geometry MyPatch { uDimension 2 vDimension 2 uOrder 2 vOrder 2 \
+           controlPoint [ 0 0 0 2 0 0 0 2 0 2 2 0 ] } } ] }",
+    );
+    assert_eq!(messages(&import), Vec::<String>::new());
+    assert_eq!(import.scene.patches().len(), 2);
+}
+
+#[test]
+fn prototypes_and_scenes_come_from_files_beside() {
+    let part = format!(
+        "#VRML V2.0 utf8\nPROTO A [ ] {{ Group {{ }} }}\n\
+        PROTO B [ field SFVec3f at 0 0 0 ] {{ Transform {{ translation IS at children {TRIANGLE} }} }}"
+    );
+    let scene = "#X3D V3.3 utf8\nUNIT length foot 0.5\nInline { url \"../part.wrl\" }\n\
+        EXTERNPROTO C [ ] \"../part.wrl#B\" C { at 0 8 0 }";
+    let files = Files(&[("part.wrl", &part), ("sub/scene.x3dv", scene)]);
+    let import = read_text(
+        "EXTERNPROTO B [ ] [ \"gone.wrl\" \"./part.wrl#B\" ]\nB { at 0 0 4 }\n\
+         Transform { translation 0 0 1 children [ Inline { url [ \"sub/scene.x3dv\" ] } ] }",
+        &files,
+    );
+    // Half a metre is the unit of the scene in the folder.
+    assert_eq!(corners(&import), [[1.0, 0.0, 4.0], [0.5, 4.0, 1.0]]);
+    assert_eq!(messages(&import), Vec::<String>::new());
+}
+
+#[test]
+fn files_cannot_contain_themselves_or_lead_away() {
+    let own = "#VRML V2.0 utf8\nInline { url \"own.wrl\" }";
+    let files = Files(&[("own.wrl", own)]);
+    let import = read_text("Inline { url \"own.wrl\" }", &files);
+    assert!(
+        messages(&import)[0].ends_with("own.wrl: it contains itself"),
+        "{:?}",
+        messages(&import)
+    );
+    let import = read_text(
+        "Inline { url \"http://a.b/c.wrl\" } Inline { url \"/etc/passwd\" } Inline { url \"../a\" }",
+        &crate::Folder {
+            base: std::path::Path::new("."),
+            root: std::path::Path::new("."),
+            limits: &Limits::default(),
+        },
+    );
+    let expected = [
+        "http://a.b/c.wrl: only local files are read",
+        "/etc/passwd: the name leads out of the folder",
+        "../a: the name leads out of the folder",
+    ];
+    let place = "line 2, Inline: a file that is named could not be read: ";
+    assert_eq!(
+        messages(&import),
+        expected.map(|text| format!("{place}{text}"))
+    );
+}
+
+#[test]
+fn nesting_meets_the_limit() {
+    for text in [
+        "Group { children ",
+        "Group { children [ ",
+        "PROTO A [ field MFNode a [ Group { a ",
+        "a [ ",
+    ] {
+        let text = format!("#VRML V2.0 utf8\n{}", text.repeat(1_000_000));
+        let options = ReadOptions {
+            limits: &Limits::default(),
+            resolver: &NoFiles,
+        };
+        match read(text.as_bytes(), &options) {
+            Ok(import) => assert!(!import.warnings.as_slice().is_empty()),
+            Err(problem) => assert!(matches!(problem.problem.kind(), "too large" | "invalid")),
+        }
+    }
+}
