@@ -26,6 +26,7 @@ pub use kernel;
 
 mod accelerator;
 mod certify;
+pub mod convert;
 mod film;
 mod integrator;
 mod intersect;

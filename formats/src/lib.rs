@@ -27,10 +27,12 @@ mod iges;
 mod limits;
 mod nodes;
 mod obj;
+mod write;
 mod x3d;
 
 pub use error::{Error, Place, Problem, Warning, Warnings};
 pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
+pub use write::{Export, WRITERS, Write, Writer};
 
 /// A file format: one row per folder of this crate.
 #[derive(Clone, Copy, Debug)]

@@ -41,7 +41,9 @@ pub use curve::{Curve, CurveDerivatives};
 pub use error::Error;
 pub use interval::Interval;
 pub use knots::{KnotVector, MAX_DEGREE};
-pub use material::{Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb};
+pub use material::{
+    Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb, srgb_from_linear,
+};
 pub use mesh::Mesh;
 pub use normal::regular as regular_normal;
 pub use patch::Patch;
@@ -51,4 +53,4 @@ pub use scene::{
 };
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
-pub use trim::{Cover, TrimLoop, TrimRegion};
+pub use trim::{Cover, Nest, TrimLoop, TrimRegion, nesting};

@@ -4,6 +4,7 @@
 //! A [`TrimLoop`] is what files hold, a [`TrimRegion`] is what rays ask.
 
 mod monotone;
+mod nesting;
 mod region;
 #[cfg(test)]
 mod tests;
@@ -12,6 +13,7 @@ use std::ops::Range;
 
 use glam::DVec2;
 
+pub use nesting::{Nest, nesting};
 pub use region::{Cover, TrimRegion};
 
 use crate::{Curve, Error};

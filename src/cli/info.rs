@@ -285,7 +285,7 @@ fn to_json(file: &Path, import: &Import) -> Value {
         "up": format!("{:?}", scene.up),
         "root": scene.root().map(NodeId::index),
         "nodes": scene.node_ids().map(|id| node_json(scene, id)).collect::<Vec<_>>(),
-        "warnings": input::warnings_json(import),
+        "warnings": input::warnings_json(&import.warnings),
     })
 }
 

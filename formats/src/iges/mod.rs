@@ -22,6 +22,9 @@ mod tests;
 mod transform;
 mod tree;
 mod types;
+mod write;
+
+pub(crate) use write::WRITER;
 
 /// The row of this format.
 pub(crate) const FORMAT: Format = Format {
