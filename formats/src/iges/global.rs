@@ -74,10 +74,10 @@ fn fill(
 }
 
 /// The flag and name of a unit with this length in metres.
-pub(super) fn flag(metres: f64) -> Option<(i64, &'static str)> {
+pub(super) fn flag(metres: f64) -> Option<(usize, &'static str)> {
     let same = |known: f64| (known - metres).abs() <= known * 1e-12;
     let row = UNITS.iter().find(|row| same(row.2))?;
-    Some((row.0, row.1[0]))
+    Some((usize::try_from(row.0).ok()?, row.1[0]))
 }
 
 /// The unit of a flag; flags without a meaning of their own leave it to the name.

@@ -7,9 +7,10 @@
 
 mod cards;
 mod geometry;
+mod model;
 mod tree;
 
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use kernel::{Scene, UpAxis};
 
 use self::cards::Record;
@@ -27,7 +28,7 @@ pub(crate) const WRITER: Writer = Writer {
 
 /// Smallest distance that counts, as a share of the size, before it is rounded down to a power
 /// of ten.
-const RESOLUTION: f64 = 1e-8;
+const RESOLUTION: f64 = 1e-7;
 
 /// A moment that is always the same, so that the bytes are, too.
 const DATE: &str = "19700101.000000";
@@ -39,35 +40,36 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
         (scene.lights.len(), "lights"),
         (usize::from(scene.background.is_some()), "the background"),
     ];
-    for (count, what) in what {
-        if count > 0 {
-            let text = "IGES files hold no cameras, lights and backgrounds; they are left out";
-            tree.warnings.unsupported(Place::item(0, what), text);
-        }
+    for (_, what) in what.into_iter().filter(|(count, _)| *count > 0) {
+        let text = "IGES files hold no cameras, lights and backgrounds; they are left out";
+        tree.warnings.unsupported(Place::item(0, what), text);
     }
-    let unit = scene.unit.as_ref();
-    let known = unit.and_then(|unit| global::flag(unit.metres));
-    let (flag, name) = known.unwrap_or(if unit.is_some() { (6, "m") } else { (2, "mm") });
-    let scale = match unit {
-        Some(unit) if known.is_none() => unit.metres,
-        Some(_) => 1.0,
+    let (flag, name, scale) = match &scene.unit {
+        Some(unit) => match global::flag(unit.metres) {
+            Some((flag, name)) => (flag, name, 1.0),
+            None => (6, "m", unit.metres),
+        },
         None => {
             let text = "IGES files need a unit of length and the scene has none; \
                 millimetres are written";
             tree.warnings.unsupported(Place::item(0, "the unit"), text);
-            1.0
+            (2, "mm", 1.0)
         }
     };
     let turned = match scene.up {
-        UpAxis::Y => DMat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0]),
+        UpAxis::Y => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
         UpAxis::Z => DMat3::IDENTITY,
     };
     let refuse = |problem| error(Place::default(), problem);
     tree.add_all(turned * scale).map_err(refuse)?;
     let bounds = scene.hull_bounds();
-    let size = bounds.diagonal() * scale;
-    let largest = bounds.min.abs().max(bounds.max.abs()).max_element() * scale;
-    let global = global_record(stem, (flag, name), size, largest);
+    let largest = bounds.corners().map(|corner| corner.abs().max_element());
+    let largest = largest.into_iter().filter(|x| x.is_finite());
+    let lengths = [
+        resolution(bounds.diagonal() * scale),
+        largest.fold(0.0, f64::max) * scale,
+    ];
+    let global = global_record(stem, flag, name, lengths);
     let start = format!("Written by nurbray {}", env!("CARGO_PKG_VERSION"));
     let bytes = tree.deck.into_bytes(&start, &global).map_err(refuse)?;
     Ok(Export {
@@ -77,8 +79,8 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     })
 }
 
-/// The global section.
-fn global_record(stem: &str, (flag, unit): (i64, &str), size: f64, largest: f64) -> Record {
+/// The global section; `lengths` are the smallest that counts and the largest coordinate.
+fn global_record(stem: &str, flag: usize, unit: &str, lengths: [f64; 2]) -> Record {
     let mut record = Record::default();
     for text in [
         ",",
@@ -93,13 +95,12 @@ fn global_record(stem: &str, (flag, unit): (i64, &str), size: f64, largest: f64)
     record.integers([32, 38, 6, 308, 15]);
     record.text(stem);
     record.real(1.0);
-    record.integers(usize::try_from(flag));
+    record.integer(flag);
     record.text(&unit.to_uppercase());
     record.integer(1);
     record.real(0.1);
     record.text(DATE);
-    record.real(resolution(size));
-    record.real(if largest.is_finite() { largest } else { 0.0 });
+    record.reals(lengths);
     record.text("");
     record.text("");
     record.integers([11, 0]);

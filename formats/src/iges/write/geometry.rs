@@ -4,20 +4,25 @@ use glam::{DVec2, DVec3};
 use kernel::{Curve, Patch, Point, Surface, TrimLoop, nesting};
 
 use super::cards::{Deck, Entity, Record, Status};
+use super::model::Carrier;
 
 /// Points so near to each other, as a share of the size, are the same.
 const SAME: f64 = 1e-12;
 
 /// A face, in as many entities as it has outer loops: a trimmed surface (type 144) for each,
 /// or the surface (type 128) where there are none.
-pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Vec<usize> {
+///
+/// # Errors
+/// If trim curves leave the numbers that can be written.
+pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel::Error> {
     if patch.loops.is_empty() {
-        return vec![deck.add(Entity {
+        return Ok(vec![deck.add(Entity {
             kind: 128,
             record: surface(&patch.surface),
             ..Entity::default()
-        })];
+        })]);
     }
+    let carrier = Carrier::new(&patch.surface, closed(&patch.surface));
     let mut faces = Vec::new();
     for group in nesting(&patch.loops) {
         let base = deck.add(Entity {
@@ -29,7 +34,7 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Vec<usize> {
         let mut record = Record::new(144);
         record.integers([base, 1, group.holes.len()]);
         for index in [vec![group.outer], group.holes].concat() {
-            record.integer(boundary(deck, base, &patch.loops[index]));
+            record.integer(boundary(deck, base, &patch.loops[index], &carrier)?);
         }
         faces.push(deck.add(Entity {
             kind: 144,
@@ -37,7 +42,7 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Vec<usize> {
             ..Entity::default()
         }));
     }
-    faces
+    Ok(faces)
 }
 
 /// A rational B-spline surface (type 128).
@@ -99,26 +104,38 @@ fn curve<P: Point>(curve: &Curve<P>, planar: bool, place: impl Fn(P) -> DVec3) -
     record
 }
 
-/// A loop as a curve on a surface (type 142), by its curves in the parameter domain.
-fn boundary(deck: &mut Deck, base: usize, trim: &TrimLoop) -> usize {
-    let curves: Vec<_> = trim
-        .segments()
-        .iter()
-        .map(|segment| {
-            deck.add(Entity {
-                kind: 126,
-                status: Status::Parametric,
-                record: curve(segment, true, |point: DVec2| point.extend(0.0)),
-                ..Entity::default()
-            })
-        })
-        .collect();
-    let curve = composite(deck, &curves, Status::Parametric);
+/// A loop as a curve on a surface (type 142): by its curves in the parameter domain, which are
+/// the masters, and by those in space.
+fn boundary(
+    deck: &mut Deck,
+    base: usize,
+    trim: &TrimLoop,
+    carrier: &Carrier<'_>,
+) -> Result<usize, kernel::Error> {
+    let (mut flat, mut lifted) = (Vec::new(), Vec::new());
+    for segment in trim.segments() {
+        let record = curve(segment, true, |point: DVec2| point.extend(0.0));
+        flat.push(spline(deck, Status::Parametric, record));
+        let record = curve(&carrier.lift(segment)?, false, |point| point);
+        lifted.push(spline(deck, Status::Dependent, record));
+    }
+    let flat = composite(deck, &flat, Status::Parametric);
+    let lifted = composite(deck, &lifted, Status::Dependent);
     let mut record = Record::new(142);
-    record.integers([0, base, curve, 0, 1]);
-    deck.add(Entity {
+    record.integers([0, base, flat, lifted, 1]);
+    Ok(deck.add(Entity {
         kind: 142,
         status: Status::Dependent,
+        record,
+        ..Entity::default()
+    }))
+}
+
+/// Adds a curve (type 126).
+fn spline(deck: &mut Deck, status: Status, record: Record) -> usize {
+    deck.add(Entity {
+        kind: 126,
+        status,
         record,
         ..Entity::default()
     })

@@ -190,7 +190,7 @@ impl<'a> Tree<'a> {
             Some(material) => self.color(material),
             None => 0,
         };
-        let faces = geometry::face(&mut self.deck, patch);
+        let faces = geometry::face(&mut self.deck, patch)?;
         for &face in &faces {
             let entity = self.deck.entity(face);
             entity.color = color;
