@@ -3,6 +3,7 @@
 
 use std::fs;
 
+use nurbray::convert::Target;
 use nurbray::formats::{Limits, open};
 use serde_json::Value;
 
@@ -80,14 +81,16 @@ fn folders_are_mirrored() {
 #[test]
 fn the_same_file_gives_the_same_bytes() {
     let place = Place::new();
-    for folder in ["a", "b"] {
-        let line = format!("convert samples -o {{stem}}.igs --out-dir {folder}");
-        place.run(&line);
-    }
-    for stem in ["teapot", "goblet", "sphere_torus", "two_surfaces"] {
-        let name = format!("{stem}.igs");
-        let [a, b] = ["a", "b"].map(|f| fs::read(place.path(f).join(&name)).unwrap());
-        assert_eq!(a, b, "{stem}");
+    for extension in Target::all().flat_map(Target::extensions) {
+        for folder in ["a", "b"] {
+            let line = format!("convert samples -o {{stem}}.{extension} --out-dir {folder}");
+            place.run(&line);
+        }
+        for stem in ["teapot", "goblet", "sphere_torus", "two_surfaces"] {
+            let name = format!("{stem}.{extension}");
+            let [a, b] = ["a", "b"].map(|f| fs::read(place.path(f).join(&name)).unwrap());
+            assert_eq!(a, b, "{name}");
+        }
     }
 }
 

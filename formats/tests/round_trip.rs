@@ -101,7 +101,15 @@ fn assert_same(a: &Shown, b: &Shown, size: f64, what: &str) {
         size,
         &what,
     );
-    let (p, q) = (segments(&a.patch.loops), segments(&b.patch.loops));
+    assert_eq!(a.patch.loops.len(), b.patch.loops.len(), "{what}: loops");
+    let pairs = a.patch.loops.iter().zip(&b.patch.loops);
+    // Some formats say which way loops run.
+    let turned = |(p, q): (&TrimLoop, &TrimLoop)| match p.signed_area() * q.signed_area() {
+        product if product < 0.0 => p.reversed(),
+        _ => p.clone(),
+    };
+    let loops: Vec<_> = pairs.map(turned).collect();
+    let (p, q) = (segments(&loops), segments(&b.patch.loops));
     assert_eq!(p.len(), q.len(), "{what}: trim curves");
     for (p, q) in p.iter().zip(&q) {
         assert_eq!(p.knots(), q.knots(), "{what}");
@@ -123,6 +131,11 @@ fn assert_same(a: &Shown, b: &Shown, size: f64, what: &str) {
         assert_eq!(p.0, q.0, "{what}");
         assert!(p.1.distance(q.1) < 1e-12, "{what}: {p:?} {q:?}");
     }
+}
+
+/// Whether a writer's files can be read again.
+fn is_read(writer: &Writer) -> bool {
+    matches!(writer.name, "IGES" | "X3D")
 }
 
 /// Writes a scene and reads it again.
@@ -192,7 +205,7 @@ fn files(folder: &str) -> Vec<PathBuf> {
 
 #[test]
 fn samples_come_back() {
-    for writer in WRITERS {
+    for writer in WRITERS.iter().filter(|w| is_read(w)) {
         let found = files("samples")
             .iter()
             .map(|path| check(path, writer))
@@ -203,7 +216,7 @@ fn samples_come_back() {
 
 #[test]
 fn real_files_come_back() {
-    for writer in WRITERS {
+    for writer in WRITERS.iter().filter(|w| is_read(w)) {
         for folder in ["iges", "obj", "x3d", "vrml"] {
             let files = files(&format!("../shared/corpus/{folder}"));
             let count: usize = files.iter().map(|path| check(path, writer)).sum();

@@ -10,13 +10,12 @@ mod geometry;
 mod model;
 mod tree;
 
-use glam::{DMat3, DVec3};
 use kernel::{Scene, UpAxis};
 
 use self::cards::Record;
 use self::tree::Tree;
 use super::{error, global};
-use crate::write::{Export, Writer};
+use crate::write::{Export, Writer, turn};
 use crate::{Error, Place};
 
 /// The row of this format.
@@ -56,10 +55,7 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
             (2, "mm", 1.0)
         }
     };
-    let turned = match scene.up {
-        UpAxis::Y => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
-        UpAxis::Z => DMat3::IDENTITY,
-    };
+    let turned = turn(scene.up, UpAxis::Z);
     let refuse = |problem| error(Place::default(), problem);
     tree.add_all(turned * scale).map_err(refuse)?;
     let bounds = scene.hull_bounds();

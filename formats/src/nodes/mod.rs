@@ -14,6 +14,7 @@ mod mesh;
 mod nurbs;
 mod scene;
 mod trim;
+mod write;
 
 use glam::{DVec2, DVec3};
 
@@ -21,6 +22,7 @@ use crate::{Place, Warnings};
 
 pub(crate) use build::{Builder, Head};
 pub(crate) use scene::convert;
+pub(crate) use write::{CLASSIC, VRML97, X3D};
 
 /// A field and its value as it stands in the file.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use glam::DVec3;
 
 use crate::Problem;
+use crate::write::push_number;
 
 /// The parameters of a record, one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,9 +40,9 @@ impl Record {
 
     /// Adds a number, with as many digits as it takes to read the same one again.
     pub(super) fn real(&mut self, value: f64) {
-        let text = format!("{value:?}");
+        let mut text = String::new();
+        push_number(&mut text, value);
         let (digits, exponent) = text.split_once('e').unwrap_or((&text, ""));
-        let digits = digits.strip_suffix(".0").unwrap_or(digits);
         let point = if digits.contains('.') { "" } else { "." };
         let mark = if exponent.is_empty() { "" } else { "D" };
         self.tokens

@@ -9,10 +9,8 @@ use kernel::{
 
 use super::cards::{Deck, Entity, Record, Status};
 use super::geometry;
+use crate::write::{NESTING, Uses, outermost};
 use crate::{Place, Problem, Warnings};
-
-/// How deep nodes may nest.
-const NESTING: usize = 1000;
 
 /// Matrices that differ from a turned and scaled frame by no more are taken for one.
 const RIGID: f64 = 1e-12;
@@ -43,26 +41,6 @@ enum Defined {
     Item(Shape, Option<MaterialId>),
 }
 
-/// How often nodes are children, and shapes are shown.
-#[derive(Debug, Default)]
-struct Uses {
-    nodes: HashMap<NodeId, usize>,
-    shapes: HashMap<Shape, usize>,
-}
-
-impl Uses {
-    fn of(scene: &Scene) -> Self {
-        let mut uses = Self::default();
-        for child in scene.nodes().iter().flat_map(|node| &node.children) {
-            match child {
-                Child::Node(id) => *uses.nodes.entry(*id).or_default() += 1,
-                Child::Item(item) => *uses.shapes.entry(item.shape).or_default() += 1,
-            }
-        }
-        uses
-    }
-}
-
 impl<'a> Tree<'a> {
     pub(super) fn new(scene: &'a Scene) -> Self {
         Self {
@@ -79,17 +57,15 @@ impl<'a> Tree<'a> {
 
     /// Adds all that is shown; `world` takes the scene to the coordinates of the file.
     pub(super) fn add_all(&mut self, world: DMat3) -> Result<(), Problem> {
-        let Some(root) = self.scene.root() else {
+        let Some((node, id, place)) = outermost(self.scene, world) else {
             return Ok(());
         };
-        let node = self.scene.node(root);
-        let is_plain = node.name.is_empty() && node.parent_from_node == DAffine3::IDENTITY;
-        if is_plain && world == DMat3::IDENTITY {
+        if node.name.is_empty() && place == DAffine3::IDENTITY {
             for child in &node.children {
-                self.reference(child, world, Status::Independent, 0)?;
+                self.reference(child, place.matrix3, Status::Independent, 0)?;
             }
         } else {
-            self.reference(&Child::Node(root), world, Status::Independent, 0)?;
+            self.node(id, place, Status::Independent, 0)?;
         }
         Ok(())
     }
@@ -103,16 +79,28 @@ impl<'a> Tree<'a> {
         status: Status,
         depth: usize,
     ) -> Result<Vec<usize>, Problem> {
+        match child {
+            Child::Item(item) => self.item(item, outer, status),
+            Child::Node(id) => {
+                let inner = self.scene.node(*id).parent_from_node;
+                self.node(*id, DAffine3::from_mat3(outer) * inner, status, depth)
+            }
+        }
+    }
+
+    /// Pointers to what shows a node at its place.
+    fn node(
+        &mut self,
+        id: NodeId,
+        whole: DAffine3,
+        status: Status,
+        depth: usize,
+    ) -> Result<Vec<usize>, Problem> {
         if depth > NESTING {
             let text = format!("nodes nest more than {NESTING} deep");
             return Err(Problem::TooLarge(text));
         }
-        let id = match child {
-            Child::Item(item) => return self.item(item, outer, status),
-            Child::Node(id) => *id,
-        };
         let node = self.scene.node(id);
-        let whole = DAffine3::from_mat3(outer) * node.parent_from_node;
         let (place, inner) = match scale_of(&whole.matrix3) {
             Some(_) => (whole, DMat3::IDENTITY),
             None => (DAffine3::from_translation(whole.translation), whole.matrix3),
