@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use glam::{DAffine3, DMat3, DVec3};
 use kernel::{Child, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
 
-use crate::{Error, Warnings, iges, nodes};
+use crate::{Error, Warnings, iges, nodes, obj};
 
 /// A format that scenes are written in with their surfaces as they are: one row each.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +37,13 @@ pub struct Export {
 }
 
 /// All formats that surfaces are written in as they are.
-pub const WRITERS: &[Writer] = &[iges::WRITER, nodes::X3D, nodes::CLASSIC, nodes::VRML97];
+pub const WRITERS: &[Writer] = &[
+    iges::WRITER,
+    nodes::X3D,
+    nodes::CLASSIC,
+    nodes::VRML97,
+    obj::WRITER,
+];
 
 /// How deep nodes may nest in what is written.
 pub(crate) const NESTING: usize = 1000;
@@ -96,6 +102,11 @@ pub(crate) fn outermost(scene: &Scene, world: DMat3) -> Option<(&Node, NodeId, D
         place *= scene.node(id).parent_from_node;
     }
     Some((scene.node(id), id, place))
+}
+
+/// Whether weights say anything: they do if one of them is not one.
+pub(crate) fn has_weights(mut weights: impl Iterator<Item = f64>) -> bool {
+    weights.any(|weight| (weight - 1.0).abs() > 0.0)
 }
 
 /// Appends a number, with as many digits as it takes to read the same one again.

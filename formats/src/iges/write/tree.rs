@@ -363,7 +363,9 @@ impl<'a> Tree<'a> {
         }
         let material = self.scene.material(id);
         let mut record = Record::new(314);
-        record.point(srgb_from_linear(material.diffuse) * 100.0);
+        let model = material.metallic_roughness;
+        let base = model.map_or(material.diffuse, |model| model.base_color);
+        record.point(srgb_from_linear(base) * 100.0);
         record.text(&material.name);
         let color = self.deck.add(Entity {
             kind: 314,
@@ -373,8 +375,8 @@ impl<'a> Tree<'a> {
         });
         let plain = Material {
             name: material.name.clone(),
-            ambient: material.diffuse,
-            diffuse: material.diffuse,
+            ambient: base,
+            diffuse: base,
             ..Material::default()
         };
         if *material != plain {

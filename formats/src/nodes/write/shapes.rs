@@ -6,6 +6,7 @@ use kernel::{Curve, Mesh, Patch, Surface, TrimLoop, nesting};
 use super::Dialect;
 use super::spell::{Out, Value};
 use super::tree::Tree;
+use crate::write::has_weights;
 
 impl Tree<'_> {
     /// A surface, and its type.
@@ -51,7 +52,7 @@ impl Tree<'_> {
         let net = surface.homogeneous();
         let order = (0..v.count()).flat_map(|j| net.iter().skip(j).step_by(v.count()));
         let order: Vec<DVec4> = order.copied().collect();
-        if surface.weights().any(is_not_one) {
+        if has_weights(surface.weights()) {
             let weights: Vec<_> = order.iter().map(|h| h.w).collect();
             out.field("weight", Value::list(&weights, 1));
         }
@@ -130,13 +131,9 @@ fn curve(segment: &Curve<DVec2>) -> Out {
         .flat_map(|h| [h.x, h.y])
         .collect();
     out.field("controlPoint", Value::list(&points, 2));
-    if segment.weights().any(is_not_one) {
+    if has_weights(segment.weights()) {
         let weights: Vec<_> = segment.weights().collect();
         out.field("weight", Value::list(&weights, 1));
     }
     out
-}
-
-fn is_not_one(weight: f64) -> bool {
-    (weight - 1.0).abs() > 0.0
 }
