@@ -24,6 +24,7 @@ mod error;
 mod interval;
 mod knots;
 mod material;
+mod measure;
 mod mesh;
 pub mod modelling;
 mod normal;
@@ -44,6 +45,7 @@ pub use knots::{KnotVector, MAX_DEGREE};
 pub use material::{
     Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb, srgb_from_linear,
 };
+pub use measure::Integrals;
 pub use mesh::Mesh;
 pub use normal::regular as regular_normal;
 pub use patch::Patch;
@@ -53,4 +55,4 @@ pub use scene::{
 };
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
-pub use trim::{Cover, Nest, TrimLoop, TrimRegion, nesting};
+pub use trim::{Cover, Nest, TrimLoop, TrimRegion, nesting, oriented};

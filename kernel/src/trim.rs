@@ -13,7 +13,8 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-pub use nesting::{Nest, nesting};
+pub use nesting::{Nest, nesting, oriented};
+pub(crate) use region::shifts;
 pub use region::{Cover, TrimRegion};
 
 use crate::{Curve, Error};

@@ -57,6 +57,22 @@ pub fn nesting(loops: &[TrimLoop]) -> Vec<Nest> {
     nests
 }
 
+/// The loops with outer ones counter-clockwise and holes clockwise, in their order.
+pub fn oriented(loops: &[TrimLoop]) -> Vec<TrimLoop> {
+    let mut is_hole = vec![false; loops.len()];
+    for hole in nesting(loops).into_iter().flat_map(|nest| nest.holes) {
+        is_hole[hole] = true;
+    }
+    let turned = |(trim, &is_hole): (&TrimLoop, &bool)| {
+        if (trim.signed_area() < 0.0) == is_hole {
+            trim.clone()
+        } else {
+            trim.reversed()
+        }
+    };
+    loops.iter().zip(&is_hole).map(turned).collect()
+}
+
 /// A box around the control points of a loop.
 fn hull(trim: &TrimLoop) -> (DVec2, DVec2) {
     let points = trim.segments().iter().flat_map(|curve| curve.points());

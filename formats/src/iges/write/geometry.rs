@@ -6,9 +6,6 @@ use kernel::{Curve, Patch, Point, Surface, TrimLoop, nesting};
 use super::cards::{Deck, Entity, Record, Status};
 use super::model::Carrier;
 
-/// Points so near to each other, as a share of the size, are the same.
-const SAME: f64 = 1e-12;
-
 /// A face, in as many entities as it has outer loops: a trimmed surface (type 144) for each,
 /// or the surface (type 128) where there are none.
 ///
@@ -22,7 +19,7 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
             ..Entity::default()
         })]);
     }
-    let carrier = Carrier::new(&patch.surface, closed(&patch.surface));
+    let carrier = Carrier::new(&patch.surface, patch.surface.closed());
     let mut faces = Vec::new();
     for group in nesting(&patch.loops) {
         let base = deck.add(Entity {
@@ -52,7 +49,7 @@ fn surface(surface: &Surface) -> Record {
     let mut record = Record::new(128);
     record.integers(knots.map(|knots| knots.count() - 1));
     record.integers(knots.map(|knots| knots.degree()));
-    record.integers(closed(surface).map(usize::from));
+    record.integers(surface.closed().map(usize::from));
     record.integer(usize::from(!surface.is_rational()));
     record.integers([0, 0]);
     for knots in knots {
@@ -68,20 +65,6 @@ fn surface(surface: &Surface) -> Record {
         record.reals([knots.domain().start, knots.domain().end]);
     }
     record
-}
-
-/// Whether the surface comes back to its start along u, and along v.
-fn closed(surface: &Surface) -> [bool; 2] {
-    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    let size = surface.hull_bounds().diagonal();
-    let same = |a: &Curve<DVec3>, b: &Curve<DVec3>| {
-        let mut pairs = a.points().zip(b.points());
-        pairs.all(|(a, b)| a.distance(b) <= size * SAME)
-    };
-    [
-        same(&surface.iso_curve_u(u.start), &surface.iso_curve_u(u.end)),
-        same(&surface.iso_curve_v(v.start), &surface.iso_curve_v(v.end)),
-    ]
 }
 
 /// A rational B-spline curve (type 126); `place` takes its points to space.

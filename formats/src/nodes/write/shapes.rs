@@ -1,7 +1,7 @@
 //! Surfaces with their trims, and meshes.
 
 use glam::{DVec2, DVec4};
-use kernel::{Curve, Mesh, Patch, Surface, TrimLoop, nesting};
+use kernel::{Curve, Mesh, Patch, Surface, oriented};
 
 use super::Dialect;
 use super::spell::{Out, Value};
@@ -101,22 +101,6 @@ impl Tree<'_> {
         }
         (kind, out)
     }
-}
-
-/// The loops with outer ones counter-clockwise and holes clockwise.
-fn oriented(loops: &[TrimLoop]) -> Vec<TrimLoop> {
-    let mut is_hole = vec![false; loops.len()];
-    for hole in nesting(loops).into_iter().flat_map(|nest| nest.holes) {
-        is_hole[hole] = true;
-    }
-    let turned = |(trim, &is_hole): (&TrimLoop, &bool)| {
-        if (trim.signed_area() < 0.0) == is_hole {
-            trim.clone()
-        } else {
-            trim.reversed()
-        }
-    };
-    loops.iter().zip(&is_hole).map(turned).collect()
 }
 
 /// A curve of the parameter domain.
