@@ -5,6 +5,7 @@
 //! left border of the domain to the loop, along u by quadrature, summed up along v. Loops are cut
 //! where they cross knots, so that everything integrated is smooth.
 
+mod extent;
 mod piece;
 mod sums;
 
@@ -16,13 +17,24 @@ use glam::{DAffine2, DVec2, DVec3};
 use self::piece::Piece;
 use self::sums::Sums;
 use crate::trim::shifts;
-use crate::{BezierSurface, Curve, Patch, oriented};
+use crate::{Aabb, BezierSurface, Curve, Patch, oriented};
 
 /// Error that is looked for, as a share of what a cube of the size of the face has.
 const ACCURACY: f64 = 1e-12;
 
 /// Steps of a strip in which the places are counted where loops cross the borders of pieces.
 const STEPS: f64 = (1_u64 << 40) as f64;
+
+impl Patch {
+    /// How far [`Patch::bounds`] may be too small, as a share of the diagonal of the box around
+    /// the control points.
+    pub const BOUNDS_ACCURACY: f64 = extent::ACCURACY;
+
+    /// The least box around the face.
+    pub fn bounds(&self) -> Aabb {
+        extent::bounds(self)
+    }
+}
 
 /// Integrals over a face, about an origin. Fluxes count along `du x dv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

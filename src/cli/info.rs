@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 
 use nurbray::formats::{Import, Warning};
 use nurbray::kernel::{Child, Item, NodeId, Patch, Scene, Shape};
+use nurbray::measure;
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
+use super::sizes;
 
 /// Lines of the tree that are printed; `--json` has all.
 const TREE_LINES: usize = 60;
@@ -26,6 +28,9 @@ pub(super) struct Args {
     /// One line of JSON per file
     #[arg(long)]
     json: bool,
+    /// Also measure the exact box, the area, and the volume of closed bodies, each with its error
+    #[arg(long)]
+    measure: bool,
     #[command(flatten)]
     read: ReadArgs,
 }
@@ -36,8 +41,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let mut out = std::io::stdout().lock();
     for file in &args.files {
         match args.read.load(file) {
-            Ok(loaded) if args.json => writeln!(out, "{}", to_json(file, &loaded.import))?,
-            Ok(loaded) => write!(out, "{}", to_text(file, &loaded.import))?,
+            Ok(loaded) => {
+                let import = &loaded.import;
+                let measure = args.measure.then(|| measure(&import.scene));
+                if args.json {
+                    let mut line = to_json(file, import);
+                    if let Some(measure) = &measure {
+                        line["measure"] = sizes::to_json(measure);
+                    }
+                    writeln!(out, "{line}")?;
+                } else {
+                    let sizes = measure.map(|m| sizes::to_text(&m, import.scene.unit.as_ref()));
+                    let sizes = sizes.unwrap_or_default();
+                    write!(out, "{}{sizes}", to_text(file, import))?;
+                }
+            }
             Err(error) => {
                 failed += 1;
                 eprintln!("nurbray: {error:#}");

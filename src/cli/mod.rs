@@ -7,6 +7,7 @@ mod input;
 mod parse;
 mod probe;
 mod render;
+mod sizes;
 
 use std::process::ExitCode;
 

@@ -95,3 +95,36 @@ fn bodies_have_their_closed_forms() {
     );
     assert!(about.products().length() < 1e-9);
 }
+
+#[test]
+fn boxes_touch_the_extreme_points() {
+    let center = DVec3::new(1.0, -2.0, 0.5);
+    let frame = Frame::about(center, DVec3::new(0.3, 0.1, 1.0)).unwrap();
+    let sphere = sphere(&frame, 2.0, 0.0..TAU, -PI / 2.0..PI / 2.0).unwrap();
+    let bounds = Patch::from(sphere).bounds();
+    assert!(bounds.min.distance(center - 2.0) < 1e-7, "{bounds:?}");
+    assert!(bounds.max.distance(center + 2.0) < 1e-7, "{bounds:?}");
+    // A disc in a plane that is not parallel to an axis.
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 0.0, 2.0],
+        [1.0, 1.0, 2.0],
+    ];
+    let mut disc = Patch::from(plane(corners, &[0.25]));
+    disc.loops = vec![circle(DVec2::new(0.5, 0.4), 0.3, -1.0)];
+    let bounds = disc.bounds();
+    let (min, max) = (DVec3::new(0.2, 0.1, 0.4), DVec3::new(0.8, 0.7, 1.6));
+    assert!(
+        bounds.min.distance(min) < 1e-12 && bounds.max.distance(max) < 1e-12,
+        "{bounds:?}"
+    );
+    // A saddle whose highest points lie on its border, between the corners.
+    let knots = KnotVector::bezier(2, 0.0..1.0).unwrap();
+    let height = [0.0, 3.0, 0.0, -2.0, 1.0, -2.0, 0.0, 3.0, 0.0];
+    let at = |k: usize| DVec3::new((k / 3) as f64, (k % 3) as f64, height[k]);
+    let net: Vec<_> = (0..9).map(at).collect();
+    let saddle = Surface::new(knots.clone(), knots, &net, None).unwrap();
+    let bounds = Patch::from(saddle).bounds();
+    assert!((bounds.max.z - 1.5).abs() < 1e-7, "{bounds:?}");
+}
