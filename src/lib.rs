@@ -26,9 +26,11 @@ pub use kernel;
 
 mod accelerator;
 mod certify;
+pub mod convert;
 mod film;
 mod integrator;
 mod intersect;
+mod measure;
 pub mod output;
 mod render;
 mod simd;
@@ -38,6 +40,7 @@ pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film}
 pub use film::{Film, PixelData};
 pub use integrator::Shading;
 pub use intersect::{Hit, METHODS, Method};
+pub use measure::{Body, Measure, measure};
 pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;

@@ -6,99 +6,13 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
 use glam::{DVec2, DVec3};
 use serde_json::Value;
-use tempfile::TempDir;
 
-/// What a run left behind.
-struct Run {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
+mod program;
 
-/// A folder of its own with the samples in it, where the program runs.
-struct Place {
-    folder: TempDir,
-}
-
-impl Place {
-    fn new() -> Self {
-        let folder = TempDir::new().unwrap();
-        let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
-        for from in ["", "broken"] {
-            let to = folder.path().join("samples").join(from);
-            fs::create_dir_all(&to).unwrap();
-            for entry in fs::read_dir(samples.join(from)).unwrap() {
-                let path = entry.unwrap().path();
-                if path.is_file() {
-                    fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
-                }
-            }
-        }
-        Self { folder }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    /// Everything in the folder except the samples.
-    fn files(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.folder.path()).unwrap();
-        let mut names: Vec<_> = entries
-            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
-            .filter(|name| name != "samples")
-            .collect();
-        names.sort();
-        names
-    }
-
-    fn run(&self, line: &str) -> Run {
-        self.run_with(line, b"")
-    }
-
-    /// Runs the program; the arguments are separated by spaces.
-    fn run_with(&self, line: &str, input: &[u8]) -> Run {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_nurbray"))
-            .args(line.split_whitespace())
-            .current_dir(self.folder.path())
-            .env_remove("COLUMNS")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        // A program that fails early reads nothing.
-        let _ = child.stdin.take().unwrap().write_all(input);
-        let output = child.wait_with_output().unwrap();
-        Run {
-            code: output.status.code(),
-            stdout: String::from_utf8(output.stdout).unwrap(),
-            stderr: String::from_utf8(output.stderr).unwrap(),
-        }
-    }
-}
-
-fn assert_snapshot(name: &str, found: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/snapshots")
-        .join(name);
-    if std::env::var_os("BLESS").is_some() {
-        fs::write(&path, found).unwrap();
-    }
-    let expected = fs::read_to_string(&path).unwrap_or_default();
-    assert!(
-        found == expected,
-        "{} differs; see whether this is right, then run `make bless`\n\
-         ---- expected\n{expected}\n---- found\n{found}\n----",
-        path.display()
-    );
-}
+use program::{Place, assert_snapshot};
 
 #[test]
 fn help() {
@@ -134,6 +48,11 @@ const MISTAKES: &[&str] = &[
     "render samples/teapot.obj -o t.png --shading none",
     "render samples/teapot.obj -o t.exr --aov colour",
     "render samples/broken/obj_wrong_control_count.obj -o t.png",
+    "convert samples/teapot.obj",
+    "convert samples/teapot.obj -o teapot.doc",
+    "convert samples/teapot.obj samples/goblet.x3d -o one.igs",
+    "convert samples/two_surfaces.igs -o samples/two_surfaces.igs",
+    "convert samples/broken/obj_wrong_control_count.obj -o t.igs",
     "info samples/teapot.mtl",
     "probe samples/teapot.obj",
     "probe samples/teapot.obj --rays - --uv -",

@@ -30,11 +30,13 @@ mod nodes;
 mod obj;
 mod triangulate;
 mod vrml;
+mod write;
 mod x3d;
 
 pub use error::{Error, Place, Problem, Warning, Warnings};
 pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
 pub use nodes::Animation;
+pub use write::{Export, WRITERS, Write, Writer};
 
 /// A file format: one row per folder of this crate.
 #[derive(Clone, Copy, Debug)]

@@ -48,6 +48,11 @@ impl Aabb {
         !self.min.cmple(self.max).all()
     }
 
+    /// Whether the boxes have a point in common.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
     /// The middle of a box that is not empty.
     pub fn center(&self) -> DVec3 {
         self.min.midpoint(self.max)

@@ -24,6 +24,7 @@ mod error;
 mod interval;
 mod knots;
 mod material;
+mod measure;
 mod mesh;
 pub mod modelling;
 pub mod nearest;
@@ -43,7 +44,10 @@ pub use curve::{Curve, CurveDerivatives};
 pub use error::Error;
 pub use interval::Interval;
 pub use knots::{KnotVector, MAX_DEGREE};
-pub use material::{Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb};
+pub use material::{
+    Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb, srgb_from_linear,
+};
+pub use measure::Integrals;
 pub use mesh::Mesh;
 pub use normal::regular as regular_normal;
 pub use patch::Patch;
@@ -55,4 +59,7 @@ pub use scene::{
 pub use sky::Sky;
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
-pub use trim::{ClosedLoops, Cover, Orientation, TrimLoop, TrimRegion, close as close_loops};
+pub use trim::{
+    ClosedLoops, Cover, Nest, Orientation, TrimLoop, TrimRegion, close as close_loops, nesting,
+    oriented,
+};

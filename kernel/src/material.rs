@@ -14,6 +14,19 @@ pub fn linear_from_srgb(color: DVec3) -> DVec3 {
     DVec3::new(decode(color.x), decode(color.y), decode(color.z))
 }
 
+/// The sRGB values, as files and people write them, of a linear colour with parts from 0 to 1:
+/// the inverse of [`linear_from_srgb`].
+pub fn srgb_from_linear(color: DVec3) -> DVec3 {
+    let encode = |c: f64| {
+        if c <= 0.04045 / 12.92 {
+            c * 12.92
+        } else {
+            1.055 * c.powf(1.0 / 2.4) - 0.055
+        }
+    };
+    DVec3::new(encode(color.x), encode(color.y), encode(color.z))
+}
+
 /// How a surface reflects light: the Phong model, and the metallic-roughness model of glTF
 /// where the file has it.
 #[derive(Clone, Debug, PartialEq)]

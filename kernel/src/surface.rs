@@ -9,6 +9,9 @@ use glam::{DVec2, DVec3, DVec4};
 use crate::curve::{are_rational, lift_all};
 use crate::{Aabb, Curve, Error, KnotVector, normal, spline};
 
+/// Points so near to each other, as a share of the size of a surface, are the same.
+const SAME: f64 = 1e-9;
+
 /// A NURBS surface: two knot vectors and a net of control points with positive weights.
 ///
 /// The net is stored row by row: the point of column `i` along u and `j` along v is at
@@ -115,6 +118,20 @@ impl Surface {
     /// Whether the weights differ.
     pub fn is_rational(&self) -> bool {
         are_rational(&self.points)
+    }
+
+    /// Whether the surface comes back to its start along u, and along v, up to rounding.
+    pub fn closed(&self) -> [bool; 2] {
+        let near = SAME * self.hull_bounds().diagonal();
+        let meet = |a: Curve<DVec3>, b: Curve<DVec3>| {
+            let mut pairs = a.points().zip(b.points());
+            pairs.all(|(a, b)| a.distance(b) <= near)
+        };
+        let (u, v) = (self.knots_u.domain(), self.knots_v.domain());
+        [
+            meet(self.iso_curve_u(u.start), self.iso_curve_u(u.end)),
+            meet(self.iso_curve_v(v.start), self.iso_curve_v(v.end)),
+        ]
     }
 
     /// A box around the control points, and so around the surface, up to rounding.

@@ -5,6 +5,7 @@
 
 mod close;
 mod monotone;
+mod nesting;
 mod region;
 #[cfg(test)]
 mod tests;
@@ -14,9 +15,14 @@ use std::ops::Range;
 use glam::DVec2;
 
 pub use close::{ClosedLoops, Orientation, close};
+pub use nesting::{Nest, nesting, oriented};
+pub(crate) use region::shifts;
 pub use region::{Cover, TrimRegion};
 
 use crate::{Curve, Error};
+
+/// Points on each piece of a curve for the area of a loop.
+const SAMPLES: usize = 8;
 
 /// A closed curve in the parameter domain of a surface.
 ///
@@ -74,6 +80,32 @@ impl TrimLoop {
             DVec2::new(u.start, v.start),
         ];
         Self::new(vec![Curve::polyline(&corners)?], 0.0)
+    }
+
+    /// The same loop run through backwards.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        let segments = self.segments.iter().rev().map(Curve::reversed).collect();
+        Self { segments }
+    }
+
+    /// The area inside, about, by points on every piece; positive if the loop runs
+    /// counter-clockwise.
+    pub fn signed_area(&self) -> f64 {
+        let mut points: Vec<DVec2> = Vec::new();
+        for curve in &self.segments {
+            for piece in curve.knots().breaks().windows(2) {
+                let step = (piece[1] - piece[0]) / SAMPLES as f64;
+                points.extend((0..SAMPLES).map(|i| curve.evaluate(piece[0] + step * i as f64)));
+            }
+        }
+        let Some(&first) = points.first() else {
+            return 0.0;
+        };
+        let corners = points.windows(2);
+        0.5 * corners
+            .map(|w| (w[0] - first).perp_dot(w[1] - first))
+            .sum::<f64>()
     }
 
     /// The curves of the loop in order.

@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 
 use nurbray::formats::{Import, Tally, Warning};
 use nurbray::kernel::{Child, Item, NodeId, Patch, Scene, Shape, Wire, WireShape};
+use nurbray::measure;
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
+use super::sizes;
 
 /// Lines of the tree that are printed; `--json` has all.
 const TREE_LINES: usize = 60;
@@ -30,6 +32,9 @@ pub(super) struct Args {
     /// One line of JSON per file
     #[arg(long)]
     json: bool,
+    /// Also measure the exact box, the area, and the volume of closed bodies, each with its error
+    #[arg(long)]
+    measure: bool,
     #[command(flatten)]
     read: ReadArgs,
 }
@@ -40,8 +45,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let mut out = std::io::stdout().lock();
     for file in &args.files {
         match args.read.load(file) {
-            Ok(loaded) if args.json => writeln!(out, "{}", to_json(file, &loaded.import))?,
-            Ok(loaded) => write!(out, "{}", to_text(file, &loaded.import))?,
+            Ok(loaded) => {
+                let import = &loaded.import;
+                let measure = args.measure.then(|| measure(&import.scene));
+                if args.json {
+                    let mut line = to_json(file, import);
+                    if let Some(measure) = &measure {
+                        line["measure"] = sizes::to_json(measure);
+                    }
+                    writeln!(out, "{line}")?;
+                } else {
+                    let sizes = measure.map(|m| sizes::to_text(&m, import.scene.unit.as_ref()));
+                    let sizes = sizes.unwrap_or_default();
+                    write!(out, "{}{sizes}", to_text(file, import))?;
+                }
+            }
             Err(error) => {
                 failed += 1;
                 eprintln!("nurbray: {error:#}");
@@ -329,7 +347,7 @@ fn to_json(file: &Path, import: &Import) -> Value {
         "up": format!("{:?}", scene.up),
         "root": scene.root().map(NodeId::index),
         "nodes": scene.node_ids().map(|id| node_json(scene, id)).collect::<Vec<_>>(),
-        "warnings": input::warnings_json(import),
+        "warnings": input::warnings_json(&import.warnings),
     })
 }
 

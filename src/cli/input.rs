@@ -1,11 +1,12 @@
 //! Input files of every command: reading, limits, and what to say about warnings.
 
+use std::collections::HashMap;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
-use nurbray::formats::{self, Import, Limits, NoFiles, ReadOptions};
+use anyhow::{Context as _, bail};
+use nurbray::formats::{self, Import, Limits, NoFiles, ReadOptions, Warnings};
 use serde_json::{Value, json};
 
 /// Warnings that are printed one by one; `info` shows all.
@@ -94,15 +95,30 @@ pub(super) fn stem(path: &Path) -> String {
     }
 }
 
-/// Prints the first warnings of a file, and how many more there are.
-pub(super) fn report_warnings(path: &Path, import: &Import) {
-    let warnings = import.warnings.as_slice();
+/// Refuses to write two files to one place; each pair is an input and where it goes.
+pub(super) fn check_distinct<'a>(
+    pairs: impl IntoIterator<Item = (&'a Path, &'a Path)>,
+) -> anyhow::Result<()> {
+    let mut taken: HashMap<&Path, &Path> = HashMap::new();
+    for (file, target) in pairs {
+        if let Some(other) = taken.insert(target, file) {
+            bail!(
+                "{} and {} would both be written to {}; put {{stem}} into -o or rename one",
+                display(other),
+                display(file),
+                target.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Prints the first warnings about a file, and how many more there are; `format` is what it
+/// was read or written as.
+pub(super) fn report_warnings(path: &Path, format: &str, warnings: &Warnings) {
+    let warnings = warnings.as_slice();
     for warning in warnings.iter().take(WARNINGS_SHOWN) {
-        eprintln!(
-            "nurbray: {}: warning: {} {warning}",
-            display(path),
-            import.format
-        );
+        eprintln!("nurbray: {}: warning: {format} {warning}", display(path));
     }
     if let Some(more) = warnings
         .len()
@@ -116,8 +132,8 @@ pub(super) fn report_warnings(path: &Path, import: &Import) {
     }
 }
 
-/// The warnings of a file for machines.
-pub(super) fn warnings_json(import: &Import) -> Value {
+/// Warnings for machines.
+pub(super) fn warnings_json(warnings: &Warnings) -> Value {
     let place = |place: &formats::Place| json!({ "line": place.line, "what": place.what });
     let warning = |warning: &formats::Warning| {
         json!({
@@ -127,5 +143,5 @@ pub(super) fn warnings_json(import: &Import) -> Value {
             "places": warning.places.iter().map(place).collect::<Vec<_>>(),
         })
     };
-    import.warnings.as_slice().iter().map(warning).collect()
+    warnings.as_slice().iter().map(warning).collect()
 }

@@ -1,17 +1,19 @@
 //! The command line: arguments into plain data, one file per command.
 #![allow(clippy::print_stderr, reason = "this is where the program speaks")]
 
+mod convert;
 mod info;
 mod input;
 mod parse;
 mod probe;
 mod render;
+mod sizes;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Turns NURBS files into exact pictures and numbers.
+/// Turns NURBS files into exact pictures and numbers, and into each other.
 ///
 /// Reads OBJ free-form, IGES and X3D. Surfaces are intersected as they are, never as
 /// triangles; what could not be used of a file is counted and named.
@@ -26,14 +28,17 @@ const EXAMPLES: &str = "\
 Examples:
   nurbray render samples/teapot.obj -o teapot.png
   nurbray render *.igs -o 'pictures/{stem}.exr' --size 1920x1080 --samples 4
+  nurbray convert samples/goblet.x3d -o goblet.igs
   nurbray info samples/goblet.x3d
   echo 0,5,0,0,-1,0 | nurbray probe samples/teapot.obj --rays - --all
 
-Exit codes: 0 done, 1 a comparison found a difference, 2 something went wrong.";
+Exit codes: 0 done, 1 a comparison found a difference, 2 something went wrong,
+3 some files were converted and others were not.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(Box<render::Args>),
+    Convert(convert::Args),
     Info(info::Args),
     Probe(probe::Args),
 }
@@ -41,20 +46,39 @@ enum Command {
 /// Exit code when something went wrong.
 const FAILED: u8 = 2;
 
+/// Exit code when some files of a batch were converted and others were not.
+const PARTLY: u8 = 3;
+
+/// The files that a command failed on, and the exit code if there are any.
+struct Failures {
+    count: usize,
+    code: u8,
+}
+
+impl From<usize> for Failures {
+    fn from(count: usize) -> Self {
+        Self {
+            count,
+            code: FAILED,
+        }
+    }
+}
+
 /// Runs the program.
 pub(crate) fn run() -> ExitCode {
     let result = match Cli::parse().command {
-        Command::Render(args) => render::run(&args),
-        Command::Info(args) => info::run(&args),
-        Command::Probe(args) => probe::run(&args),
+        Command::Render(args) => render::run(&args).map(Failures::from),
+        Command::Convert(args) => convert::run(&args),
+        Command::Info(args) => info::run(&args).map(Failures::from),
+        Command::Probe(args) => probe::run(&args).map(Failures::from),
     };
     match result {
-        Ok(0) => ExitCode::SUCCESS,
-        Ok(failed) => {
-            if failed > 1 {
-                eprintln!("nurbray: {failed} files failed");
+        Ok(Failures { count: 0, .. }) => ExitCode::SUCCESS,
+        Ok(Failures { count, code }) => {
+            if count > 1 {
+                eprintln!("nurbray: {count} files failed");
             }
-            ExitCode::from(FAILED)
+            ExitCode::from(code)
         }
         // Whoever reads our output has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,

@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         bail!("standard input holds the file or the rows, not both; name one of them");
     }
     let loaded = args.read.load(&args.file)?;
-    input::report_warnings(&args.file, &loaded.import);
+    input::report_warnings(&args.file, loaded.import.format, &loaded.import.warnings);
     let scene = &loaded.import.scene;
     let names = Names::of(scene);
     let pool = rayon::ThreadPoolBuilder::new()

@@ -1,6 +1,5 @@
 //! `nurbray render`.
 
-use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal as _, Write};
 use std::ops::Range;
@@ -181,25 +180,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
 
 /// The picture of each file; no two may be the same.
 fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
-    let mut taken: HashMap<PathBuf, &Path> = HashMap::new();
-    let mut targets = Vec::new();
-    for file in &args.files {
-        let target = PathBuf::from(args.output.replace("{stem}", &input::stem(file)));
-        if let Some(other) = taken.insert(target.clone(), file) {
-            bail!(
-                "{} and {} would both be written to {}; put {{stem}} into -o or rename one",
-                input::display(other),
-                input::display(file),
-                target.display()
-            );
-        }
-        if output::picture_format(&target).is_none() {
+    let target = |file: &PathBuf| PathBuf::from(args.output.replace("{stem}", &input::stem(file)));
+    let targets: Vec<_> = args.files.iter().map(target).collect();
+    let pairs = args.files.iter().map(PathBuf::as_path);
+    input::check_distinct(pairs.zip(targets.iter().map(PathBuf::as_path)))?;
+    for target in &targets {
+        if output::picture_format(target).is_none() {
             bail!(
                 "{}: the ending tells the format; use .png or .exr",
                 target.display()
             );
         }
-        targets.push(target);
     }
     if args.frames.is_some() != args.output.contains("{frame}") {
         bail!("--frames A..B and {{frame}} in -o need each other");
@@ -257,7 +248,7 @@ fn render_file(
     stats: &mut Stats<'_>,
 ) -> anyhow::Result<()> {
     let mut loaded = args.read.load(file)?;
-    input::report_warnings(file, &loaded.import);
+    input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
     let frames = args
         .frames
         .clone()
@@ -474,7 +465,7 @@ impl Report<'_> {
             "hits": hits,
             "cells_examined": cells_examined,
             "threads": rayon::current_num_threads(),
-            "warnings": input::warnings_json(&self.loaded.import),
+            "warnings": input::warnings_json(&self.loaded.import.warnings),
         });
         if let Some(stats) = self.certified {
             let [misses, hits, tangent, edge, overlap] = stats.counts;

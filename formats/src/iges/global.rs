@@ -80,6 +80,13 @@ fn fill(
     Ok(())
 }
 
+/// The flag and name of a unit with this length in metres.
+pub(super) fn flag(metres: f64) -> Option<(usize, &'static str)> {
+    let same = |known: f64| (known - metres).abs() <= known * 1e-12;
+    let row = UNITS.iter().find(|row| same(row.2))?;
+    Some((usize::try_from(row.0).ok()?, row.1[0]))
+}
+
 /// The unit of a flag; flags without a meaning of their own leave it to the name.
 fn unit(flag: i64, name: &str) -> Option<Unit> {
     let lower = name.to_lowercase();

@@ -34,6 +34,9 @@ mod transform;
 mod tree;
 mod trims;
 mod types;
+mod write;
+
+pub(crate) use write::WRITER;
 
 /// The row of this format.
 pub(crate) const FORMAT: Format = Format {

@@ -12,7 +12,7 @@ use super::Node;
 use super::scene::{Converter, Made, rotation};
 
 /// Factor from the field `shininess` to the exponent of the Phong model.
-const SHININESS: f64 = 128.0;
+pub(super) const SHININESS: f64 = 128.0;
 
 /// Share of the base colour that a physical material reflects of the ambient light, as the
 /// default of Material has it.
@@ -87,7 +87,7 @@ impl Converter<'_> {
             }
         }
         Material {
-            name: node.def.to_string(),
+            name: self.label(node),
             ambient: DVec3::ZERO,
             diffuse: DVec3::ZERO,
             specular: DVec3::ZERO,

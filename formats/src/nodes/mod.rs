@@ -24,6 +24,7 @@ mod scene;
 mod solids;
 mod text;
 mod trim;
+mod write;
 
 #[cfg(test)]
 mod tests;
@@ -37,6 +38,7 @@ use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 pub use animate::Animation;
 pub(crate) use build::Builder;
 pub(crate) use text::{Lines, decode, without_mark};
+pub(crate) use write::{CLASSIC, VRML97, X3D};
 
 /// Reads bytes in one spelling into a builder. Gives the error at which it had to stop, which
 /// is a warning already, if it did not come to the end.

@@ -8,6 +8,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape};
 
 use super::animate::is_driver;
+use super::write::NAME;
 use super::{Node, Tree};
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
@@ -199,7 +200,7 @@ impl<'a> Converter<'a> {
         }
         let reached = self.reached.get(index).copied().flatten();
         let made = self.scene.add_node(kernel::Node {
-            name: node.def.to_string(),
+            name: self.label(node),
             parent_from_node: reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node),
             children,
             ..kernel::Node::default()
@@ -300,11 +301,18 @@ impl<'a> Converter<'a> {
         let shape = around(node).filter(|parent| &*parent.kind == "Shape");
         let group = shape.and_then(around);
         let all = [Some(node), shape, group].into_iter().flatten();
-        let mut names = all.map(|node| &node.def).filter(|name| !name.is_empty());
-        names
-            .next()
-            .map(|name| name.to_string())
-            .unwrap_or_default()
+        let mut names = all
+            .map(|node| self.label(node))
+            .filter(|name| !name.is_empty());
+        names.next().unwrap_or_default()
+    }
+
+    /// The name of a node: its DEF name, or the one in its metadata that no DEF may have.
+    pub(super) fn label(&self, node: &Node) -> String {
+        let mut inside = node.children.iter().map(|link| &self.tree.nodes[link.node]);
+        let is_name = |n: &&Node| &*n.kind == "MetadataString" && n.text("name") == Some(NAME);
+        let name = inside.find(is_name).and_then(|name| name.text("reference"));
+        name.unwrap_or(&*node.def).to_owned()
     }
 
     /// Adds to the number of control points read. A node that is used often is read as

@@ -12,9 +12,6 @@ use crate::Error;
 /// parameter domain. Some programs write few digits; a picture does not show the rest.
 const GAP: f64 = 1e-3;
 
-/// Samples of each piece of a curve for the sense of a loop.
-const SAMPLES: usize = 8;
-
 impl Converter<'_> {
     /// The loops of a surface. If one of them is unusable, none is kept: a hole without
     /// its border would show the wrong part.
@@ -80,25 +77,7 @@ impl Converter<'_> {
 /// Whether the loop with the largest area runs clockwise: the border is left to the reader
 /// of the file then.
 fn runs_clockwise_outside(loops: &[TrimLoop]) -> bool {
-    let areas = loops.iter().map(signed_area);
+    let areas = loops.iter().map(TrimLoop::signed_area);
     let largest = areas.fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
     largest < 0.0
-}
-
-/// The area inside a loop, about; positive if it runs counter-clockwise.
-fn signed_area(trim: &TrimLoop) -> f64 {
-    let mut points: Vec<DVec2> = Vec::new();
-    for curve in trim.segments() {
-        for piece in curve.knots().breaks().windows(2) {
-            let step = (piece[1] - piece[0]) / SAMPLES as f64;
-            points.extend((0..SAMPLES).map(|i| curve.evaluate(piece[0] + step * i as f64)));
-        }
-    }
-    let Some(&first) = points.first() else {
-        return 0.0;
-    };
-    let corners = points.windows(2);
-    0.5 * corners
-        .map(|w| (w[0] - first).perp_dot(w[1] - first))
-        .sum::<f64>()
 }

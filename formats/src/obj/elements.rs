@@ -12,6 +12,9 @@ use super::trims::{LoopText, domain, lifted};
 use super::{Reader, SurfacePart, invalid};
 use crate::{Place, Problem};
 
+/// What is said about loops that leave their surface.
+const OUTSIDE: &str = "the loop leaves the surface; what lies outside is cut off";
+
 /// An element whose `end` has not come yet.
 #[derive(Clone, Debug)]
 pub(super) struct Open {
@@ -221,11 +224,16 @@ impl Reader<'_> {
                 bad.get_or_insert((Place::line(text.line), problem));
                 break;
             }
+            let place = Place::item(text.line, if text.hole { "hole" } else { "trim" });
             match text.close(&self.trim_curves, domain) {
-                Ok(closed) => loops.push(closed),
+                Ok((closed, is_inside)) => {
+                    if !is_inside {
+                        self.warnings.invalid(place, OUTSIDE);
+                    }
+                    loops.push(closed);
+                }
                 Err(problem) => {
-                    let what = if text.hole { "hole" } else { "trim" };
-                    bad.get_or_insert((Place::item(text.line, what), problem));
+                    bad.get_or_insert((place, problem));
                 }
             }
         }

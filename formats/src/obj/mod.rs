@@ -19,11 +19,14 @@ mod scene;
 mod statements;
 
 mod trims;
+mod write;
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 use elements::Open;
 use freeform::{Attributes, direction_index};
 use polygons::{Faces, Tag};
+pub(crate) use write::WRITER;
+
 use statements::{Statement, Statements, decode, number, numbers, some_numbers};
 
 /// The row of this format.

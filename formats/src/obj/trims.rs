@@ -70,17 +70,18 @@ impl LoopText {
         curves.map(|curve| curve.homogeneous().len()).sum()
     }
 
-    /// The closed loop; `curves` holds `None` for those that could not be read.
+    /// The closed loop, and whether all of it is on the surface; `curves` holds `None` for those
+    /// that could not be read.
     pub(super) fn close(
         &self,
         curves: &[Option<Curve<DVec2>>],
         domain: &[Range<f64>; 2],
-    ) -> Result<TrimLoop, Problem> {
+    ) -> Result<(TrimLoop, bool), Problem> {
         let pieces = self.pieces.iter().map(|piece| piece.cut(curves));
         let pieces = pieces.collect::<Result<Vec<_>, _>>()?;
         let longer = domain.iter().map(|d| d.end - d.start).fold(0.0, f64::max);
-        check_inside(&pieces, domain, GAP * longer)?;
-        Ok(TrimLoop::new(pieces, GAP * longer)?)
+        let is_inside = stays_inside(&pieces, domain, GAP * longer);
+        Ok((TrimLoop::new(pieces, GAP * longer)?, is_inside))
     }
 }
 
@@ -116,27 +117,14 @@ impl Piece {
     }
 }
 
-/// Refuses curves with a break or end outside the domain.
-fn check_inside(
-    curves: &[Curve<DVec2>],
-    domain: &[Range<f64>; 2],
-    tolerance: f64,
-) -> Result<(), Problem> {
-    for curve in curves {
-        for t in curve.knots().breaks() {
-            let p = curve.evaluate(t);
-            for (x, d) in [p.x, p.y].into_iter().zip(domain) {
-                if x < d.start - tolerance || x > d.end + tolerance {
-                    return Err(invalid(format!(
-                        "the loop passes ({}, {}), outside the surface, which goes from {} to \
-                         {} and from {} to {}",
-                        p.x, p.y, domain[0].start, domain[0].end, domain[1].start, domain[1].end
-                    )));
-                }
-            }
-        }
-    }
-    Ok(())
+/// Whether no curve has a break or end outside the domain.
+fn stays_inside(curves: &[Curve<DVec2>], domain: &[Range<f64>; 2], tolerance: f64) -> bool {
+    let on = |x: f64, d: &Range<f64>| d.start - tolerance <= x && x <= d.end + tolerance;
+    curves.iter().all(|curve| {
+        let breaks = curve.knots().breaks();
+        let mut points = breaks.into_iter().map(|t| curve.evaluate(t));
+        points.all(|p| on(p.x, &domain[0]) && on(p.y, &domain[1]))
+    })
 }
 
 /// The least domain that holds those of all parts of a surface; `None` without parts.

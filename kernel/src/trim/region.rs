@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3};
 
 use super::TrimLoop;
 use super::monotone::{Rect, Segments};
-use crate::{Curve, Patch, Surface};
+use crate::{Curve, Patch};
 
 /// Points of loops so near to a border of the domain, as a share of the domain, are on it.
 const SNAP: f64 = 1e-9;
@@ -81,7 +81,7 @@ impl TrimRegion {
     pub fn of(patch: &Patch) -> Self {
         let surface = &patch.surface;
         let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
-        Self::periodic(&patch.loops, domain, closed(surface))
+        Self::periodic(&patch.loops, domain, surface.closed())
     }
 
     fn periodic(loops: &[TrimLoop], [u, v]: [Range<f64>; 2], closed: [bool; 2]) -> Self {
@@ -92,7 +92,7 @@ impl TrimRegion {
         let last = DVec2::new(u.end.next_down(), v.end.next_down());
         let mut segments = Segments::default();
         for trim in loops {
-            for shift in shifts(trim, &domain, closed) {
+            for shift in shifts(trim, [domain.min, domain.max], closed) {
                 add(&mut segments, trim, shift, &domain);
             }
         }
@@ -324,22 +324,10 @@ struct Cut {
     halves: [Vec<u32>; 2],
 }
 
-/// Whether a surface meets itself at the ends of u and of v.
-fn closed(surface: &Surface) -> [bool; 2] {
-    let near = SNAP * surface.hull_bounds().diagonal();
-    let meet = |a: Curve<DVec3>, b: Curve<DVec3>| {
-        let mut pairs = a.points().zip(b.points());
-        pairs.all(|(a, b)| a.distance(b) <= near)
-    };
-    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    [
-        meet(surface.iso_curve_u(u.start), surface.iso_curve_u(u.end)),
-        meet(surface.iso_curve_v(v.start), surface.iso_curve_v(v.end)),
-    ]
-}
-
-/// The shifts of a loop by whole periods that bring it into the domain.
-fn shifts(trim: &TrimLoop, domain: &Rect, closed: [bool; 2]) -> Vec<DVec2> {
+/// The shifts of a loop by whole periods that bring it into the domain from its lower to its
+/// upper corner.
+pub(crate) fn shifts(trim: &TrimLoop, [min, max]: [DVec2; 2], closed: [bool; 2]) -> Vec<DVec2> {
+    let domain = Rect { min, max };
     if closed == [false; 2] {
         return vec![DVec2::ZERO];
     }

@@ -1,0 +1,140 @@
+//! Surfaces, curves and boundaries as entities.
+
+use glam::{DVec2, DVec3};
+use kernel::{Curve, Patch, Point, Surface, TrimLoop, nesting};
+
+use super::cards::{Deck, Entity, Record, Status};
+use super::model::Carrier;
+
+/// A face, in as many entities as it has outer loops: a trimmed surface (type 144) for each,
+/// or the surface (type 128) where there are none.
+///
+/// # Errors
+/// If trim curves leave the numbers that can be written.
+pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel::Error> {
+    if patch.loops.is_empty() {
+        return Ok(vec![deck.add(Entity {
+            kind: 128,
+            record: surface(&patch.surface),
+            ..Entity::default()
+        })]);
+    }
+    let carrier = Carrier::new(&patch.surface, patch.surface.closed());
+    let mut faces = Vec::new();
+    for group in nesting(&patch.loops) {
+        let base = deck.add(Entity {
+            kind: 128,
+            status: Status::Dependent,
+            record: surface(&patch.surface),
+            ..Entity::default()
+        });
+        let mut record = Record::new(144);
+        record.integers([base, 1, group.holes.len()]);
+        for index in [vec![group.outer], group.holes].concat() {
+            record.integer(boundary(deck, base, &patch.loops[index], &carrier)?);
+        }
+        faces.push(deck.add(Entity {
+            kind: 144,
+            record,
+            ..Entity::default()
+        }));
+    }
+    Ok(faces)
+}
+
+/// A rational B-spline surface (type 128).
+fn surface(surface: &Surface) -> Record {
+    let knots = [surface.knots_u(), surface.knots_v()];
+    let [rows, columns] = knots.map(|knots| knots.count());
+    let mut record = Record::new(128);
+    record.integers(knots.map(|knots| knots.count() - 1));
+    record.integers(knots.map(|knots| knots.degree()));
+    record.integers(surface.closed().map(usize::from));
+    record.integer(usize::from(!surface.is_rational()));
+    record.integers([0, 0]);
+    for knots in knots {
+        record.reals(knots.as_slice().iter().copied());
+    }
+    // The first index runs fastest.
+    let order = || (0..columns).flat_map(move |j| (0..rows).map(move |i| i * columns + j));
+    let weights: Vec<_> = surface.weights().collect();
+    let points: Vec<_> = surface.points().collect();
+    record.reals(order().map(|k| weights[k]));
+    order().for_each(|k| record.point(points[k]));
+    for knots in knots {
+        record.reals([knots.domain().start, knots.domain().end]);
+    }
+    record
+}
+
+/// A rational B-spline curve (type 126); `place` takes its points to space.
+fn curve<P: Point>(curve: &Curve<P>, planar: bool, place: impl Fn(P) -> DVec3) -> Record {
+    let knots = curve.knots();
+    let flags = [
+        planar,
+        curve.start() == curve.end(),
+        !curve.is_rational(),
+        false,
+    ];
+    let mut record = Record::new(126);
+    record.integers([knots.count() - 1, knots.degree()]);
+    record.integers(flags.map(usize::from));
+    record.reals(knots.as_slice().iter().copied());
+    record.reals(curve.weights());
+    curve.points().for_each(|point| record.point(place(point)));
+    record.reals([knots.domain().start, knots.domain().end]);
+    record.point(if planar { DVec3::Z } else { DVec3::ZERO });
+    record
+}
+
+/// A loop as a curve on a surface (type 142): by its curves in the parameter domain, which are
+/// the masters, and by those in space.
+fn boundary(
+    deck: &mut Deck,
+    base: usize,
+    trim: &TrimLoop,
+    carrier: &Carrier<'_>,
+) -> Result<usize, kernel::Error> {
+    let (mut flat, mut lifted) = (Vec::new(), Vec::new());
+    for segment in trim.segments() {
+        let record = curve(segment, true, |point: DVec2| point.extend(0.0));
+        flat.push(spline(deck, Status::Parametric, record));
+        let record = curve(&carrier.lift(segment)?, false, |point| point);
+        lifted.push(spline(deck, Status::Dependent, record));
+    }
+    let flat = composite(deck, &flat, Status::Parametric);
+    let lifted = composite(deck, &lifted, Status::Dependent);
+    let mut record = Record::new(142);
+    record.integers([0, base, flat, lifted, 1]);
+    Ok(deck.add(Entity {
+        kind: 142,
+        status: Status::Dependent,
+        record,
+        ..Entity::default()
+    }))
+}
+
+/// Adds a curve (type 126).
+fn spline(deck: &mut Deck, status: Status, record: Record) -> usize {
+    deck.add(Entity {
+        kind: 126,
+        status,
+        record,
+        ..Entity::default()
+    })
+}
+
+/// Curves joined into one (type 102), or the curve itself if it is alone.
+fn composite(deck: &mut Deck, curves: &[usize], status: Status) -> usize {
+    if let &[curve] = curves {
+        return curve;
+    }
+    let mut record = Record::new(102);
+    record.pointers(curves);
+    deck.add(Entity {
+        kind: 102,
+        status,
+        record,
+        ..Entity::default()
+    })
+}

@@ -1,0 +1,235 @@
+//! Trim curves in space: what a curve of the parameter domain is on its surface.
+//!
+//! They are there for readers that do not look at the curves of the parameter domain, which
+//! stay the masters. Along lines of constant u or v they are exact; others are cubic pieces
+//! within a tolerance.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::{Curve, Error, KnotVector, Surface};
+
+/// How far curves may be from their surface, as a share of its size.
+const TOLERANCE: f64 = 1e-7;
+
+/// How often a piece is halved at most.
+const HALVINGS: u32 = 10;
+
+/// Derivatives that differ by less, as a share of their length, are the same.
+const SMOOTH: f64 = 1e-9;
+
+/// A surface that trim curves lie on.
+#[derive(Clone, Debug)]
+pub(super) struct Carrier<'a> {
+    surface: &'a Surface,
+    domain: [Range<f64>; 2],
+    /// Whether it comes back to its start along u, and along v.
+    closed: [bool; 2],
+    tolerance: f64,
+}
+
+/// Place and direction at one end of a piece.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    t: f64,
+    point: DVec3,
+    tangent: DVec3,
+}
+
+impl<'a> Carrier<'a> {
+    /// A surface, and whether it comes back to its start along u and v.
+    pub(super) fn new(surface: &'a Surface, closed: [bool; 2]) -> Self {
+        let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
+        Self {
+            surface,
+            domain,
+            closed,
+            tolerance: surface.hull_bounds().diagonal() * TOLERANCE,
+        }
+    }
+
+    /// The curve in space over the same parameters.
+    ///
+    /// # Errors
+    /// If its numbers are not finite.
+    pub(super) fn lift(&self, curve: &Curve<DVec2>) -> Result<Curve<DVec3>, Error> {
+        match self.iso_curve(curve) {
+            Some(exact) => exact,
+            None => self.approximate(curve),
+        }
+    }
+
+    /// The curve of a straight segment along which u or v stays the same.
+    fn iso_curve(&self, curve: &Curve<DVec2>) -> Option<Result<Curve<DVec3>, Error>> {
+        let (start, end) = (curve.start(), curve.end());
+        if curve.degree() != 1 || curve.knots().count() != 2 || curve.is_rational() {
+            return None;
+        }
+        let axis = match (end - start).to_array() {
+            [0.0, along] if along != 0.0 => 1,
+            [along, 0.0] if along != 0.0 => 0,
+            _ => return None,
+        };
+        let (from, to) = (start[axis], end[axis]);
+        let range = from.min(to)..from.max(to);
+        let is_inside = |axis: usize, x: f64| {
+            let domain = &self.domain[axis];
+            domain.start <= x && x <= domain.end
+        };
+        if ![from, to].iter().all(|&x| is_inside(axis, x)) || !is_inside(1 - axis, start[1 - axis])
+        {
+            return None;
+        }
+        let whole = match axis {
+            0 => self.surface.iso_curve_v(start.y),
+            _ => self.surface.iso_curve_u(start.x),
+        };
+        let part = whole.restricted(range);
+        let turned = part.map(|part| if from < to { part } else { part.reversed() });
+        Some(turned.and_then(|part| part.remapped(curve.domain())))
+    }
+
+    /// The curve as cubic pieces that have its points and tangents at their ends.
+    fn approximate(&self, curve: &Curve<DVec2>) -> Result<Curve<DVec3>, Error> {
+        let mut knots = Vec::new();
+        let mut points: Vec<DVec3> = Vec::new();
+        let mut before: Option<End> = None;
+        for piece in curve.bezier_pieces() {
+            let ends = self.ends(&piece);
+            if let (Some(before), Some(first)) = (before, ends.first()) {
+                let size = before.tangent.length().max(first.tangent.length());
+                let is_smooth = before.tangent.distance(first.tangent) <= size * SMOOTH;
+                knots.extend(vec![first.t; if is_smooth { 2 } else { 3 }]);
+                if !is_smooth {
+                    points.push(first.point);
+                }
+            } else {
+                points.extend(ends.first().map(|end| end.point));
+            }
+            for (index, pair) in ends.windows(2).enumerate() {
+                if index > 0 {
+                    knots.extend([pair[0].t; 2]);
+                }
+                let third = (pair[1].t - pair[0].t) / 3.0;
+                points.push(pair[0].point + pair[0].tangent * third);
+                points.push(pair[1].point - pair[1].tangent * third);
+            }
+            before = ends.last().copied();
+        }
+        points.extend(before.map(|end| end.point));
+        let Range { start, end } = curve.domain();
+        let knots = [vec![start; 4], knots, vec![end; 4]].concat();
+        Curve::new(KnotVector::new(3, knots)?, &points, None)
+    }
+
+    /// The ends of the cubic pieces along a Bézier piece.
+    fn ends(&self, piece: &Curve<DVec2>) -> Vec<End> {
+        let Range { start, end } = piece.domain();
+        let mut ends = vec![self.end(piece, start)];
+        let mut waiting = vec![(self.end(piece, end), 0)];
+        while let (Some(&first), Some(&(last, level))) = (ends.last(), waiting.last()) {
+            if level >= HALVINGS || self.fits(piece, first, last) {
+                ends.push(last);
+                waiting.pop();
+            } else {
+                let middle = self.end(piece, first.t.midpoint(last.t));
+                if let Some(last) = waiting.last_mut() {
+                    last.1 = level + 1;
+                }
+                waiting.push((middle, level + 1));
+            }
+        }
+        ends
+    }
+
+    /// Whether the cubic between two ends stays by the surface.
+    fn fits(&self, piece: &Curve<DVec2>, first: End, last: End) -> bool {
+        let span = last.t - first.t;
+        [0.25, 0.5, 0.75].iter().all(|&s| {
+            let (r, q) = (1.0 - s, s * s);
+            let cubic = first.point * (r * r * (1.0 + 2.0 * s))
+                + first.tangent * (span * s * r * r)
+                + last.tangent * (-span * q * r)
+                + last.point * (q * (1.0 + 2.0 * r));
+            let exact = self.end(piece, first.t + span * s).point;
+            cubic.distance(exact) <= self.tolerance
+        })
+    }
+
+    /// Point and tangent at a parameter of a curve.
+    fn end(&self, curve: &Curve<DVec2>, t: f64) -> End {
+        let flat = curve.derivatives(t);
+        let mut uv = flat.point;
+        for axis in 0..2 {
+            let Range { start, end } = self.domain[axis];
+            let beyond = uv[axis] < start || end < uv[axis];
+            if self.closed[axis] && beyond {
+                uv[axis] = start + (uv[axis] - start).rem_euclid(end - start);
+            }
+        }
+        let d = self.surface.derivatives(uv);
+        End {
+            t,
+            point: d.point,
+            tangent: d.du * flat.first.x + d.dv * flat.first.y,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A quarter of a cylinder of radius 2 along z.
+    fn quarter() -> Surface {
+        let arc = KnotVector::bezier(2, 0.0..1.0).unwrap();
+        let line = KnotVector::bezier(1, 0.0..3.0).unwrap();
+        let corners = [[2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        let points = corners.map(|[x, y]| [DVec3::new(x, y, 0.0), DVec3::new(x, y, 3.0)]);
+        let weights = [1.0, 1.0, 0.5_f64.sqrt(), 0.5_f64.sqrt(), 1.0, 1.0];
+        Surface::new(arc, line, points.as_flattened(), Some(&weights)).unwrap()
+    }
+
+    fn assert_by(surface: &Surface, flat: &Curve<DVec2>, tolerance: f64) -> Curve<DVec3> {
+        let carrier = Carrier::new(surface, [false; 2]);
+        let lifted = carrier.lift(flat).unwrap();
+        let Range { start, end } = flat.domain();
+        assert_eq!(lifted.domain(), start..end);
+        for k in 0..=1000 {
+            let t = start + (end - start) * f64::from(k) / 1000.0;
+            let exact = surface.evaluate(flat.evaluate(t));
+            let found = lifted.evaluate(t).distance(exact);
+            assert!(found <= tolerance, "{t}: {found}");
+        }
+        lifted
+    }
+
+    #[test]
+    fn lines_of_constant_parameters_are_exact() {
+        let surface = quarter();
+        let ends = [[0.1, 2.0], [0.7, 2.0], [0.7, 0.5]].map(DVec2::from);
+        for [a, b] in [[0, 1], [1, 0], [1, 2]] {
+            let line = Curve::line(ends[a], ends[b], 5.0..7.0).unwrap();
+            let lifted = assert_by(&surface, &line, 1e-14);
+            assert_eq!(lifted.degree(), if b == 2 { 1 } else { 2 });
+        }
+    }
+
+    #[test]
+    fn other_curves_keep_to_the_tolerance() {
+        let surface = quarter();
+        let corners = [[0.0, 0.0], [0.4, 2.0], [1.0, 0.3]].map(DVec2::from);
+        let polyline = Curve::polyline(&corners).unwrap();
+        let lifted = assert_by(&surface, &polyline, 6e-7);
+        // The corner of the polyline is a corner in space.
+        let knots = lifted.knots().as_slice();
+        assert_eq!(
+            knots.iter().filter(|t| (**t - 1.0).abs() < 1e-15).count(),
+            3
+        );
+        let knots = KnotVector::clamped_uniform(2, 4, 0.0..1.0).unwrap();
+        let bent = [[0.0, 0.0], [0.4, 2.0], [1.0, 0.3], [1.0, 3.0]].map(DVec2::from);
+        let bent = Curve::new(knots, &bent, None).unwrap();
+        assert_by(&surface, &bent, 6e-7);
+    }
+}

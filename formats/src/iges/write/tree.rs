@@ -1,0 +1,410 @@
+//! The tree of nodes as groups, subfigures and their instances.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat3, DVec3};
+use kernel::{
+    Child, Item, Material, MaterialId, Node, NodeId, Patch, Scene, Shape, srgb_from_linear,
+};
+
+use super::cards::{Deck, Entity, Record, Status};
+use super::geometry;
+use crate::write::{NESTING, Uses, outermost};
+use crate::{Place, Problem, Warnings};
+
+/// Matrices that differ from a turned and scaled frame by no more are taken for one.
+const RIGID: f64 = 1e-12;
+
+/// Bits of a matrix, to look it up by.
+type Bits = [u64; 9];
+
+/// A scene that is being written.
+#[derive(Debug)]
+pub(super) struct Tree<'a> {
+    scene: &'a Scene,
+    pub(super) deck: Deck,
+    pub(super) warnings: Warnings,
+    /// How often nodes are children, and patches are shown.
+    uses: Uses,
+    colors: HashMap<MaterialId, usize>,
+    /// Definitions by what they show, how it is distorted, and its material.
+    definitions: HashMap<(Defined, Bits), Option<usize>>,
+    transforms: HashMap<[u64; 12], usize>,
+    /// How deep definitions nest below an entity.
+    depths: HashMap<usize, usize>,
+}
+
+/// What a definition shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Defined {
+    Node(NodeId),
+    Item(Shape, Option<MaterialId>),
+}
+
+impl<'a> Tree<'a> {
+    pub(super) fn new(scene: &'a Scene) -> Self {
+        Self {
+            scene,
+            deck: Deck::default(),
+            warnings: Warnings::default(),
+            uses: Uses::of(scene),
+            colors: HashMap::new(),
+            definitions: HashMap::new(),
+            transforms: HashMap::new(),
+            depths: HashMap::new(),
+        }
+    }
+
+    /// Adds all that is shown; `world` takes the scene to the coordinates of the file.
+    pub(super) fn add_all(&mut self, world: DMat3) -> Result<(), Problem> {
+        let Some((node, id, place)) = outermost(self.scene, world) else {
+            return Ok(());
+        };
+        if node.name.is_empty() && place == DAffine3::IDENTITY {
+            for child in &node.children {
+                self.reference(child, place.matrix3, Status::Independent, 0)?;
+            }
+        } else {
+            self.node(id, place, Status::Independent, 0)?;
+        }
+        Ok(())
+    }
+
+    /// Pointers to what shows a child. `outer` is what the nodes above leave to be done:
+    /// instances turn, scale and move, and all else is done to the control points.
+    fn reference(
+        &mut self,
+        child: &Child,
+        outer: DMat3,
+        status: Status,
+        depth: usize,
+    ) -> Result<Vec<usize>, Problem> {
+        match child {
+            Child::Item(item) => self.item(item, outer, status),
+            Child::Node(id) => {
+                let inner = self.scene.node(*id).parent_from_node;
+                self.node(*id, DAffine3::from_mat3(outer) * inner, status, depth)
+            }
+        }
+    }
+
+    /// Pointers to what shows a node at its place.
+    fn node(
+        &mut self,
+        id: NodeId,
+        whole: DAffine3,
+        status: Status,
+        depth: usize,
+    ) -> Result<Vec<usize>, Problem> {
+        if depth > NESTING {
+            let text = format!("nodes nest more than {NESTING} deep");
+            return Err(Problem::TooLarge(text));
+        }
+        let node = self.scene.node(id);
+        let (place, inner) = match scale_of(&whole.matrix3) {
+            Some(_) => (whole, DMat3::IDENTITY),
+            None => (DAffine3::from_translation(whole.translation), whole.matrix3),
+        };
+        let once = self.uses.nodes.get(&id).copied().unwrap_or_default() <= 1;
+        match node.children.as_slice() {
+            [Child::Item(item)] if once && self.is_leaf(node, item, &place) => {
+                let transform = self.transform(&place);
+                let faces = self.faces(item, inner, status)?;
+                for &face in &faces {
+                    self.deck.entity(face).transform = transform;
+                }
+                Ok(faces)
+            }
+            [Child::Node(only)]
+                if self.scene.node(*only).parent_from_node == DAffine3::IDENTITY =>
+            {
+                let definition = self.definition(Defined::Node(*only), inner, depth)?;
+                Ok(self.instance(definition, &place, &node.name, status))
+            }
+            children if once && place == DAffine3::IDENTITY => {
+                let mut members = Vec::new();
+                for child in children {
+                    members.extend(self.reference(child, inner, Status::Member, depth + 1)?);
+                }
+                Ok(self.group(&node.name, &members, status))
+            }
+            _ => {
+                let definition = self.definition(Defined::Node(id), inner, depth)?;
+                Ok(self.instance(definition, &place, "", status))
+            }
+        }
+    }
+
+    /// Whether a node can be said by the transformation of the one surface in it.
+    fn is_leaf(&self, node: &Node, item: &Item, place: &DAffine3) -> bool {
+        let Shape::Patch(id) = item.shape else {
+            return false;
+        };
+        let is_named = node.name.is_empty() || node.name == self.scene.patch(id).name;
+        is_named && self.is_shown_once(item) && scale_of(&place.matrix3) == Some(1.0)
+    }
+
+    fn is_shown_once(&self, item: &Item) -> bool {
+        self.uses.shapes.get(&item.shape).copied() == Some(1)
+    }
+
+    /// Pointers to what shows an item: a surface that is stored once is placed by instances.
+    fn item(&mut self, item: &Item, outer: DMat3, status: Status) -> Result<Vec<usize>, Problem> {
+        if self.is_shown_once(item) {
+            return self.faces(item, outer, status);
+        }
+        let material = self.scene.item_material(item);
+        let definition = self.definition(Defined::Item(item.shape, material), outer, 0)?;
+        Ok(self.instance(definition, &DAffine3::IDENTITY, "", status))
+    }
+
+    /// The entities of a face.
+    fn faces(&mut self, item: &Item, outer: DMat3, status: Status) -> Result<Vec<usize>, Problem> {
+        let Shape::Patch(id) = item.shape else {
+            let text = "IGES files hold no meshes; their triangles are left out";
+            self.warnings.unsupported(Place::item(0, "meshes"), text);
+            return Ok(Vec::new());
+        };
+        let mut patch = self.scene.patch(id);
+        let distorted;
+        if outer != DMat3::IDENTITY {
+            distorted = Patch {
+                surface: patch.surface.transformed(&DAffine3::from_mat3(outer)),
+                ..patch.clone()
+            };
+            patch = &distorted;
+        }
+        let color = match self.scene.item_material(item) {
+            Some(material) => self.color(material),
+            None => 0,
+        };
+        let faces = geometry::face(&mut self.deck, patch)?;
+        for &face in &faces {
+            let entity = self.deck.entity(face);
+            entity.color = color;
+            entity.status = status;
+            self.name(face, &patch.name);
+        }
+        Ok(faces)
+    }
+
+    /// A group (type 402) of some entities; nothing if there are none.
+    fn group(&mut self, name: &str, members: &[usize], status: Status) -> Vec<usize> {
+        if members.is_empty() {
+            self.empty(name);
+            return Vec::new();
+        }
+        let mut record = Record::new(402);
+        record.pointers(members);
+        let group = self.deck.add(Entity {
+            kind: 402,
+            form: 15,
+            status,
+            record,
+            ..Entity::default()
+        });
+        self.depths.insert(group, self.depth(members));
+        self.name(group, name);
+        vec![group]
+    }
+
+    fn empty(&mut self, name: &str) {
+        let place = Place::item(0, format!("node \"{name}\""));
+        let text = "IGES files hold no empty groups; it is left out";
+        self.warnings.unsupported(place, text);
+    }
+
+    /// How deep definitions nest below some entities.
+    fn depth(&self, members: &[usize]) -> usize {
+        let depths = members.iter().filter_map(|member| self.depths.get(member));
+        depths.copied().max().unwrap_or_default()
+    }
+
+    /// The definition (type 308) of a node or item, without its place.
+    fn definition(
+        &mut self,
+        defined: Defined,
+        outer: DMat3,
+        depth: usize,
+    ) -> Result<Option<usize>, Problem> {
+        let key = (defined, outer.to_cols_array().map(f64::to_bits));
+        if let Some(known) = self.definitions.get(&key) {
+            return Ok(*known);
+        }
+        let scene = self.scene;
+        let (name, members) = match defined {
+            Defined::Item(shape, material) => {
+                let item = Item { shape, material };
+                let name = match shape {
+                    Shape::Patch(id) => scene.patch(id).name.as_str(),
+                    Shape::Mesh(_) => "",
+                };
+                (name, self.faces(&item, outer, Status::Dependent)?)
+            }
+            Defined::Node(id) => {
+                let node = scene.node(id);
+                let mut members = Vec::new();
+                for child in &node.children {
+                    members.extend(self.reference(child, outer, Status::Dependent, depth + 1)?);
+                }
+                (node.name.as_str(), members)
+            }
+        };
+        let mut definition = None;
+        if members.is_empty() {
+            self.empty(name);
+        } else {
+            let depth = self.depth(&members);
+            let mut record = Record::new(308);
+            record.integer(depth);
+            record.text(name);
+            record.pointers(&members);
+            let pointer = self.deck.add(Entity {
+                kind: 308,
+                status: Status::Definition,
+                record,
+                ..Entity::default()
+            });
+            self.depths.insert(pointer, depth);
+            definition = Some(pointer);
+        }
+        self.definitions.insert(key, definition);
+        Ok(definition)
+    }
+
+    /// An instance (type 408) of a definition.
+    fn instance(
+        &mut self,
+        definition: Option<usize>,
+        place: &DAffine3,
+        name: &str,
+        status: Status,
+    ) -> Vec<usize> {
+        let Some(definition) = definition else {
+            return Vec::new();
+        };
+        let scale = scale_of(&place.matrix3).unwrap_or(1.0);
+        let mut shift = place.translation;
+        let mut transform = 0;
+        let turned = place.matrix3 * scale.recip();
+        if turned != DMat3::IDENTITY {
+            let place = DAffine3::from_mat3_translation(turned, shift);
+            transform = self.transform(&place);
+            shift = DVec3::ZERO;
+        }
+        let mut record = Record::new(408);
+        record.integer(definition);
+        record.point(shift);
+        record.real(scale);
+        let instance = self.deck.add(Entity {
+            kind: 408,
+            transform,
+            status,
+            record,
+            ..Entity::default()
+        });
+        self.depths.insert(instance, self.depth(&[definition]) + 1);
+        self.name(instance, name);
+        vec![instance]
+    }
+
+    /// A transformation (type 124), or zero if it does nothing.
+    fn transform(&mut self, place: &DAffine3) -> usize {
+        if *place == DAffine3::IDENTITY {
+            return 0;
+        }
+        let key = place.to_cols_array().map(f64::to_bits);
+        if let Some(&known) = self.transforms.get(&key) {
+            return known;
+        }
+        let mut record = Record::new(124);
+        let rows = place.matrix3.transpose();
+        for (row, shift) in [rows.x_axis, rows.y_axis, rows.z_axis]
+            .into_iter()
+            .zip(place.translation.to_array())
+        {
+            record.point(row);
+            record.real(shift);
+        }
+        let transform = self.deck.add(Entity {
+            kind: 124,
+            form: usize::from(place.matrix3.determinant() < 0.0),
+            status: Status::Dependent,
+            record,
+            ..Entity::default()
+        });
+        self.transforms.insert(key, transform);
+        transform
+    }
+
+    /// Gives an entity a name property (type 406, form 15). Nothing may be added to its record
+    /// after that.
+    fn name(&mut self, pointer: usize, name: &str) {
+        if name.is_empty() {
+            return;
+        }
+        let mut record = Record::new(406);
+        record.integer(1);
+        record.text(name);
+        let property = self.deck.add(Entity {
+            kind: 406,
+            form: 15,
+            status: Status::Dependent,
+            record,
+            ..Entity::default()
+        });
+        self.deck.entity(pointer).record.integers([0, 1, property]);
+    }
+
+    /// The colour (type 314) of a material.
+    fn color(&mut self, id: MaterialId) -> usize {
+        if let Some(&known) = self.colors.get(&id) {
+            return known;
+        }
+        let material = self.scene.material(id);
+        let mut record = Record::new(314);
+        let model = material.metallic_roughness;
+        let base = model.map_or(material.diffuse, |model| model.base_color);
+        record.point(srgb_from_linear(base) * 100.0);
+        record.text(&material.name);
+        let color = self.deck.add(Entity {
+            kind: 314,
+            status: Status::Definition,
+            record,
+            ..Entity::default()
+        });
+        let plain = Material {
+            name: material.name.clone(),
+            ambient: base,
+            diffuse: base,
+            ..Material::default()
+        };
+        if *material != plain {
+            let place = Place::item(0, format!("material \"{}\"", material.name));
+            let text = "IGES files hold one colour of a material; \
+                highlights, transparency and other light are left out";
+            self.warnings.unsupported(place, text);
+        }
+        self.colors.insert(id, color);
+        color
+    }
+}
+
+/// How much larger a matrix makes things, if it does no more than turning, mirroring and
+/// scaling.
+fn scale_of(matrix: &DMat3) -> Option<f64> {
+    let gram = matrix.transpose() * *matrix;
+    let square = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;
+    let stray = gram - DMat3::from_diagonal(DVec3::splat(square));
+    let is_rigid = stray
+        .to_cols_array()
+        .iter()
+        .all(|x| x.abs() <= RIGID * square);
+    let scale = square.sqrt();
+    let snapped = if (scale - 1.0).abs() <= RIGID {
+        1.0
+    } else {
+        scale
+    };
+    is_rigid.then_some(snapped)
+}

@@ -1,0 +1,173 @@
+//! Materials, lights, viewpoints, background.
+
+use glam::{DMat3, DQuat, DVec3};
+use kernel::{Camera, Falloff, Light, LightKind, Material, Projection, srgb_from_linear};
+
+use super::Dialect;
+use super::spell::{Out, Value};
+use super::tree::{Tree, rotation};
+use crate::Place;
+use crate::nodes::look::SHININESS;
+
+/// A reach that stands for one without an end.
+const FAR: f64 = 1e30;
+
+impl Tree<'_> {
+    /// Viewpoints, lights and what there is one of, in the coordinates of the scene.
+    pub(super) fn look(&mut self) -> Vec<Out> {
+        let scene = self.scene;
+        let mut out = Vec::new();
+        if !scene.headlight || !scene.lights.is_empty() {
+            let mut navigation = Out::new("NavigationInfo");
+            navigation.field("headlight", Value::Flag(scene.headlight));
+            out.push(navigation);
+        }
+        if let Some(color) = scene.background {
+            let mut background = Out::new("Background");
+            background.field("skyColor", Value::list(&srgb(color), 3));
+            out.push(background);
+        }
+        out.extend(scene.cameras.iter().filter_map(|c| self.viewpoint(c)));
+        out.extend(scene.lights.iter().map(|light| self.light(light)));
+        out
+    }
+
+    fn viewpoint(&mut self, camera: &Camera) -> Option<Out> {
+        let kind = match camera.projection() {
+            Projection::Orthographic { .. } => "OrthoViewpoint",
+            _ => "Viewpoint",
+        };
+        let place = || Place::item(0, format!("camera \"{}\"", camera.name));
+        if kind == "OrthoViewpoint" && self.dialect == Dialect::Vrml97 {
+            let text = "VRML 97 has no parallel views; it is left out";
+            self.warnings.unsupported(place(), text);
+            return None;
+        }
+        let mut out = Out::new(kind);
+        if !camera.name.is_empty() {
+            out.field("description", Value::Text(camera.name.clone()));
+        }
+        out.field("position", Value::tuple(&camera.eye().to_array()));
+        let axes = DMat3::from_cols(camera.right(), camera.up(), -camera.forward());
+        if let Some(turn) = rotation(DQuat::from_mat3(&axes).normalize()) {
+            out.field("orientation", turn);
+        }
+        match camera.projection() {
+            Projection::Orthographic { extent } => {
+                let half = extent * 0.5;
+                out.field("fieldOfView", Value::list(&[-half, -half, half, half], 1));
+            }
+            Projection::PerspectiveShorter { fov } => {
+                out.field("fieldOfView", Value::number(fov));
+            }
+            Projection::Perspective { vertical_fov } => {
+                let text = "the angle of a view holds for the shorter side of a picture, \
+                    not for its height";
+                self.warnings.unsupported(place(), text);
+                out.field("fieldOfView", Value::number(vertical_fov));
+            }
+        }
+        Some(out)
+    }
+
+    fn light(&self, light: &Light) -> Out {
+        let (kind, position, direction, falloff) = match light.kind {
+            LightKind::Directional { direction } => {
+                ("DirectionalLight", None, Some(direction), None)
+            }
+            LightKind::Point { position, falloff } => {
+                ("PointLight", Some(position), None, Some(falloff))
+            }
+            LightKind::Spot {
+                position,
+                direction,
+                falloff,
+                ..
+            } => ("SpotLight", Some(position), Some(direction), Some(falloff)),
+        };
+        let mut out = Out::new(kind);
+        let intensity = light.color.max_element().max(1.0);
+        out.field("color", Value::tuple(&srgb(light.color / intensity)));
+        out.field("intensity", Value::number(intensity));
+        let brightest = light.color.max_element();
+        let ambient = light.ambient.max_element() * intensity / brightest;
+        if ambient > 0.0 && ambient.is_finite() {
+            out.field("ambientIntensity", Value::number(ambient));
+        }
+        if self.dialect != Dialect::Vrml97 {
+            out.field("global", Value::Flag(true));
+        }
+        if let Some(position) = position {
+            out.field("location", Value::tuple(&position.to_array()));
+        }
+        if let Some(direction) = direction {
+            out.field("direction", Value::tuple(&direction.to_array()));
+        }
+        if let LightKind::Spot { inner, outer, .. } = light.kind {
+            out.field("beamWidth", Value::number(inner));
+            out.field("cutOffAngle", Value::number(outer));
+        }
+        if let Some(Falloff {
+            attenuation,
+            radius,
+        }) = falloff
+        {
+            out.field("attenuation", Value::tuple(&attenuation.to_array()));
+            out.field("radius", Value::number(radius.min(FAR)));
+        }
+        out
+    }
+
+    /// A material, and its type.
+    pub(super) fn material(&mut self, material: &Material) -> (&'static str, Out) {
+        let physical = material
+            .metallic_roughness
+            .filter(|_| self.dialect != Dialect::Vrml97);
+        let mut out;
+        if let Some(model) = physical {
+            self.is_physical = true;
+            out = Out::new("PhysicalMaterial");
+            out.field("baseColor", Value::tuple(&srgb(model.base_color)));
+            out.field("metallic", Value::number(model.metallic));
+            out.field("roughness", Value::number(model.roughness));
+        } else {
+            out = Out::new("Material");
+            let brightest = material.diffuse.max_element();
+            let ambient = if brightest > 0.0 {
+                (material.ambient.max_element() / brightest).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            out.field("ambientIntensity", Value::number(ambient));
+            out.field("diffuseColor", Value::tuple(&srgb(material.diffuse)));
+            out.field("specularColor", Value::tuple(&srgb(material.specular)));
+            let shininess = (material.shininess / SHININESS).clamp(0.0, 1.0);
+            out.field("shininess", Value::number(shininess));
+            let lost = material.ambient.distance(material.diffuse * ambient) > 1e-6
+                || material.shininess > SHININESS;
+            if lost {
+                let place = Place::item(0, format!("material \"{}\"", material.name));
+                let text = "ambient light of another colour than the diffuse one, or a highlight \
+                    narrower than the exponent 128, is brought to the nearest that there is";
+                self.warnings.unsupported(place, text);
+            }
+        }
+        if material.emissive != DVec3::ZERO {
+            out.field("emissiveColor", Value::tuple(&srgb(material.emissive)));
+        }
+        if material.opacity < 1.0 {
+            out.field("transparency", Value::number(1.0 - material.opacity));
+        }
+        let kind = if physical.is_some() {
+            "PhysicalMaterial"
+        } else {
+            "Material"
+        };
+        (kind, out)
+    }
+}
+
+/// A linear colour as files have it.
+fn srgb(color: DVec3) -> [f64; 3] {
+    srgb_from_linear(color.clamp(DVec3::ZERO, DVec3::ONE)).to_array()
+}

@@ -1,0 +1,123 @@
+//! Surfaces with their trims, and meshes.
+
+use glam::{DVec2, DVec4};
+use kernel::{Curve, Mesh, Patch, Surface, oriented};
+
+use super::Dialect;
+use super::spell::{Out, Value};
+use super::tree::Tree;
+use crate::write::has_weights;
+
+impl Tree<'_> {
+    /// A surface, and its type.
+    pub(super) fn patch(&self, patch: &Patch) -> (&'static str, Out) {
+        let is_trimmed = !patch.loops.is_empty();
+        let kind = match (self.dialect, is_trimmed) {
+            (Dialect::Vrml97, false) => "NurbsSurface",
+            (Dialect::Vrml97, true) => "TrimmedSurface",
+            (_, false) => "NurbsPatchSurface",
+            (_, true) => "NurbsTrimmedSurface",
+        };
+        let mut out = Out::new(kind);
+        if kind == "TrimmedSurface" {
+            let mut surface = Out::new("NurbsSurface");
+            self.net(&mut surface, &patch.surface);
+            out.child("surface", surface);
+        } else {
+            self.net(&mut out, &patch.surface);
+        }
+        for trim in oriented(&patch.loops) {
+            let mut contour = Out::new("Contour2D");
+            for segment in trim.segments() {
+                contour.child("children", curve(segment));
+            }
+            out.child("trimmingContour", contour);
+        }
+        (kind, out)
+    }
+
+    /// Adds the fields of a surface.
+    fn net(&self, out: &mut Out, surface: &Surface) {
+        let (u, v) = (surface.knots_u(), surface.knots_v());
+        out.field("solid", Value::Flag(false));
+        for (names, knots) in [
+            (["uDimension", "uOrder", "uKnot"], u),
+            (["vDimension", "vOrder", "vKnot"], v),
+        ] {
+            out.field(names[0], Value::number(knots.count() as f64));
+            out.field(names[1], Value::number(knots.degree() as f64 + 1.0));
+            out.field(names[2], Value::list(knots.as_slice(), 1));
+        }
+        // Files have u running fastest.
+        let net = surface.homogeneous();
+        let order = (0..v.count()).flat_map(|j| net.iter().skip(j).step_by(v.count()));
+        let order: Vec<DVec4> = order.copied().collect();
+        if has_weights(surface.weights()) {
+            let weights: Vec<_> = order.iter().map(|h| h.w).collect();
+            out.field("weight", Value::list(&weights, 1));
+        }
+        let points: Vec<_> = order.iter().flat_map(|h| h.truncate().to_array()).collect();
+        let points = Value::list(&points, 3);
+        match self.dialect {
+            Dialect::Vrml97 => out.field("controlPoint", points),
+            Dialect::Xml | Dialect::Classic => {
+                let mut coordinates = Out::new("CoordinateDouble");
+                coordinates.field("point", points);
+                out.child("controlPoint", coordinates);
+            }
+        }
+    }
+
+    /// Triangles, and the type of their node.
+    pub(super) fn mesh(&self, mesh: &Mesh) -> (&'static str, Out) {
+        let (kind, indices) = match self.dialect {
+            Dialect::Vrml97 => ("IndexedFaceSet", "coordIndex"),
+            Dialect::Xml | Dialect::Classic => ("IndexedTriangleSet", "index"),
+        };
+        let mut out = Out::new(kind);
+        out.field("solid", Value::Flag(false));
+        let end = match self.dialect {
+            Dialect::Vrml97 => Some(-1),
+            Dialect::Xml | Dialect::Classic => None,
+        };
+        let corners = |t: &[u32; 3]| t.map(i64::from).into_iter().chain(end);
+        let triangles = mesh.triangles().iter();
+        out.field(indices, Value::indices(triangles.flat_map(corners)));
+        let lists = [
+            ("coord", "Coordinate", "point", mesh.positions()),
+            ("normal", "Normal", "vector", mesh.normals()),
+        ];
+        for (field, kind, name, list) in lists.into_iter().filter(|(.., list)| !list.is_empty()) {
+            let numbers: Vec<_> = list.iter().flat_map(|p| p.to_array()).collect();
+            let mut inside = Out::new(kind);
+            inside.field(name, Value::list(&numbers, 3));
+            out.child(field, inside);
+        }
+        if !mesh.uvs().is_empty() {
+            let numbers: Vec<_> = mesh.uvs().iter().flat_map(|uv| uv.to_array()).collect();
+            let mut inside = Out::new("TextureCoordinate");
+            inside.field("point", Value::list(&numbers, 2));
+            out.child("texCoord", inside);
+        }
+        (kind, out)
+    }
+}
+
+/// A curve of the parameter domain.
+fn curve(segment: &Curve<DVec2>) -> Out {
+    let mut out = Out::new("NurbsCurve2D");
+    let knots = segment.knots();
+    out.field("order", Value::number(knots.degree() as f64 + 1.0));
+    out.field("knot", Value::list(knots.as_slice(), 1));
+    let points: Vec<_> = segment
+        .homogeneous()
+        .iter()
+        .flat_map(|h| [h.x, h.y])
+        .collect();
+    out.field("controlPoint", Value::list(&points, 2));
+    if has_weights(segment.weights()) {
+        let weights: Vec<_> = segment.weights().collect();
+        out.field("weight", Value::list(&weights, 1));
+    }
+    out
+}

@@ -1,0 +1,357 @@
+//! From scene to OBJ: free-form surfaces as they are, polygons, and materials beside them.
+//!
+//! OBJ has no nodes: everything is written in the coordinates of the world, once for each place
+//! where it stands, in a group with the innermost name around it.
+
+use std::collections::{HashMap, HashSet};
+
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+use kernel::{
+    Curve, KnotVector, MaterialId, Mesh, Patch, Placement, Scene, Shape, TrimLoop, UpAxis, nesting,
+    srgb_from_linear,
+};
+
+use super::FORMAT;
+use crate::write::{Export, Writer, has_weights, push_number, turn};
+use crate::{Error, Place, Warnings};
+
+/// The row of this format.
+pub(crate) const WRITER: Writer = Writer {
+    name: FORMAT.name,
+    extensions: FORMAT.extensions,
+    write,
+};
+
+fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
+    let mut writer = Text {
+        text: format!("# nurbray {}: {stem}\n", env!("CARGO_PKG_VERSION")),
+        ..Text::default()
+    };
+    let library = format!("{}.mtl", legal(stem));
+    let placements = scene.placements();
+    let materials = material_names(scene, &placements);
+    if !materials.is_empty() {
+        writer.text += &format!("mtllib {library}\n");
+    }
+    let mut state = (String::new(), None);
+    for placement in &placements {
+        let name = name(scene, placement, &mut writer.warnings);
+        if state.0 != name {
+            writer.text += format!("g {name}").trim_end();
+            writer.text.push('\n');
+            state.0 = name;
+        }
+        if state.1 != placement.material {
+            let name = placement.material.map_or("", |id| materials[&id].as_str());
+            writer.text += format!("usemtl {name}").trim_end();
+            writer.text.push('\n');
+            state.1 = placement.material;
+        }
+        let world = DAffine3::from_mat3(turn(scene.up, UpAxis::Y)) * placement.world_from_object;
+        match placement.shape {
+            Shape::Patch(id) => writer.patch(scene.patch(id), &world),
+            Shape::Mesh(id) => writer.mesh(scene.mesh(id), &world),
+        }
+    }
+    tell_losses(scene, &placements, &mut writer.warnings);
+    let mut beside = Vec::new();
+    if !materials.is_empty() {
+        let text = material_file(scene, &materials);
+        beside.push((library, text.into_bytes()));
+    }
+    Ok(Export {
+        bytes: writer.text.into_bytes(),
+        beside,
+        warnings: writer.warnings,
+    })
+}
+
+/// Notes what the format cannot hold.
+fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings) {
+    let what = [
+        (scene.cameras.len(), "cameras"),
+        (scene.lights.len(), "lights"),
+        (usize::from(scene.background.is_some()), "the background"),
+    ];
+    for (_, what) in what.into_iter().filter(|(count, _)| *count > 0) {
+        let text = "OBJ files hold no cameras, lights and backgrounds; they are left out";
+        warnings.unsupported(Place::item(0, what), text);
+    }
+    if let Some(unit) = &scene.unit {
+        let text = "OBJ files have no unit of length; their numbers stay as they are";
+        warnings.unsupported(Place::item(0, format!("the unit {}", unit.name)), text);
+    }
+    let mut shown = HashSet::new();
+    for placement in placements.iter().filter(|p| !shown.insert(p.shape)) {
+        let name = match placement.shape {
+            Shape::Patch(id) => &scene.patch(id).name,
+            Shape::Mesh(id) => &scene.mesh(id).name,
+        };
+        let text = "OBJ files hold no instances; it is written again for every further place";
+        warnings.unsupported(Place::item(0, format!("\"{name}\"")), text);
+    }
+}
+
+/// The name of a shape, or of the innermost node around it that has one.
+fn name(scene: &Scene, placement: &Placement, warnings: &mut Warnings) -> String {
+    let own = match placement.shape {
+        Shape::Patch(id) => scene.patch(id).name.as_str(),
+        Shape::Mesh(id) => scene.mesh(id).name.as_str(),
+    };
+    let nodes = placement
+        .path
+        .iter()
+        .map(|&id| scene.node(id).name.as_str());
+    let mut names: Vec<_> = nodes.chain([own]).filter(|name| !name.is_empty()).collect();
+    names.dedup();
+    if let [.., outer, _] = names[..] {
+        let place = Place::item(0, format!("node \"{outer}\""));
+        let text = "OBJ files have one name for a surface; those of the nodes around are left out";
+        warnings.unsupported(place, text);
+    }
+    legal(names.last().unwrap_or(&""))
+}
+
+/// A name without what ends or continues a line.
+fn legal(name: &str) -> String {
+    let is_bad = |c: char| c.is_control() || matches!(c, '#' | '\\');
+    name.trim().replace(is_bad, "_")
+}
+
+/// The materials that something is shown with, each with a name of its own.
+fn material_names(scene: &Scene, placements: &[Placement]) -> HashMap<MaterialId, String> {
+    let mut names = HashMap::new();
+    let mut taken = HashSet::new();
+    for id in placements.iter().filter_map(|placement| placement.material) {
+        names.entry(id).or_insert_with(|| {
+            let plain = match legal(&scene.material(id).name) {
+                name if name.is_empty() => "material".to_owned(),
+                name => name,
+            };
+            let mut name = plain.clone();
+            let mut count = 1;
+            while !taken.insert(name.clone()) {
+                count += 1;
+                name = format!("{plain}_{count}");
+            }
+            name
+        });
+    }
+    names
+}
+
+/// The material file.
+fn material_file(scene: &Scene, names: &HashMap<MaterialId, String>) -> String {
+    let mut ids: Vec<_> = names.iter().collect();
+    ids.sort_by_key(|(id, _)| id.index());
+    let mut text = String::new();
+    for (&id, name) in ids {
+        let material = scene.material(id);
+        // `Pr` and `Pm` take `Kd` for the base colour.
+        let model = material.metallic_roughness;
+        let diffuse = model.map_or(material.diffuse, |model| model.base_color);
+        text += &format!("newmtl {name}\nillum 2\n");
+        let colors = [
+            ("Ka", material.ambient),
+            ("Kd", diffuse),
+            ("Ks", material.specular),
+            ("Ke", material.emissive),
+        ];
+        for (keyword, color) in colors {
+            push_line(&mut text, keyword, srgb_from_linear(color).to_array());
+        }
+        push_line(&mut text, "Ns", [material.shininess]);
+        push_line(&mut text, "d", [material.opacity]);
+        if let Some(model) = model {
+            push_line(&mut text, "Pr", [model.roughness]);
+            push_line(&mut text, "Pm", [model.metallic]);
+        }
+    }
+    text
+}
+
+/// Appends a statement with numbers.
+fn push_line(text: &mut String, keyword: &str, values: impl IntoIterator<Item = f64>) {
+    *text += keyword;
+    for value in values {
+        text.push(' ');
+        push_number(text, value);
+    }
+    text.push('\n');
+}
+
+/// How many words of a long statement stand on a line.
+const WORDS: usize = 16;
+
+/// The statements so far, and how many of each kind that has numbers.
+#[derive(Clone, Debug, Default)]
+struct Text {
+    text: String,
+    warnings: Warnings,
+    vertices: usize,
+    parameters: usize,
+    texture: usize,
+    normals: usize,
+    curves: usize,
+}
+
+impl Text {
+    /// Appends a statement of any length, in several lines if need be.
+    fn statement(&mut self, keyword: &str, words: &[String]) {
+        self.text += keyword;
+        for (index, word) in words.iter().enumerate() {
+            if index > 0 && index % WORDS == 0 {
+                self.text += " \\\n ";
+            }
+            self.text.push(' ');
+            self.text += word;
+        }
+        self.text.push('\n');
+    }
+
+    /// Appends type and degrees of what follows.
+    fn kind(&mut self, is_rational: bool, degrees: &[usize]) {
+        self.text += if is_rational {
+            "cstype rat bspline\n"
+        } else {
+            "cstype bspline\n"
+        };
+        self.statement("deg", &texts(degrees));
+    }
+
+    /// Appends the knots of one direction.
+    fn knots(&mut self, direction: &str, knots: &KnotVector) {
+        let words = [vec![direction.to_owned()], numbers(knots.as_slice())].concat();
+        self.statement("parm", &words);
+    }
+
+    /// A surface with its loops.
+    fn patch(&mut self, patch: &Patch, world: &DAffine3) {
+        let mut loops = Vec::new();
+        for nest in nesting(&patch.loops) {
+            loops.push(("trim", self.curves(&patch.loops[nest.outer])));
+            for hole in nest.holes {
+                loops.push(("hole", self.curves(&patch.loops[hole])));
+            }
+        }
+        let surface = patch.surface.transformed(world);
+        let (u, v) = (surface.knots_u(), surface.knots_v());
+        let is_rational = has_weights(surface.weights());
+        let (points, weights): (Vec<_>, Vec<_>) = surface.points().zip(surface.weights()).unzip();
+        let mut words = numbers(&[
+            u.domain().start,
+            u.domain().end,
+            v.domain().start,
+            v.domain().end,
+        ]);
+        for j in 0..v.count() {
+            for k in (j..points.len()).step_by(v.count()) {
+                let weight = is_rational.then_some(weights[k]);
+                push_line(
+                    &mut self.text,
+                    "v",
+                    points[k].to_array().into_iter().chain(weight),
+                );
+                self.vertices += 1;
+                words.push(self.vertices.to_string());
+            }
+        }
+        self.kind(is_rational, &[u.degree(), v.degree()]);
+        self.statement("surf", &words);
+        self.knots("u", u);
+        self.knots("v", v);
+        for (keyword, words) in loops {
+            self.statement(keyword, &words);
+        }
+        self.text += "end\n";
+    }
+
+    /// The curves of a loop; the result is how the loop names them.
+    fn curves(&mut self, trim: &TrimLoop) -> Vec<String> {
+        let mut words = Vec::new();
+        for segment in trim.segments() {
+            self.curve(segment);
+            let domain = segment.domain();
+            words.extend(numbers(&[domain.start, domain.end]));
+            words.push(self.curves.to_string());
+        }
+        words
+    }
+
+    fn curve(&mut self, curve: &Curve<DVec2>) {
+        let is_rational = has_weights(curve.weights());
+        let mut words = Vec::new();
+        for (point, weight) in curve.points().zip(curve.weights()) {
+            let weight = is_rational.then_some(weight);
+            push_line(
+                &mut self.text,
+                "vp",
+                point.to_array().into_iter().chain(weight),
+            );
+            self.parameters += 1;
+            words.push(self.parameters.to_string());
+        }
+        self.kind(is_rational, &[curve.degree()]);
+        self.statement("curv2", &words);
+        self.knots("u", curve.knots());
+        self.text += "end\n";
+        self.curves += 1;
+    }
+
+    /// Triangles; mirrored ones are turned round, so that their fronts stay in front.
+    fn mesh(&mut self, mesh: &Mesh, world: &DAffine3) {
+        for point in mesh.positions() {
+            push_line(
+                &mut self.text,
+                "v",
+                world.transform_point3(*point).to_array(),
+            );
+        }
+        for uv in mesh.uvs() {
+            push_line(&mut self.text, "vt", uv.to_array());
+        }
+        let linear = world.matrix3;
+        for normal in mesh.normals() {
+            push_line(&mut self.text, "vn", across(&linear, *normal).to_array());
+        }
+        let is_mirrored = linear.determinant() < 0.0;
+        let corner = |index: u32| {
+            let index = index as usize + 1;
+            let vertex = self.vertices + index;
+            match (mesh.uvs().is_empty(), mesh.normals().is_empty()) {
+                (true, true) => vertex.to_string(),
+                (false, true) => format!("{vertex}/{}", self.texture + index),
+                (true, false) => format!("{vertex}//{}", self.normals + index),
+                (false, false) => {
+                    format!("{vertex}/{}/{}", self.texture + index, self.normals + index)
+                }
+            }
+        };
+        for &[a, b, c] in mesh.triangles() {
+            let [b, c] = if is_mirrored { [c, b] } else { [b, c] };
+            self.text += &format!("f {} {} {}\n", corner(a), corner(b), corner(c));
+        }
+        self.vertices += mesh.positions().len();
+        self.texture += mesh.uvs().len();
+        self.normals += mesh.normals().len();
+    }
+}
+
+/// A normal where a map takes its surface.
+fn across(linear: &DMat3, normal: DVec3) -> DVec3 {
+    let image = linear.inverse().transpose() * normal;
+    image.try_normalize().unwrap_or(normal)
+}
+
+fn numbers(values: &[f64]) -> Vec<String> {
+    let text = |&value: &f64| {
+        let mut text = String::new();
+        push_number(&mut text, value);
+        text
+    };
+    values.iter().map(text).collect()
+}
+
+fn texts(values: &[usize]) -> Vec<String> {
+    values.iter().map(ToString::to_string).collect()
+}

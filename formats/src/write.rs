@@ -1,0 +1,120 @@
+//! From scene to bytes: one row of [`WRITERS`] per format that stores surfaces as they are.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use glam::{DAffine3, DMat3, DVec3};
+use kernel::{Child, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
+
+use crate::{Error, Warnings, iges, nodes, obj};
+
+/// A format that scenes are written in with their surfaces as they are: one row each.
+#[derive(Clone, Copy, Debug)]
+pub struct Writer {
+    /// Name in messages and on the command line.
+    pub name: &'static str,
+    /// File name endings, lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// Scene to bytes.
+    pub write: Write,
+}
+
+/// Scene to bytes; `stem` is the name of the file without its ending, for titles and for
+/// files beside it.
+///
+/// The bytes depend on the scene and the stem alone.
+pub type Write = fn(scene: &Scene, stem: &str) -> Result<Export, Error>;
+
+/// What a writer gives: the content of files, and everything that they cannot hold.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Export {
+    /// The content of the file.
+    pub bytes: Vec<u8>,
+    /// Files that it names, to be put beside it: name and content.
+    pub beside: Vec<(String, Vec<u8>)>,
+    /// What the format cannot hold.
+    pub warnings: Warnings,
+}
+
+/// All formats that surfaces are written in as they are.
+pub const WRITERS: &[Writer] = &[
+    iges::WRITER,
+    nodes::X3D,
+    nodes::CLASSIC,
+    nodes::VRML97,
+    obj::WRITER,
+];
+
+/// How deep nodes may nest in what is written.
+pub(crate) const NESTING: usize = 1000;
+
+/// How often the parts of a scene stand in its tree: what stands there once needs no name to be
+/// found by.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Uses {
+    pub(crate) nodes: HashMap<NodeId, usize>,
+    pub(crate) shapes: HashMap<Shape, usize>,
+    pub(crate) materials: HashMap<MaterialId, usize>,
+}
+
+impl Uses {
+    /// Counts them.
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let mut uses = Self::default();
+        for child in scene.nodes().iter().flat_map(|node| &node.children) {
+            match child {
+                Child::Node(id) => *uses.nodes.entry(*id).or_default() += 1,
+                Child::Item(item) => {
+                    *uses.shapes.entry(item.shape).or_default() += 1;
+                    if let Some(id) = scene.item_material(item) {
+                        *uses.materials.entry(id).or_default() += 1;
+                    }
+                }
+            }
+        }
+        uses
+    }
+}
+
+/// The turn that brings the upward axis `from` to the upward axis `to`; all its numbers are
+/// 0, 1 or -1.
+pub(crate) fn turn(from: UpAxis, to: UpAxis) -> DMat3 {
+    match (from, to) {
+        (UpAxis::Y, UpAxis::Z) => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
+        (UpAxis::Z, UpAxis::Y) => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
+        _ => DMat3::IDENTITY,
+    }
+}
+
+/// The outermost node that does more than hold one other node, and its place if `world` takes
+/// the scene to the coordinates of the file.
+///
+/// A scene that has been turned for one format and is turned back for another has no trace of
+/// that.
+pub(crate) fn outermost(scene: &Scene, world: DMat3) -> Option<(&Node, NodeId, DAffine3)> {
+    let mut id = scene.root()?;
+    let mut place = DAffine3::from_mat3(world) * scene.node(id).parent_from_node;
+    while let ("", &[Child::Node(only)]) = (
+        scene.node(id).name.as_str(),
+        scene.node(id).children.as_slice(),
+    ) {
+        id = only;
+        place *= scene.node(id).parent_from_node;
+    }
+    Some((scene.node(id), id, place))
+}
+
+/// Whether weights say anything: they do if one of them is not one.
+pub(crate) fn has_weights(mut weights: impl Iterator<Item = f64>) -> bool {
+    weights.any(|weight| (weight - 1.0).abs() > 0.0)
+}
+
+/// Appends a number, with as many digits as it takes to read the same one again.
+pub(crate) fn push_number(text: &mut String, value: f64) {
+    let start = text.len();
+    // Writing into a string cannot fail.
+    let _ = write!(text, "{value:?}");
+    if text[start..].ends_with(".0") {
+        text.truncate(text.len() - 2);
+    }
+}

@@ -1,0 +1,321 @@
+//! What is written is read again as the same scene: all samples, and real files if they are
+//! there, through every writer.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DAffine3, DMat3, DVec3};
+use kernel::{Curve, Material, Patch, Scene, Shape, TrimLoop, UpAxis, nesting};
+use nurbray_formats::{Export, Limits, ReadOptions, Resolver, WRITERS, Writer, open, read};
+
+/// How far numbers may be off, relative to the size of the scene.
+const ACCURACY: f64 = 1e-13;
+
+/// Resolves the files that were written beside another.
+struct Beside<'a>(&'a Export);
+
+impl Resolver for Beside<'_> {
+    fn resolve(&self, name: &str) -> std::io::Result<Vec<u8>> {
+        let mut files = self.0.beside.iter();
+        let found = files.find(|(known, _)| known == name);
+        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+        found.map(|(_, bytes)| bytes.clone()).ok_or(missing)
+    }
+}
+
+/// One face as it stands in the world, Z upwards.
+struct Shown {
+    /// The names from the root to it, each once.
+    names: Vec<String>,
+    material: Option<Material>,
+    patch: Patch,
+}
+
+/// All faces in order, `unit` times as large; one with several outer loops becomes several
+/// where `split` says so.
+fn shown(scene: &Scene, unit: f64, split: bool) -> Vec<Shown> {
+    let up = match scene.up {
+        UpAxis::Y => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
+        UpAxis::Z => DMat3::IDENTITY,
+    };
+    let mut shown = Vec::new();
+    for placement in scene.placements() {
+        let Shape::Patch(id) = placement.shape else {
+            continue;
+        };
+        let patch = scene.patch(id);
+        let nodes = placement.path.iter().map(|&id| &scene.node(id).name);
+        let mut names: Vec<_> = nodes.chain([&patch.name]).cloned().collect();
+        names.retain(|name| !name.is_empty());
+        names.dedup();
+        let surface = patch.surface.transformed(&placement.world_from_object);
+        let surface = surface.transformed(&DAffine3::from_mat3(up * unit));
+        let faces = match nesting(&patch.loops) {
+            nests if split && !nests.is_empty() => {
+                let all = |nest: kernel::Nest| [vec![nest.outer], nest.holes].concat();
+                nests.into_iter().map(all).collect()
+            }
+            _ => vec![(0..patch.loops.len()).collect::<Vec<_>>()],
+        };
+        for loops in faces {
+            let loops = loops.into_iter().map(|k| patch.loops[k].clone()).collect();
+            shown.push(Shown {
+                names: names.clone(),
+                material: placement.material.map(|id| scene.material(id).clone()),
+                patch: Patch {
+                    loops,
+                    surface: surface.clone(),
+                    ..patch.clone()
+                },
+            });
+        }
+    }
+    shown
+}
+
+/// What OBJ leaves of faces: one name, by which they stand together, and holes after the loop
+/// around them.
+fn as_obj(shown: &mut [Shown]) {
+    let names: Vec<_> = shown
+        .iter()
+        .map(|face| face.names.last().cloned())
+        .collect();
+    let mut order: Vec<_> = (0..shown.len()).collect();
+    order.sort_by_key(|&k| match &names[k] {
+        Some(_) => names.iter().position(|name| *name == names[k]),
+        None => Some(k),
+    });
+    let mut place = vec![0; shown.len()];
+    order.iter().zip(0..).for_each(|(&k, at)| place[k] = at);
+    for face in shown.iter_mut() {
+        face.names.drain(..face.names.len().saturating_sub(1));
+        let nests = nesting(&face.patch.loops).into_iter();
+        let order = nests.flat_map(|nest| [vec![nest.outer], nest.holes].concat());
+        face.patch.loops = order.map(|k| face.patch.loops[k].clone()).collect();
+    }
+    for k in 0..shown.len() {
+        while place[k] != k {
+            let to = place[k];
+            shown.swap(k, to);
+            place.swap(k, to);
+        }
+    }
+}
+
+fn assert_close(a: impl Iterator<Item = f64>, b: impl Iterator<Item = f64>, size: f64, what: &str) {
+    let (a, b): (Vec<_>, Vec<_>) = (a.collect(), b.collect());
+    assert_eq!(a.len(), b.len(), "{what}");
+    for (a, b) in a.iter().zip(&b) {
+        assert!((a - b).abs() <= ACCURACY * size, "{what}: {a} {b}");
+    }
+}
+
+/// A name as VRML 97 has it: it may also get a number, and what is used again gets one.
+fn legal(name: &str) -> String {
+    let legal = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    let name: String = name.chars().map(legal).collect();
+    let number = |c: char| c == '_' || c.is_ascii_digit();
+    name.trim_matches(number).to_owned()
+}
+
+fn segments(loops: &[TrimLoop]) -> Vec<&Curve<glam::DVec2>> {
+    loops.iter().flat_map(TrimLoop::segments).collect()
+}
+
+fn assert_same(a: &Shown, b: &Shown, size: f64, what: &str) {
+    if what.ends_with("VRML 97") {
+        let names = |shown: &Shown| {
+            let mut names: Vec<_> = shown.names.iter().map(|n| legal(n)).collect();
+            names.dedup();
+            names
+        };
+        assert_eq!(names(a), names(b), "{what}");
+    } else {
+        assert_eq!(a.names, b.names, "{what}");
+    }
+    let what = format!("{what}, {:?}", a.names);
+    let (p, q) = (&a.patch.surface, &b.patch.surface);
+    assert_eq!(
+        (p.knots_u(), p.knots_v()),
+        (q.knots_u(), q.knots_v()),
+        "{what}"
+    );
+    assert_close(p.weights(), q.weights(), 1.0, &what);
+    let coordinates =
+        |p: &kernel::Surface| -> Vec<f64> { p.points().flat_map(|p| p.to_array()).collect() };
+    assert_close(
+        coordinates(p).into_iter(),
+        coordinates(q).into_iter(),
+        size,
+        &what,
+    );
+    assert_eq!(a.patch.loops.len(), b.patch.loops.len(), "{what}: loops");
+    let pairs = a.patch.loops.iter().zip(&b.patch.loops);
+    // Some formats say which way loops run.
+    let turned = |(p, q): (&TrimLoop, &TrimLoop)| match p.signed_area() * q.signed_area() {
+        product if product < 0.0 => p.reversed(),
+        _ => p.clone(),
+    };
+    let loops: Vec<_> = pairs.map(turned).collect();
+    let (p, q) = (segments(&loops), segments(&b.patch.loops));
+    assert_eq!(p.len(), q.len(), "{what}: trim curves");
+    for (p, q) in p.iter().zip(&q) {
+        assert_eq!(p.knots(), q.knots(), "{what}");
+        let scale = p
+            .points()
+            .fold(1.0, |s: f64, p| s.max(p.abs().max_element()));
+        assert_close(p.weights(), q.weights(), 1.0, &what);
+        assert_close(
+            p.points().flat_map(|p| p.to_array()),
+            q.points().flat_map(|p| p.to_array()),
+            scale,
+            &what,
+        );
+    }
+    let base = |m: &Material| {
+        m.metallic_roughness
+            .map_or(m.diffuse, |model| model.base_color)
+    };
+    let look = |m: &Option<Material>| m.as_ref().map(|m| (m.name.clone(), base(m)));
+    let (p, q) = (look(&a.material), look(&b.material));
+    assert_eq!(p.is_some(), q.is_some(), "{what}: material");
+    if let (Some(p), Some(q)) = (p, q) {
+        let is_free = (what.contains("VRML 97") || what.contains("OBJ"))
+            && (p.0.is_empty() || legal(&p.0) == legal(&q.0));
+        assert!(p.0 == q.0 || is_free, "{what}: {p:?} {q:?}");
+        assert!(p.1.distance(q.1) < 1e-12, "{what}: {p:?} {q:?}");
+    }
+}
+
+/// Whether a writer's files can be read again.
+fn is_read(writer: &Writer) -> bool {
+    matches!(writer.name, "IGES" | "X3D" | "OBJ")
+}
+
+/// What OBJ is told about and other formats are not.
+const OUTSIDE: &str = "the loop leaves the surface; what lies outside is cut off";
+
+/// Writes a scene and reads it again.
+fn through(scene: &Scene, writer: &Writer, what: &str) -> Scene {
+    let export = (writer.write)(scene, "again").unwrap_or_else(|e| panic!("{what}: {e}"));
+    let limits = Limits::default();
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &Beside(&export),
+    };
+    let import = read(&export.bytes, Some(writer.extensions[0]), &options);
+    let import = import.unwrap_or_else(|e| panic!("{what}: {e}"));
+    let warnings = import.warnings.as_slice().iter();
+    let unexpected: Vec<_> = warnings
+        .filter(|w| w.problem.to_string() != OUTSIDE)
+        .collect();
+    assert!(unexpected.is_empty(), "{what}: {unexpected:?}");
+    assert_eq!(
+        Ok(&export),
+        (writer.write)(scene, "again").as_ref(),
+        "{what}"
+    );
+    import.scene
+}
+
+/// Compares a scene with what it became on its way through formats; the result is the number of
+/// faces.
+fn compare(scene: &Scene, again: &Scene, way: &[&Writer], what: &str) -> usize {
+    let has = |name| way.iter().any(|writer| writer.name == name);
+    let metres = |scene: &Scene| scene.unit.as_ref().map(|unit| unit.metres);
+    let units = metres(scene).zip(metres(again));
+    let units = units.filter(|_| !has("OBJ")).unwrap_or((1.0, 1.0));
+    let mut before = shown(scene, units.0, has("IGES"));
+    let after = shown(again, units.1, false);
+    if has("OBJ") {
+        as_obj(&mut before);
+    }
+    assert_eq!(before.len(), after.len(), "{what}: faces");
+    let bounds = scene.hull_bounds();
+    let size = bounds.min.abs().max(bounds.max.abs()).max_element() * units.0;
+    for (a, b) in before.iter().zip(&after) {
+        assert_same(a, b, size, what);
+    }
+    before.len()
+}
+
+/// Checks one file; the result is the number of faces.
+fn check(path: &Path, writer: &Writer) -> usize {
+    let what = format!("{} as {}", path.display(), writer.name);
+    let Some(scene) = opened(path) else { return 0 };
+    let again = through(&scene, writer, &what);
+    let count = compare(&scene, &again, &[writer], &what);
+    // Written once more, nothing changes at all.
+    let third = through(&again, writer, &what);
+    assert_eq!(again.nodes().len(), third.nodes().len(), "{what}: nodes");
+    let patches = [&again, &third].map(|scene| scene.patches().len());
+    assert_eq!(patches[0], patches[1], "{what}: patches");
+    count
+}
+
+/// The scene of a file, if it shows a surface.
+fn opened(path: &Path) -> Option<Scene> {
+    let scene = open(path, &Limits::default()).ok()?.scene;
+    (!shown(&scene, 1.0, false).is_empty()).then_some(scene)
+}
+
+fn files(folder: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("..")
+        .join(folder);
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut files: Vec<_> = entries
+        .map(|entry| entry.expect("a folder that can be listed").path())
+        .filter(|path| path.is_file())
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn samples_come_back() {
+    for writer in WRITERS.iter().filter(|w| is_read(w)) {
+        let found = files("samples")
+            .iter()
+            .map(|path| check(path, writer))
+            .sum::<usize>();
+        assert!(found > 10);
+    }
+}
+
+#[test]
+fn real_files_come_back() {
+    for writer in WRITERS.iter().filter(|w| is_read(w)) {
+        for folder in ["iges", "obj", "x3d", "vrml"] {
+            let files = files(&format!("../shared/corpus/{folder}"));
+            let count: usize = files.iter().map(|path| check(path, writer)).sum();
+            println!("{folder} as {}: {count} faces", writer.name);
+        }
+    }
+}
+
+#[test]
+fn files_come_back_from_other_formats() {
+    let writer = |name: &str| WRITERS.iter().find(|w| w.name == name).expect("a writer");
+    for (folder, there, back) in [
+        ("obj", "IGES", "OBJ"),
+        ("obj", "X3D", "OBJ"),
+        ("x3d", "IGES", "X3D"),
+        ("x3d", "OBJ", "X3D"),
+        ("vrml", "IGES", "X3D"),
+        ("iges", "X3D", "IGES"),
+    ] {
+        let way = [writer(there), writer(back)];
+        let samples = files("samples");
+        let others = files(&format!("../shared/corpus/{folder}"));
+        let mut count = 0;
+        for path in [samples, others].concat() {
+            let what = format!("{} by way of {there} as {back}", path.display());
+            let Some(scene) = opened(&path) else { continue };
+            let again = through(&through(&scene, way[0], &what), way[1], &what);
+            count += compare(&scene, &again, &way, &what);
+        }
+        println!("{folder} by way of {there} as {back}: {count} faces");
+    }
+}

@@ -1,0 +1,307 @@
+//! Areas, volumes and moments of faces, by integration over their Bézier pieces.
+//!
+//! Rectangles of a piece are integrated by Gauss's rules, halved until two answers agree. Where
+//! trim loops pass, the integral over what they enclose is one along the loops (Green): from the
+//! left border of the domain to the loop, along u by quadrature, summed up along v. Loops are cut
+//! where they cross knots, so that everything integrated is smooth.
+
+mod extent;
+mod piece;
+mod sums;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::{DAffine2, DVec2, DVec3};
+
+use self::piece::Piece;
+use self::sums::Sums;
+use crate::trim::shifts;
+use crate::{Aabb, BezierSurface, Curve, Patch, oriented};
+
+/// Error that is looked for, as a share of what a cube of the size of the face has.
+const ACCURACY: f64 = 1e-12;
+
+/// Steps of a strip in which the places are counted where loops cross the borders of pieces.
+const STEPS: f64 = (1_u64 << 40) as f64;
+
+impl Patch {
+    /// How far [`Patch::bounds`] may be too small, as a share of the diagonal of the box around
+    /// the control points.
+    pub const BOUNDS_ACCURACY: f64 = extent::ACCURACY;
+
+    /// The least box around the face.
+    pub fn bounds(&self) -> Aabb {
+        extent::bounds(self)
+    }
+}
+
+/// Integrals over a face, about an origin. Fluxes count along `du x dv`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Integrals {
+    sums: Sums,
+    errors: Sums,
+}
+
+impl Integrals {
+    /// The integrals over a face in its own coordinates, moments about `origin`.
+    ///
+    /// The errors are differences of two answers, the better of which is given; they bound the
+    /// true error unless the surface has details that both miss.
+    pub fn of(patch: &Patch, origin: DVec3) -> Self {
+        Face::new(patch, origin).integrals()
+    }
+
+    /// The area.
+    pub fn area(&self) -> f64 {
+        self.sums.number(0)
+    }
+
+    /// The error of the area.
+    pub fn area_error(&self) -> f64 {
+        self.errors.number(0)
+    }
+
+    /// The volume between the face and the origin: of a closed body if summed over its faces.
+    pub fn volume(&self) -> f64 {
+        self.sums.number(1)
+    }
+
+    /// The error of the volume.
+    pub fn volume_error(&self) -> f64 {
+        self.errors.number(1)
+    }
+
+    /// The integral of the normal; it vanishes for closed bodies.
+    pub fn normal(&self) -> DVec3 {
+        self.sums.vector(2)
+    }
+
+    /// The integral of the place over the area.
+    pub fn area_moment(&self) -> DVec3 {
+        self.sums.vector(5)
+    }
+
+    /// The integral of the place over the volume, summed over a closed body.
+    pub fn moment(&self) -> DVec3 {
+        self.sums.vector(8)
+    }
+
+    /// The integrals of x x, y y and z z over the volume, summed over a closed body.
+    pub fn squares(&self) -> DVec3 {
+        self.sums.vector(11)
+    }
+
+    /// The integrals of x y, y z and z x over the volume, summed over a closed body.
+    pub fn products(&self) -> DVec3 {
+        self.sums.vector(14)
+    }
+
+    /// The integrals over two faces together; `sign` is -1 if the second one is turned round.
+    #[must_use]
+    pub fn plus(&self, other: &Self, sign: f64) -> Self {
+        let turned = other.sums * sign;
+        // Areas do not turn round.
+        let areas = other.sums.areas() - turned.areas();
+        Self {
+            sums: self.sums + turned + areas,
+            errors: self.errors + other.errors,
+        }
+    }
+}
+
+/// A face that is being integrated.
+struct Face<'a> {
+    patch: &'a Patch,
+    pieces: Vec<BezierSurface>,
+    breaks: [Vec<f64>; 2],
+    origin: DVec3,
+    tolerance: Sums,
+}
+
+impl<'a> Face<'a> {
+    fn new(patch: &'a Patch, origin: DVec3) -> Self {
+        let surface = &patch.surface;
+        let bounds = surface.hull_bounds();
+        let reach = (bounds.center() - origin).length() + bounds.diagonal();
+        Self {
+            patch,
+            pieces: surface.bezier_pieces(),
+            breaks: [surface.knots_u().breaks(), surface.knots_v().breaks()],
+            origin,
+            tolerance: Sums::tolerance(reach, ACCURACY),
+        }
+    }
+
+    /// The piece of column `i` and strip `j`.
+    fn piece(&self, i: usize, j: usize) -> Piece {
+        let strips = self.breaks[1].len() - 1;
+        Piece::new(&self.pieces[i * strips + j], self.origin, self.tolerance)
+    }
+
+    fn integrals(&self) -> Integrals {
+        let [columns, strips] = [0, 1].map(|axis| self.breaks[axis].len() - 1);
+        let mut total = Integrals::default();
+        let mut add = |(sums, errors): (Sums, Sums), sign: f64| {
+            total.sums += sums * sign;
+            total.errors += errors;
+        };
+        if self.patch.region().is_none() {
+            for (i, j) in (0..columns).flat_map(|i| (0..strips).map(move |j| (i, j))) {
+                add(self.piece(i, j).over([0.0, 1.0], [0.0, 1.0]), 1.0);
+            }
+            return total;
+        }
+        let mut chords = self.chords();
+        chords.sort_by_key(|chord| (chord.column, chord.strip));
+        // How much of each piece to the left of a chord is counted, by its ends.
+        let mut ends: BTreeMap<(usize, usize, i64), i32> = BTreeMap::new();
+        for chord in &chords {
+            for column in 0..chord.column.min(columns) {
+                let [from, to] = chord.heights;
+                *ends.entry((column, chord.strip, to)).or_default() += 1;
+                *ends.entry((column, chord.strip, from)).or_default() -= 1;
+            }
+        }
+        ends.retain(|key, count| *count != 0 && key.2 != 0);
+        for group in chords.chunk_by(|a, b| (a.column, a.strip) == (b.column, b.strip)) {
+            let [first, ..] = group else { continue };
+            if first.column >= columns {
+                continue;
+            }
+            let piece = self.piece(first.column, first.strip);
+            for chord in group {
+                add(piece.left_of(&chord.curve, chord.range), 1.0);
+            }
+        }
+        for ((column, strip, height), count) in ends {
+            let top = height as f64 / STEPS;
+            let part = self.piece(column, strip).over([0.0, 1.0], [0.0, top]);
+            add(part, f64::from(count));
+        }
+        total
+    }
+
+    /// The loops, outer ones to the left and holes to the right, cut at the knots.
+    fn chords(&self) -> Vec<Chord> {
+        let surface = &self.patch.surface;
+        let [u, v] = [surface.knots_u().domain(), surface.knots_v().domain()];
+        let domain = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
+        let closed = surface.closed();
+        let mut chords = Vec::new();
+        for trim in oriented(&self.patch.loops) {
+            for shift in shifts(&trim, domain, closed) {
+                for segment in trim.segments() {
+                    let moved = segment.transformed(&DAffine2::from_translation(shift));
+                    for piece in moved.bezier_pieces() {
+                        self.cut(&piece, &mut chords);
+                    }
+                }
+            }
+        }
+        chords
+    }
+
+    /// Cuts a Bézier piece of a loop at the knots.
+    fn cut(&self, curve: &Curve<DVec2>, chords: &mut Vec<Chord>) {
+        let Range { start, end } = curve.domain();
+        let mut cuts = vec![start, end];
+        for axis in 0..2 {
+            for &knot in &self.breaks[axis] {
+                let differences: Vec<_> = curve
+                    .homogeneous()
+                    .iter()
+                    .map(|h| if axis == 0 { h.x } else { h.y } - knot * h.z)
+                    .collect();
+                let shares = roots(&differences);
+                cuts.extend(shares.into_iter().map(|t| start + (end - start) * t));
+            }
+        }
+        cuts.sort_by(f64::total_cmp);
+        cuts.dedup();
+        for pair in cuts.windows(2) {
+            let middle = curve.evaluate(pair[0].midpoint(pair[1]));
+            let column = self.breaks[0].partition_point(|&knot| knot <= middle.x);
+            let strip = self.breaks[1].partition_point(|&knot| knot <= middle.y);
+            let (Some(strip), Some(column)) = (strip.checked_sub(1), column.checked_sub(1)) else {
+                continue;
+            };
+            let Some(&[low, high]) = self.breaks[1].get(strip..strip + 2) else {
+                continue;
+            };
+            let height = |t: f64| {
+                let share = (curve.evaluate(t).y - low) / (high - low);
+                #[expect(clippy::cast_possible_truncation, reason = "from 0 to 2^40")]
+                let step = (share.clamp(0.0, 1.0) * STEPS).round() as i64;
+                step
+            };
+            let (left, right) = match self.breaks[0].get(column..column + 2) {
+                Some(&[left, right]) => (left, right),
+                // Beyond the last knot only what lies to the left counts.
+                _ => (0.0, 1.0),
+            };
+            let scale = DVec2::new(right - left, high - low).recip();
+            let local =
+                DAffine2::from_scale(scale) * DAffine2::from_translation(-DVec2::new(left, low));
+            chords.push(Chord {
+                column,
+                strip,
+                heights: [height(pair[0]), height(pair[1])],
+                curve: curve.transformed(&local),
+                range: [pair[0], pair[1]],
+            });
+        }
+    }
+}
+
+/// A part of a loop inside one piece.
+struct Chord {
+    column: usize,
+    strip: usize,
+    /// Where it begins and ends in its strip, in [`STEPS`].
+    heights: [i64; 2],
+    /// The curve in the local parameters of the piece, of which it is a part.
+    curve: Curve<DVec2>,
+    range: [f64; 2],
+}
+
+/// How often an interval with several roots is halved.
+const DEPTH: u32 = 48;
+
+/// The simple roots in 0..1 of a polynomial in Bernstein form, about; near a double root
+/// nothing or something near it.
+fn roots(coefficients: &[f64]) -> Vec<f64> {
+    let mut found = Vec::new();
+    let mut waiting = vec![(coefficients.to_vec(), 0.0, 1.0, 0)];
+    while let Some((c, from, to, level)) = waiting.pop() {
+        let signs: Vec<bool> = c.iter().filter(|x| **x != 0.0).map(|x| *x > 0.0).collect();
+        let changes = signs.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let middle = f64::midpoint(from, to);
+        match changes {
+            0 => {}
+            _ if level >= DEPTH => found.push(middle),
+            _ => {
+                let [left, right] = halves(&c);
+                waiting.push((left, from, middle, level + 1));
+                waiting.push((right, middle, to, level + 1));
+            }
+        }
+    }
+    found
+}
+
+/// The Bernstein forms of both halves.
+fn halves(coefficients: &[f64]) -> [Vec<f64>; 2] {
+    let mut right = coefficients.to_vec();
+    let mut left = vec![right[0]];
+    for level in 1..right.len() {
+        for k in 0..right.len() - level {
+            right[k] = f64::midpoint(right[k], right[k + 1]);
+        }
+        left.push(right[0]);
+    }
+    [left, right]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,234 @@
+//! Integrals over rectangles of one Bézier piece, and from its left border to a curve.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3, DVec4};
+
+use super::sums::Sums;
+use crate::{BezierSurface, Curve, MAX_DEGREE};
+
+/// How often an interval or rectangle is halved at most.
+const HALVINGS: u32 = 14;
+
+/// Fewest and most nodes along one direction.
+const NODES: Range<usize> = 6..17;
+
+/// Nodes and weights of Gauss and Legendre over 0..1: exact for polynomials of degree
+/// `2 n - 1` \[Davis 84, section 2.7\].
+#[derive(Clone, Debug)]
+struct Rule {
+    nodes: Vec<(f64, f64)>,
+}
+
+impl Rule {
+    /// The rule with `count` nodes, by Newton's method on the Legendre polynomial.
+    fn new(count: usize) -> Self {
+        let n = count as f64;
+        let node = |k: usize| {
+            let mut x = (std::f64::consts::PI * (k as f64 + 0.75) / (n + 0.5)).cos();
+            let mut slope = 1.0;
+            for _ in 0..8 {
+                let (mut before, mut value) = (1.0, x);
+                for j in 2..=count {
+                    let j = j as f64;
+                    (before, value) = (
+                        value,
+                        ((2.0 * j - 1.0) * x * value - (j - 1.0) * before) / j,
+                    );
+                }
+                slope = n * (x * value - before) / (x * x - 1.0);
+                x -= value / slope;
+            }
+            (0.5 - 0.5 * x, 1.0 / ((1.0 - x * x) * slope * slope))
+        };
+        Self {
+            nodes: (0..count).map(node).collect(),
+        }
+    }
+}
+
+/// A Bézier piece, ready to be integrated over its local parameters 0..1.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    degrees: [usize; 2],
+    /// Homogeneous control points about the origin of the moments.
+    points: Vec<DVec4>,
+    rules: [Rule; 2],
+    /// Errors that are small enough for one rectangle.
+    tolerance: Sums,
+}
+
+/// A column of control points: the piece at one `t`, and its derivative along `t`.
+struct Row {
+    points: [DVec4; MAX_DEGREE + 1],
+    slopes: [DVec4; MAX_DEGREE + 1],
+}
+
+impl Piece {
+    /// A piece with its control points about `origin`.
+    pub(super) fn new(piece: &BezierSurface, origin: DVec3, tolerance: Sums) -> Self {
+        let degrees = [piece.degree_u(), piece.degree_v()];
+        let moved = |h: &DVec4| (h.truncate() - origin * h.w).extend(h.w);
+        // Volumes of polynomial pieces have the degree 3 p - 1.
+        let count = |p: usize| ((3 * p).div_ceil(2) + 1).clamp(NODES.start, NODES.end - 1);
+        Self {
+            degrees,
+            points: piece.homogeneous().iter().map(moved).collect(),
+            rules: degrees.map(|p| Rule::new(count(p))),
+            tolerance,
+        }
+    }
+
+    /// The piece at `t`.
+    fn row(&self, t: f64) -> Row {
+        let [p, q] = self.degrees;
+        let mut row = Row {
+            points: [DVec4::ZERO; MAX_DEGREE + 1],
+            slopes: [DVec4::ZERO; MAX_DEGREE + 1],
+        };
+        let mut work = [DVec4::ZERO; MAX_DEGREE + 1];
+        for i in 0..=p {
+            work[..=q].copy_from_slice(&self.points[i * (q + 1)..(i + 1) * (q + 1)]);
+            [row.points[i], row.slopes[i]] = casteljau(&mut work[..=q], t);
+        }
+        row
+    }
+
+    /// What is integrated, at `s` of a row.
+    fn density(&self, row: &Row, s: f64) -> Sums {
+        let p = self.degrees[0];
+        let mut work = row.points;
+        let [h, hs] = casteljau(&mut work[..=p], s);
+        let mut work = row.slopes;
+        let [ht, _] = casteljau(&mut work[..=p], s);
+        let point = h.truncate() / h.w;
+        let along_s = (hs.truncate() - point * hs.w) / h.w;
+        let along_t = (ht.truncate() - point * ht.w) / h.w;
+        Sums::density(point, along_s.cross(along_t))
+    }
+
+    /// One application of the rules to a rectangle.
+    fn rectangle(&self, s: [f64; 2], t: [f64; 2]) -> Sums {
+        let mut sums = Sums::default();
+        for &(y, weight) in &self.rules[1].nodes {
+            let row = self.row(t[0] + (t[1] - t[0]) * y);
+            sums += self.line(&row, s) * (weight * (t[1] - t[0]));
+        }
+        sums
+    }
+
+    /// One application of the rule to an interval of a row.
+    fn line(&self, row: &Row, s: [f64; 2]) -> Sums {
+        let mut sums = Sums::default();
+        for &(x, weight) in &self.rules[0].nodes {
+            sums += self.density(row, s[0] + (s[1] - s[0]) * x) * weight;
+        }
+        sums * (s[1] - s[0])
+    }
+
+    /// The integral over a rectangle, and its error.
+    pub(super) fn over(&self, s: [f64; 2], t: [f64; 2]) -> (Sums, Sums) {
+        let mut total = (Sums::default(), Sums::default());
+        let mut waiting = vec![(s, t, self.rectangle(s, t), 0)];
+        while let Some((s, t, whole, level)) = waiting.pop() {
+            let (ms, mt) = (s[0].midpoint(s[1]), t[0].midpoint(t[1]));
+            let quarters = [
+                ([s[0], ms], [t[0], mt]),
+                ([ms, s[1]], [t[0], mt]),
+                ([s[0], ms], [mt, t[1]]),
+                ([ms, s[1]], [mt, t[1]]),
+            ];
+            let parts = quarters.map(|(s, t)| (s, t, self.rectangle(s, t), level + 1));
+            let sum = parts.iter().fold(Sums::default(), |sum, p| sum + p.2);
+            let error = (sum - whole).abs();
+            if level >= HALVINGS || error.is_within(&self.tolerance) {
+                total.0 += sum;
+                total.1 += error;
+            } else {
+                waiting.extend(parts);
+            }
+        }
+        total
+    }
+
+    /// The integral over an interval of a row.
+    fn along(&self, row: &Row, s: [f64; 2]) -> Sums {
+        let mut total = Sums::default();
+        let mut waiting = vec![(s, self.line(row, s), 0)];
+        while let Some((s, whole, level)) = waiting.pop() {
+            let middle = s[0].midpoint(s[1]);
+            let halves = [[s[0], middle], [middle, s[1]]];
+            let parts = halves.map(|s| (s, self.line(row, s), level + 1));
+            let sum = parts[0].1 + parts[1].1;
+            if level >= HALVINGS || (sum - whole).abs().is_within(&self.tolerance) {
+                total += sum;
+            } else {
+                waiting.extend(parts);
+            }
+        }
+        total
+    }
+
+    /// The integral between the left border `s = 0` and a curve in local parameters, counted
+    /// negative where the curve goes to smaller `t`; and its error.
+    pub(super) fn left_of(&self, curve: &Curve<DVec2>, range: [f64; 2]) -> (Sums, Sums) {
+        let apply = |range: [f64; 2]| {
+            let mut sums = Sums::default();
+            let span = range[1] - range[0];
+            for &(x, weight) in &self.rules[1].nodes {
+                let at = curve.derivatives(range[0] + span * x);
+                let [s, t] = at.point.to_array().map(|x| x.clamp(0.0, 1.0));
+                sums += self.along(&self.row(t), [0.0, s]) * (weight * span * at.first.y);
+            }
+            sums
+        };
+        let mut total = (Sums::default(), Sums::default());
+        let mut waiting = vec![(range, apply(range), 0)];
+        while let Some((range, whole, level)) = waiting.pop() {
+            let middle = range[0].midpoint(range[1]);
+            let halves = [[range[0], middle], [middle, range[1]]];
+            let parts = halves.map(|range| (range, apply(range), level + 1));
+            let sum = parts[0].1 + parts[1].1;
+            let error = (sum - whole).abs();
+            if level >= HALVINGS || error.is_within(&self.tolerance) {
+                total.0 += sum;
+                total.1 += error;
+            } else {
+                waiting.extend(parts);
+            }
+        }
+        total
+    }
+}
+
+/// Value and derivative of a Bézier form; `points` are used up.
+fn casteljau(points: &mut [DVec4], t: f64) -> [DVec4; 2] {
+    let degree = points.len() - 1;
+    for level in 1..degree {
+        for k in 0..=degree - level {
+            points[k] = points[k] + (points[k + 1] - points[k]) * t;
+        }
+    }
+    let step = points[1] - points[0];
+    [points[0] + step * t, step * degree as f64]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rules_are_exact_up_to_their_degree() {
+        for count in 1..17 {
+            let rule = Rule::new(count);
+            for degree in 0..2 * count {
+                let power = |&(x, w): &(f64, f64)| w * x.powi(i32::try_from(degree).unwrap());
+                let found: f64 = rule.nodes.iter().map(power).sum();
+                assert!(
+                    (found - 1.0 / (degree as f64 + 1.0)).abs() < 1e-14,
+                    "{count} {degree}"
+                );
+            }
+        }
+    }
+}

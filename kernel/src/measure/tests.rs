@@ -1,0 +1,130 @@
+use std::f64::consts::{PI, TAU};
+
+use super::*;
+use crate::modelling::{Frame, sphere};
+use crate::{KnotVector, Surface, TrimLoop};
+
+fn integrals(surface: &Surface) -> Integrals {
+    Integrals::of(&Patch::from(surface.clone()), DVec3::ZERO)
+}
+
+/// A bilinear patch over 0..1 x 0..1 with knots at the given places.
+fn plane(corners: [[f64; 3]; 4], knots: &[f64]) -> Surface {
+    let line = KnotVector::bezier(1, 0.0..1.0).unwrap();
+    let corners = corners.map(DVec3::from);
+    let surface = Surface::new(line.clone(), line, &corners, None).unwrap();
+    surface.refined_u(knots).unwrap().refined_v(knots).unwrap()
+}
+
+fn square() -> Surface {
+    let corners = [
+        [0.0, 0.0, 1.0],
+        [0.0, 2.0, 1.0],
+        [3.0, 0.0, 1.0],
+        [3.0, 2.0, 1.0],
+    ];
+    plane(corners, &[0.3, 0.5, 0.9])
+}
+
+/// A circle in the parameter domain, as four arcs, counter-clockwise or not.
+fn circle(center: DVec2, radius: f64, turns: f64) -> TrimLoop {
+    let arcs = (0..4).map(|k| {
+        let angle = |k: f64| turns * TAU * k / 4.0;
+        let k = f64::from(k);
+        let points = [angle(k), angle(k + 0.5), angle(k + 1.0)].map(DVec2::from_angle);
+        let points = [points[0], points[1] * 2.0_f64.sqrt(), points[2]];
+        let knots = KnotVector::bezier(2, 0.0..1.0).unwrap();
+        let weights = [1.0, 0.5_f64.sqrt(), 1.0];
+        Curve::new(knots, &points.map(|p| center + p * radius), Some(&weights)).unwrap()
+    });
+    TrimLoop::new(arcs.collect(), 1e-12).unwrap()
+}
+
+#[test]
+fn trimmed_planes_have_the_area_inside() {
+    let outer = circle(DVec2::new(0.52, 0.45), 0.41, 1.0);
+    let hole = circle(DVec2::new(0.5, 0.5), 0.2, 1.0);
+    for turns in [1.0, -1.0] {
+        let mut patch = Patch::from(square());
+        patch.loops = vec![
+            outer.clone(),
+            hole.clone(),
+            circle(DVec2::splat(0.5), 0.1, turns),
+        ];
+        let found = Integrals::of(&patch, DVec3::ZERO);
+        let expected = 6.0 * PI * (0.41_f64.powi(2) - 0.2_f64.powi(2) + 0.1_f64.powi(2));
+        assert!((found.area() - expected).abs() < 1e-12, "{}", found.area());
+        assert!(found.area_error() < 1e-9);
+        assert!(found.normal().distance(DVec3::Z * expected) < 1e-12);
+        assert!((found.volume() - expected / 3.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn loops_beyond_the_surface_are_cut_off() {
+    let mut patch = Patch::from(square());
+    patch.loops = vec![circle(DVec2::new(1.0, 1.0), 0.5, 1.0)];
+    let found = Integrals::of(&patch, DVec3::ZERO).area();
+    assert!((found - 6.0 * PI / 16.0).abs() < 1e-12, "{found}");
+    // Along the border itself.
+    patch.loops = vec![TrimLoop::border(&(0.0..1.0), &(0.25..1.0)).unwrap()];
+    assert!((Integrals::of(&patch, DVec3::ZERO).area() - 4.5).abs() < 1e-12);
+}
+
+#[test]
+fn bodies_have_their_closed_forms() {
+    let frame = Frame::about(DVec3::new(1.0, -2.0, 0.5), DVec3::new(0.3, 0.1, 1.0)).unwrap();
+    let sphere = sphere(&frame, 2.0, 0.0..TAU, -PI / 2.0..PI / 2.0).unwrap();
+    let found = integrals(&sphere);
+    let volume = 4.0 / 3.0 * PI * 8.0;
+    assert!((found.area() - 16.0 * PI).abs() < 1e-10, "{}", found.area());
+    assert!((found.volume().abs() - volume).abs() < 1e-10);
+    assert!(found.normal().length() < 1e-10);
+    let sign = found.volume().signum();
+    let center = found.moment() * sign / volume;
+    assert!(
+        center.distance(DVec3::new(1.0, -2.0, 0.5)) < 1e-11,
+        "{center}"
+    );
+    // About the middle, the second moment of a ball is V r^2 / 5.
+    let about = Integrals::of(&Patch::from(sphere), DVec3::new(1.0, -2.0, 0.5));
+    let squares = about.squares() * sign;
+    assert!(
+        squares.distance(DVec3::splat(volume * 4.0 / 5.0)) < 1e-9,
+        "{squares}"
+    );
+    assert!(about.products().length() < 1e-9);
+}
+
+#[test]
+fn boxes_touch_the_extreme_points() {
+    let center = DVec3::new(1.0, -2.0, 0.5);
+    let frame = Frame::about(center, DVec3::new(0.3, 0.1, 1.0)).unwrap();
+    let sphere = sphere(&frame, 2.0, 0.0..TAU, -PI / 2.0..PI / 2.0).unwrap();
+    let bounds = Patch::from(sphere).bounds();
+    assert!(bounds.min.distance(center - 2.0) < 1e-7, "{bounds:?}");
+    assert!(bounds.max.distance(center + 2.0) < 1e-7, "{bounds:?}");
+    // A disc in a plane that is not parallel to an axis.
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 0.0, 2.0],
+        [1.0, 1.0, 2.0],
+    ];
+    let mut disc = Patch::from(plane(corners, &[0.25]));
+    disc.loops = vec![circle(DVec2::new(0.5, 0.4), 0.3, -1.0)];
+    let bounds = disc.bounds();
+    let (min, max) = (DVec3::new(0.2, 0.1, 0.4), DVec3::new(0.8, 0.7, 1.6));
+    assert!(
+        bounds.min.distance(min) < 1e-12 && bounds.max.distance(max) < 1e-12,
+        "{bounds:?}"
+    );
+    // A saddle whose highest points lie on its border, between the corners.
+    let knots = KnotVector::bezier(2, 0.0..1.0).unwrap();
+    let height = [0.0, 3.0, 0.0, -2.0, 1.0, -2.0, 0.0, 3.0, 0.0];
+    let at = |k: usize| DVec3::new((k / 3) as f64, (k % 3) as f64, height[k]);
+    let net: Vec<_> = (0..9).map(at).collect();
+    let saddle = Surface::new(knots.clone(), knots, &net, None).unwrap();
+    let bounds = Patch::from(saddle).bounds();
+    assert!((bounds.max.z - 1.5).abs() < 1e-7, "{bounds:?}");
+}

@@ -1,0 +1,125 @@
+//! Which loops lie inside which: outer boundaries with their holes, as most formats want them.
+
+use glam::DVec2;
+
+use super::{TrimLoop, TrimRegion};
+
+/// An outer loop and the holes right inside it, by their places in a list of loops.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Nest {
+    /// The loop inside an even number of others.
+    pub outer: usize,
+    /// The loops inside it and no other hole.
+    pub holes: Vec<usize>,
+}
+
+/// Sorts loops into outer ones and holes, in their order.
+///
+/// What lies inside an odd number of loops lies inside one outer loop and none of its holes.
+/// Loops are taken not to cross each other; of loops that do, each counts as inside another
+/// if most of its curves are.
+pub fn nesting(loops: &[TrimLoop]) -> Vec<Nest> {
+    let hulls: Vec<_> = loops.iter().map(hull).collect();
+    let probes: Vec<_> = loops.iter().map(probes).collect();
+    let mut around = vec![Vec::new(); loops.len()];
+    for (index, outer) in loops.iter().enumerate() {
+        let (min, max) = hulls[index];
+        let meets =
+            |&k: &usize| k != index && hulls[k].0.cmple(max).all() && hulls[k].1.cmpge(min).all();
+        let near: Vec<_> = (0..loops.len()).filter(meets).collect();
+        if near.is_empty() {
+            continue;
+        }
+        let region = TrimRegion::new(std::slice::from_ref(outer), min.x..max.x, min.y..max.y);
+        for k in near {
+            let is_inside =
+                |p: &&DVec2| p.cmpgt(min).all() && p.cmplt(max).all() && region.contains(**p);
+            if 2 * probes[k].iter().filter(is_inside).count() > probes[k].len() {
+                around[k].push(index);
+            }
+        }
+    }
+    let mut nests: Vec<_> = (0..loops.len())
+        .filter(|&k| around[k].len() % 2 == 0)
+        .map(|outer| Nest {
+            outer,
+            holes: Vec::new(),
+        })
+        .collect();
+    for hole in (0..loops.len()).filter(|&k| around[k].len() % 2 == 1) {
+        // The outer loop right around a hole is the one that lies inside all others around it.
+        let depth = |nest: &&mut Nest| around[nest.outer].len();
+        let candidates = nests.iter_mut().filter(|n| around[hole].contains(&n.outer));
+        if let Some(nest) = candidates.max_by_key(depth) {
+            nest.holes.push(hole);
+        }
+    }
+    nests
+}
+
+/// The loops with outer ones counter-clockwise and holes clockwise, in their order.
+pub fn oriented(loops: &[TrimLoop]) -> Vec<TrimLoop> {
+    let mut is_hole = vec![false; loops.len()];
+    for hole in nesting(loops).into_iter().flat_map(|nest| nest.holes) {
+        is_hole[hole] = true;
+    }
+    let turned = |(trim, &is_hole): (&TrimLoop, &bool)| {
+        if (trim.signed_area() < 0.0) == is_hole {
+            trim.clone()
+        } else {
+            trim.reversed()
+        }
+    };
+    loops.iter().zip(&is_hole).map(turned).collect()
+}
+
+/// A box around the control points of a loop.
+fn hull(trim: &TrimLoop) -> (DVec2, DVec2) {
+    let points = trim.segments().iter().flat_map(|curve| curve.points());
+    let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    points.fold(start, |(min, max), p| (min.min(p), max.max(p)))
+}
+
+/// A point on every curve of a loop.
+fn probes(trim: &TrimLoop) -> Vec<DVec2> {
+    let middle = |t: std::ops::Range<f64>| t.start.midpoint(t.end);
+    let segments = trim.segments().iter();
+    segments
+        .map(|curve| curve.evaluate(middle(curve.domain())))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(center: [f64; 2], half: f64) -> TrimLoop {
+        let center = DVec2::from(center);
+        let (min, max) = (center - half, center + half);
+        TrimLoop::border(&(min.x..max.x), &(min.y..max.y)).unwrap()
+    }
+
+    #[test]
+    fn islands_in_holes_are_outer_loops() {
+        let loops = [
+            square([0.5, 0.5], 0.1),
+            square([0.5, 0.5], 0.2),
+            square([0.5, 0.5], 0.5),
+            square([0.8, 0.8], 0.05),
+            square([3.0, 0.5], 0.3),
+        ];
+        let nest = |outer, holes: &[usize]| Nest {
+            outer,
+            holes: holes.to_vec(),
+        };
+        let expected = [nest(0, &[]), nest(2, &[1, 3]), nest(4, &[])];
+        assert_eq!(nesting(&loops), expected);
+    }
+
+    #[test]
+    fn loops_that_share_a_side_do_not_hold_each_other() {
+        let loops = [square([0.0, 0.0], 1.0), square([2.0, 0.0], 1.0)];
+        assert_eq!(nesting(&loops).len(), 2);
+        assert_eq!(nesting(&[]), []);
+    }
+}

@@ -1,0 +1,87 @@
+//! What has been measured, for people and for machines.
+
+use std::fmt::Write as _;
+
+use nurbray::kernel::Unit;
+use nurbray::{Body, Measure};
+use serde_json::{Value, json};
+
+/// A few lines about box, area and bodies.
+pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
+    let unit = unit.map_or("", |unit| unit.name.as_str());
+    let space = if unit.is_empty() { "" } else { " " };
+    let power = |n: u8| match unit {
+        "" => String::new(),
+        unit => format!(" {unit}^{n}"),
+    };
+    let mut text = String::from("  measured\n");
+    // Writing into a string cannot fail.
+    if !measure.bounds.is_empty() {
+        let (bounds, error) = (measure.bounds, measure.bounds_error);
+        let _ = writeln!(
+            text,
+            "    box      {} to {}{space}{unit} (to {error:.1e})",
+            bounds.min, bounds.max
+        );
+    }
+    let (area, error) = (measure.area, measure.area_error);
+    let _ = writeln!(text, "    area     {area:.12}{} (to {error:.1e})", power(2));
+    let faces = measure.open_faces;
+    if faces > 0 {
+        let _ = writeln!(text, "    open     {faces} faces belong to no closed body");
+    }
+    for body in &measure.bodies {
+        let name = if body.name.is_empty() {
+            "(no name)"
+        } else {
+            &body.name
+        };
+        let turned = match body.turned {
+            0 => String::new(),
+            turned => format!(", {turned} of them inside out"),
+        };
+        let _ = writeln!(
+            text,
+            "    body     {name}: {} faces{turned}, volume {:.12}{} (to {:.1e}), area {:.12}{} (to {:.1e})",
+            body.faces,
+            body.volume,
+            power(3),
+            body.volume_error,
+            body.area,
+            power(2),
+            body.area_error
+        );
+    }
+    text
+}
+
+/// The same with all numbers.
+pub(super) fn to_json(measure: &Measure) -> Value {
+    let bounds = (!measure.bounds.is_empty()).then(|| {
+        json!({
+            "min": measure.bounds.min.to_array(), "max": measure.bounds.max.to_array(),
+            "error": measure.bounds_error,
+        })
+    });
+    json!({
+        "box": bounds,
+        "area": measure.area,
+        "area_error": measure.area_error,
+        "open_faces": measure.open_faces,
+        "bodies": measure.bodies.iter().map(body).collect::<Vec<_>>(),
+    })
+}
+
+fn body(body: &Body) -> Value {
+    json!({
+        "name": body.name,
+        "faces": body.faces,
+        "faces_inside_out": body.turned,
+        "area": body.area,
+        "area_error": body.area_error,
+        "volume": body.volume,
+        "volume_error": body.volume_error,
+        "centroid": body.centroid.to_array(),
+        "inertia": body.inertia.to_cols_array_2d(),
+    })
+}

@@ -1,0 +1,235 @@
+//! Sizes of what is shown: box, area, and the volume of closed bodies.
+//!
+//! Files say little about bodies, so they are found: faces of one group whose borders meet belong
+//! together, and they are a body if every border meets another one and rays cross them an even
+//! number of times. The same rays tell for each face which side is outside, whatever way its parameters run.
+
+use std::collections::BTreeMap;
+
+use glam::{DMat3, DVec3};
+use kernel::{Aabb, Child, Integrals, NodeId, Patch, Placement, Scene, Shape};
+use rayon::prelude::*;
+
+use crate::{Accelerator, METHODS, Workspace};
+
+mod contact;
+mod sides;
+
+use contact::{Connected, connected};
+
+/// What gaps between the faces of a body may let out, as a share of its area.
+const LEAK: f64 = 1e-4;
+
+/// What has been measured, in the unit of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measure {
+    /// The least box around all faces and meshes.
+    pub bounds: Aabb,
+    /// How far the box may be too small.
+    pub bounds_error: f64,
+    /// The area of all faces, without meshes.
+    pub area: f64,
+    /// The error of the area.
+    pub area_error: f64,
+    /// The closed bodies, in the order of their first faces.
+    pub bodies: Vec<Body>,
+    /// How many faces belong to no closed body.
+    pub open_faces: usize,
+}
+
+/// A closed body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// The name of the innermost node around its first face that has one, or of that face.
+    pub name: String,
+    /// How many faces it has.
+    pub faces: usize,
+    /// How many of them have a normal that points inwards.
+    pub turned: usize,
+    /// Its area.
+    pub area: f64,
+    /// The error of the area.
+    pub area_error: f64,
+    /// Its volume.
+    pub volume: f64,
+    /// The error of the volume: of quadrature, and of what gaps between its faces let out.
+    pub volume_error: f64,
+    /// Its centre of mass.
+    pub centroid: DVec3,
+    /// Its tensor of inertia about the centre of mass, for density one.
+    pub inertia: DMat3,
+}
+
+/// A face where it stands.
+struct Face {
+    patch: Patch,
+    bounds: Aabb,
+    /// Its number in the order of placements, as hits have it.
+    number: u32,
+    /// The innermost group around it.
+    group: Option<NodeId>,
+    /// The name of a body that it belongs to.
+    name: String,
+}
+
+impl Face {
+    fn new(scene: &Scene, placement: &Placement, patch: &Patch, number: u32) -> Self {
+        let surface = patch.surface.transformed(&placement.world_from_object);
+        let patch = Patch {
+            surface,
+            ..patch.clone()
+        };
+        // A node with one face in it is its place, not a group.
+        let is_place = |id: &&NodeId| matches!(scene.node(**id).children[..], [Child::Item(_)]);
+        let group = placement
+            .path
+            .iter()
+            .rev()
+            .find(|id| !is_place(id))
+            .copied();
+        let names = placement.path.iter().rev().map(|&id| &scene.node(id).name);
+        let mut names = names.skip_while(|name| **name == patch.name);
+        let name = names.find(|name| !name.is_empty());
+        Self {
+            bounds: patch.bounds(),
+            number,
+            group,
+            name: name.unwrap_or(&patch.name).clone(),
+            patch,
+        }
+    }
+}
+
+/// Measures everything that is shown.
+pub fn measure(scene: &Scene) -> Measure {
+    let placements = scene.placements();
+    let patches = placements
+        .iter()
+        .filter_map(|placement| match placement.shape {
+            Shape::Patch(id) => Some((placement, scene.patch(id))),
+            Shape::Mesh(_) => None,
+        });
+    let patches: Vec<_> = patches.zip(0_u32..).collect();
+    let face = |((placement, patch), number): &((&Placement, &Patch), u32)| {
+        Face::new(scene, placement, patch, *number)
+    };
+    let faces: Vec<Face> = patches.par_iter().map(face).collect();
+    let mut groups: BTreeMap<(Option<usize>, Vec<usize>), Vec<&Face>> = BTreeMap::new();
+    for (face, ((placement, _), _)) in faces.iter().zip(&patches) {
+        // The same group at another place is another one.
+        let group = face.group.map(NodeId::index);
+        let path = placement.path.iter().map(|id| id.index());
+        let path = path.take_while(|id| group != Some(*id)).collect();
+        groups.entry((group, path)).or_default().push(face);
+    }
+    let parts: Vec<_> = groups.values().flat_map(|group| connected(group)).collect();
+    let is_needed = parts.iter().any(|part| part.is_closed);
+    let accelerator = is_needed.then(|| Accelerator::build(scene, &METHODS[0]));
+    let measured = parts
+        .par_iter()
+        .map_init(Workspace::default, |workspace, part| {
+            Part::measure(accelerator.as_ref(), part, workspace)
+        });
+    let mut measured: Vec<_> = measured.collect();
+    measured.sort_by_key(|part| part.first);
+
+    let mut bounds = faces
+        .iter()
+        .fold(Aabb::EMPTY, |all, face| all.union(face.bounds));
+    for placement in &placements {
+        if let Shape::Mesh(id) = placement.shape {
+            let points = scene.mesh(id).positions().iter();
+            let world = points.map(|&p| placement.world_from_object.transform_point3(p));
+            bounds = bounds.union(Aabb::around(world));
+        }
+    }
+    let sizes = faces
+        .iter()
+        .map(|face| face.patch.surface.hull_bounds().diagonal());
+    let mut result = Measure {
+        bounds,
+        bounds_error: sizes.fold(0.0, f64::max) * Patch::BOUNDS_ACCURACY,
+        area: 0.0,
+        area_error: 0.0,
+        bodies: Vec::new(),
+        open_faces: 0,
+    };
+    for part in measured {
+        result.area += part.sum.area();
+        result.area_error += part.sum.area_error();
+        match part.body {
+            Some(body) => result.bodies.push(body),
+            None => result.open_faces += part.faces,
+        }
+    }
+    result
+}
+
+/// Faces that hang together.
+struct Part {
+    /// Number of the first one.
+    first: u32,
+    faces: usize,
+    sum: Integrals,
+    body: Option<Body>,
+}
+
+impl Part {
+    fn measure(
+        accelerator: Option<&Accelerator<'_>>,
+        part: &Connected<'_>,
+        workspace: &mut Workspace,
+    ) -> Self {
+        let faces = &part.faces;
+        let bounds = faces
+            .iter()
+            .fold(Aabb::EMPTY, |all, face| all.union(face.bounds));
+        let origin = bounds.center();
+        let each: Vec<_> = faces
+            .iter()
+            .map(|face| Integrals::of(&face.patch, origin))
+            .collect();
+        let accelerator = accelerator.filter(|_| part.is_closed);
+        let sides = accelerator.and_then(|a| sides::outsides(a, faces, &bounds, workspace));
+        let signs = sides.clone().unwrap_or_else(|| vec![1.0; faces.len()]);
+        let pairs = each.iter().zip(&signs);
+        let sum = pairs.fold(Integrals::default(), |sum, (face, sign)| {
+            sum.plus(face, *sign)
+        });
+        let leak = sum.normal().length();
+        let is_body = sides.is_some() && leak <= LEAK * sum.area() && sum.volume() > 0.0;
+        let turned = signs.iter().filter(|sign| **sign < 0.0).count();
+        let body = is_body.then(|| Body {
+            name: faces[0].name.clone(),
+            faces: faces.len(),
+            turned,
+            area: sum.area(),
+            area_error: sum.area_error(),
+            volume: sum.volume(),
+            volume_error: sum.volume_error() + leak * bounds.diagonal() * 0.5,
+            centroid: origin + sum.moment() / sum.volume(),
+            inertia: inertia(&sum),
+        });
+        Self {
+            first: faces[0].number,
+            faces: faces.len(),
+            sum,
+            body,
+        }
+    }
+}
+
+/// The tensor of inertia about the centre of mass.
+fn inertia(sum: &Integrals) -> DMat3 {
+    let center = sum.moment() / sum.volume();
+    let squares = sum.squares() - center * center * sum.volume();
+    let [x, y, z] = center.to_array();
+    let products = sum.products() - DVec3::new(x * y, y * z, z * x) * sum.volume();
+    let [xx, yy, zz] = squares.to_array();
+    let [xy, yz, zx] = products.to_array();
+    DMat3::from_cols(
+        DVec3::new(yy + zz, -xy, -zx),
+        DVec3::new(-xy, zz + xx, -yz),
+        DVec3::new(-zx, -yz, xx + yy),
+    )
+}

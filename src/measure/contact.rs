@@ -1,0 +1,215 @@
+//! Which faces of a group hang together, and whether they leave a border open.
+//!
+//! Borders are compared as chords: a place on one border meets another one if it is as near to a
+//! chord there as the curve itself may be.
+
+use glam::{DVec2, DVec3};
+use kernel::{Aabb, Curve, Surface, TrimLoop};
+
+use super::Face;
+
+/// Fewest and most chords of each piece of a border; there are as many as the surface has
+/// pieces along a side.
+const CHORDS: [usize; 2] = [8, 64];
+
+/// How far a border may be from another one that it meets: as a share of the chord there, for
+/// what the curve is away from it, and of the size of the face.
+const NEAR: [f64; 2] = [0.05, 1e-5];
+
+/// Share of the length of all borders that may meet no other one in a closed body.
+const OPEN: f64 = 0.01;
+
+/// Faces that hang together.
+pub(super) struct Connected<'a> {
+    /// The faces, in their order.
+    pub(super) faces: Vec<&'a Face>,
+    /// Whether every border meets another one.
+    pub(super) is_closed: bool,
+}
+
+/// The faces in sets that hang together, in the order of their first faces.
+pub(super) fn connected<'a>(faces: &[&'a Face]) -> Vec<Connected<'a>> {
+    let borders: Vec<_> = faces.iter().map(|face| Border::of(face)).collect();
+    let mut order: Vec<_> = (0..faces.len()).collect();
+    let least = |k: usize| borders[k].bounds.min.x;
+    order.sort_by(|&a, &b| least(a).total_cmp(&least(b)));
+    let mut roots: Vec<usize> = (0..faces.len()).collect();
+    let mut near: Vec<Vec<usize>> = (0..faces.len()).map(|k| vec![k]).collect();
+    for (position, &a) in order.iter().enumerate() {
+        let after = order[position + 1..].iter();
+        for &b in after.take_while(|&&b| least(b) <= borders[a].bounds.max.x) {
+            if !borders[a].bounds.meets(&borders[b].bounds) {
+                continue;
+            }
+            near[a].push(b);
+            near[b].push(a);
+            let (first, second) = (root(&mut roots, a), root(&mut roots, b));
+            if first != second && borders[a].touches(&borders[b]) {
+                roots[first.max(second)] = first.min(second);
+            }
+        }
+    }
+    let mut sets: Vec<(usize, Vec<usize>)> = Vec::new();
+    for k in 0..faces.len() {
+        let root = root(&mut roots, k);
+        match sets.binary_search_by_key(&root, |set| set.0) {
+            Ok(found) => sets[found].1.push(k),
+            Err(place) => sets.insert(place, (root, vec![k])),
+        }
+    }
+    let set = |(_, members): (usize, Vec<usize>)| {
+        let (mut open, mut all) = (0.0, 0.0);
+        for &k in &members {
+            let around: Vec<_> = near[k].iter().map(|&other| &borders[other]).collect();
+            open += borders[k].open_length(&around);
+            all += borders[k].length();
+        }
+        Connected {
+            faces: members.iter().map(|&k| faces[k]).collect(),
+            is_closed: open <= all * OPEN,
+        }
+    };
+    sets.into_iter().map(set).collect()
+}
+
+/// The set that a face belongs to, by its first face.
+fn root(roots: &mut [usize], mut k: usize) -> usize {
+    while roots[k] != k {
+        roots[k] = roots[roots[k]];
+        k = roots[k];
+    }
+    k
+}
+
+/// A straight part of a border, and which curve it is of.
+#[derive(Clone, Copy)]
+struct Chord {
+    ends: [DVec3; 2],
+    curve: usize,
+}
+
+impl Chord {
+    fn length(&self) -> f64 {
+        self.ends[0].distance(self.ends[1])
+    }
+
+    fn middle(&self) -> DVec3 {
+        self.ends[0].midpoint(self.ends[1])
+    }
+
+    /// Whether a point is as near as the curve may be.
+    fn is_near(&self, point: DVec3, slack: f64) -> bool {
+        let [from, to] = self.ends;
+        let along = to - from;
+        let share = (point - from).dot(along) / along.length_squared();
+        let share = if share.is_finite() {
+            share.clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        point.distance(from + along * share) <= self.length() * NEAR[0] + slack
+    }
+}
+
+/// The border of a face.
+struct Border {
+    chords: Vec<Chord>,
+    /// A box around all that it may meet.
+    bounds: Aabb,
+    slack: f64,
+    number: u32,
+}
+
+impl Border {
+    fn of(face: &Face) -> Self {
+        let surface = &face.patch.surface;
+        let mut chords = Vec::new();
+        let mut whole = Vec::new();
+        if face.patch.loops.is_empty() {
+            whole = sides(surface);
+        }
+        let trims = face.patch.loops.iter().flat_map(|trim| trim.segments());
+        for (number, curve) in whole.iter().chain(trims).enumerate() {
+            chords.extend(along(curve, surface, number));
+        }
+        let slack = face.bounds.diagonal() * NEAR[1];
+        let longest = chords.iter().map(Chord::length).fold(0.0, f64::max);
+        let reach = longest * NEAR[0] + slack;
+        Self {
+            chords,
+            bounds: Aabb {
+                min: face.bounds.min - reach,
+                max: face.bounds.max + reach,
+            },
+            slack,
+            number: face.number,
+        }
+    }
+
+    /// Chords that have a length.
+    fn long(&self) -> impl Iterator<Item = &Chord> {
+        self.chords
+            .iter()
+            .filter(|chord| chord.length() > self.slack)
+    }
+
+    fn length(&self) -> f64 {
+        self.long().map(Chord::length).sum()
+    }
+
+    /// Whether an end of a chord of one border is near a chord of the other.
+    fn touches(&self, other: &Self) -> bool {
+        let slack = self.slack.min(other.slack);
+        let meets = |a: &Self, b: &Self| {
+            let mut ends = a.chords.iter().map(|chord| chord.ends[0]);
+            ends.any(|end| b.chords.iter().any(|chord| chord.is_near(end, slack)))
+        };
+        meets(self, other) || meets(other, self)
+    }
+
+    /// The length of chords that meet no other curve of the borders around, itself among them.
+    fn open_length(&self, around: &[&Self]) -> f64 {
+        let meets = |chord: &&Chord| {
+            let point = chord.middle();
+            let own = chord.length() * NEAR[0];
+            around.iter().any(|border| {
+                let is_same = border.number == self.number;
+                let mut others = border.chords.iter();
+                let slack = own + self.slack.max(border.slack);
+                others.any(|other| {
+                    !(is_same && other.curve == chord.curve) && other.is_near(point, slack)
+                })
+            })
+        };
+        self.long()
+            .filter(|chord| !meets(chord))
+            .map(Chord::length)
+            .sum()
+    }
+}
+
+/// The four sides of a domain, each a curve.
+fn sides(surface: &Surface) -> Vec<Curve<DVec2>> {
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let border = TrimLoop::border(&u, &v);
+    let segments = border.iter().flat_map(|border| border.segments());
+    segments.flat_map(Curve::bezier_pieces).collect()
+}
+
+/// The chords of a curve of the parameter domain, cut at its knots.
+fn along(curve: &Curve<DVec2>, surface: &Surface, number: usize) -> Vec<Chord> {
+    let spans = [surface.knots_u(), surface.knots_v()].map(|knots| knots.breaks().len());
+    let chords = spans[0].max(spans[1]).clamp(CHORDS[0], CHORDS[1]);
+    let mut points = Vec::new();
+    for pair in curve.knots().breaks().windows(2) {
+        let step = (pair[1] - pair[0]) / chords as f64;
+        let at = |k: usize| surface.evaluate(curve.evaluate(pair[0] + step * k as f64));
+        points.extend((0..=chords).map(at));
+    }
+    points.dedup();
+    let chord = |pair: &[DVec3]| Chord {
+        ends: [pair[0], pair[1]],
+        curve: number,
+    };
+    points.windows(2).map(chord).collect()
+}
