@@ -34,6 +34,7 @@ mod measure;
 pub mod output;
 mod render;
 mod simd;
+mod tessellate;
 
 pub use accelerator::{Accelerator, Workspace};
 pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film};
@@ -44,3 +45,6 @@ pub use measure::{Body, Measure, measure};
 pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
+pub use tessellate::{
+    FaceMesh, Screen, Shell, TessellateOptions, Tessellation, Tolerance, tessellate,
+};

@@ -243,6 +243,28 @@ impl<P: Point> Curve<P> {
 }
 
 impl Curve<DVec2> {
+    /// The parameters inside the domain at which the curve passes the line on which
+    /// coordinate `axis` (0 or 1) has this value, ascending.
+    ///
+    /// Touching contacts may be missing; the curve at each is within `near` of the line.
+    pub fn crossings(&self, axis: usize, value: f64, near: f64) -> Vec<f64> {
+        let Range { start, end } = self.domain();
+        let mut found: Vec<f64> = Vec::new();
+        for piece in self.bezier_pieces() {
+            let Range { start, end } = piece.domain();
+            let roots = crate::trim::crossings(piece.homogeneous(), axis, value);
+            found.extend(roots.iter().map(|t| start + (end - start) * t));
+            // Between pieces the sign may change without a change inside of one.
+            found.push(end);
+        }
+        found.retain(|&t| {
+            start < t && t < end && (self.evaluate(t)[axis] - value).abs() <= near
+        });
+        found.sort_by(f64::total_cmp);
+        found.dedup();
+        found
+    }
+
     /// The image of the curve under a finite affine map; parameters stay as they are.
     #[must_use]
     pub fn transformed(&self, target_from_source: &DAffine2) -> Self {

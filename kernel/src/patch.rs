@@ -1,6 +1,9 @@
 //! A surface with its trim loops: what a file calls a face.
 
-use crate::{MaterialId, Surface, TrimLoop, TrimRegion};
+use glam::{DAffine2, DVec2};
+
+use crate::trim::shifts;
+use crate::{Curve, MaterialId, Surface, TrimLoop, TrimRegion};
 
 /// A face: a surface, the loops that trim it, and a material.
 ///
@@ -27,6 +30,23 @@ impl Patch {
         trimmed
             .then(|| TrimRegion::of(self))
             .filter(|region| !region.is_whole())
+    }
+
+    /// The curves of all loops as [`Patch::region`] sees them: on a closed surface a loop
+    /// stands once for each shift by whole periods that brings it into the domain. They may
+    /// leave the domain.
+    pub fn trim_curves(&self) -> Vec<Curve<DVec2>> {
+        let [u, v] = [&self.surface.knots_u(), &self.surface.knots_v()].map(|k| k.domain());
+        let domain = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
+        let closed = self.surface.closed();
+        let mut curves = Vec::new();
+        for trim in &self.loops {
+            for shift in shifts(trim, domain, closed) {
+                let map = DAffine2::from_translation(shift);
+                curves.extend(trim.segments().iter().map(|curve| curve.transformed(&map)));
+            }
+        }
+        curves
     }
 }
 

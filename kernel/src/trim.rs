@@ -16,6 +16,7 @@ use glam::DVec2;
 
 pub use close::{ClosedLoops, Orientation, close};
 pub use nesting::{Nest, nesting, oriented};
+pub(crate) use monotone::crossings;
 pub(crate) use region::shifts;
 pub use region::{Cover, TrimRegion};
 

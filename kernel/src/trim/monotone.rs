@@ -250,6 +250,14 @@ fn turns(piece: &[DVec3], axis: usize, cuts: &mut Vec<f64>) {
     roots(numerator, cuts);
 }
 
+/// The parameters in `0..1` at which a coordinate of a Bézier piece passes a value, and perhaps
+/// some at which it only comes near.
+pub(crate) fn crossings(piece: &[DVec3], axis: usize, value: f64) -> Vec<f64> {
+    let mut cuts = Vec::new();
+    roots(piece.iter().map(|h| h[axis] - value * h.z).collect(), &mut cuts);
+    cuts
+}
+
 /// The product of two polynomials in Bernstein form.
 fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
     let (p, q) = (a.len() - 1, b.len() - 1);

@@ -1,0 +1,334 @@
+//! Points along an edge, the same for every face that it bounds.
+
+use glam::{DVec2, DVec3};
+use kernel::Curve;
+
+use super::Limits;
+use super::pieces::Rect;
+use super::rim::Face;
+use super::sew::{Edge, Trail, Use};
+
+/// The part of a tolerance that edges may use: triangles beside them need a little more.
+const SHARE: f64 = 0.97;
+
+/// A step this small, as a share of the edge, is not made smaller.
+const LEAST: f64 = 1e-7;
+
+/// A point of an edge.
+#[derive(Clone, Debug)]
+pub(super) struct Station {
+    pub(super) position: DVec3,
+    /// Its parameters on the curve and on the surface of every use.
+    pub(super) places: Vec<Place>,
+}
+
+/// A point of an edge as one of its faces sees it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    t: f64,
+    pub(super) uv: DVec2,
+    /// Distance between the surface there and the point of the edge.
+    pub(super) gap: f64,
+}
+
+/// An edge as a chain of points.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    pub(super) stations: Vec<Station>,
+    /// How far the boundary of each face is from the chain, proven.
+    pub(super) proven: f64,
+}
+
+/// An edge with what is needed to walk along it.
+pub(super) struct Walker<'a> {
+    faces: &'a [Face<'a>],
+    uses: &'a [Use],
+    trails: Vec<Trail>,
+    ends: [DVec3; 2],
+    limits: &'a Limits,
+}
+
+impl<'a> Walker<'a> {
+    pub(super) fn new(
+        faces: &'a [Face<'a>],
+        edge: &'a Edge,
+        vertices: &[DVec3],
+        limits: &'a Limits,
+    ) -> Self {
+        let trail = |u: &Use| Trail::of(&faces[u.face], &u.curve);
+        Self {
+            faces,
+            uses: &edge.uses,
+            trails: edge.uses.iter().map(trail).collect(),
+            ends: edge.ends.map(|v| vertices[v]),
+            limits,
+        }
+    }
+
+    /// Walks with the longest steps that the limits allow, then again with equal ones.
+    ///
+    /// `least` is how many steps there are at least.
+    pub(super) fn chain(&self, least: usize) -> Chain {
+        let (mut stations, mut ratios) = self.walk(1.0);
+        let steps = ratios.len();
+        let used: f64 = ratios.iter().map(|r| r.sqrt()).sum();
+        let even = (used / steps as f64).powi(2) * 1.02;
+        if steps > 1 && even < 1.0 {
+            let (again, shares) = self.walk(even);
+            if shares.len() <= steps {
+                (stations, ratios) = (again, shares);
+            }
+        }
+        if ratios.len() < least {
+            stations = self.divided(least);
+        }
+        self.cross_creases(&mut stations);
+        let proven = stations
+            .windows(2)
+            .map(|w| self.distance(&w[0], &w[1]))
+            .fold(0.0, f64::max);
+        Chain { stations, proven }
+    }
+
+    /// The chain with every step halved.
+    pub(super) fn halved(&self, chain: &Chain) -> Chain {
+        let mut stations = vec![chain.stations[0].clone()];
+        for pair in chain.stations.windows(2) {
+            let middle = 0.5 * (pair[0].places[0].t + pair[1].places[0].t);
+            stations.push(self.station(middle));
+            stations.push(pair[1].clone());
+        }
+        self.cross_creases(&mut stations);
+        Chain {
+            stations,
+            proven: chain.proven,
+        }
+    }
+
+    fn divided(&self, steps: usize) -> Vec<Station> {
+        let range = self.uses[0].curve.domain();
+        let inner = (1..steps).map(|k| {
+            let share = k as f64 / steps as f64;
+            self.station(range.start + (range.end - range.start) * share)
+        });
+        let mut stations = vec![self.end_station(0)];
+        stations.extend(inner);
+        stations.push(self.end_station(1));
+        stations
+    }
+
+    /// Steps of which none uses more than `share` of the limits, and what each uses.
+    fn walk(&self, share: f64) -> (Vec<Station>, Vec<f64>) {
+        let range = self.uses[0].curve.domain();
+        let whole = range.end - range.start;
+        let mut stations = vec![self.end_station(0)];
+        let mut ratios = Vec::new();
+        let (mut t, mut step) = (range.start, whole);
+        while t < range.end {
+            let last = &stations[stations.len() - 1];
+            // The best step so far, and lengths known to be too long.
+            let mut good: Option<(f64, Station, f64)> = None;
+            let mut bad = f64::INFINITY;
+            for _ in 0..24 {
+                let to = if t + step >= range.end { range.end } else { t + step };
+                let next = if to < range.end { self.station(to) } else { self.end_station(1) };
+                let ratio = self.ratio(last, &next);
+                let smallest = step <= whole * LEAST;
+                if ratio <= share || smallest {
+                    let done = to >= range.end || ratio >= 0.85 * share || smallest;
+                    good = Some((to, next, ratio));
+                    let longer = (step * (0.95 * share / ratio.max(1e-9)).sqrt()).min(2.0 * step);
+                    if done || longer >= bad {
+                        break;
+                    }
+                    step = longer;
+                } else {
+                    bad = step;
+                    if good.is_some() {
+                        break;
+                    }
+                    step *= (0.9 * share / ratio).sqrt().clamp(0.1, 0.9);
+                }
+            }
+            let (to, next, ratio) = good.unwrap_or_else(|| (range.end, self.end_station(1), 1.0));
+            step = (to - t) * (0.95 * share / ratio.max(1e-9)).sqrt().clamp(0.2, 4.0);
+            t = to;
+            stations.push(next);
+            ratios.push(ratio);
+        }
+        (stations, ratios)
+    }
+
+    /// A point inside the edge, at a parameter of the first use.
+    fn station(&self, t: f64) -> Station {
+        let first = &self.uses[0];
+        let master = self.faces[first.face].point(first.curve.evaluate(t));
+        let mut ts = vec![t];
+        let mut sum = master;
+        for (used, trail) in self.uses.iter().zip(&self.trails).skip(1) {
+            let face = &self.faces[used.face];
+            let (t, _) = trail.project(face, &used.curve, master);
+            sum += face.point(used.curve.evaluate(t));
+            ts.push(t);
+        }
+        self.placed(sum / self.uses.len() as f64, &ts)
+    }
+
+    fn end_station(&self, end: usize) -> Station {
+        let ts: Vec<f64> = self
+            .uses
+            .iter()
+            .map(|used| {
+                let range = used.curve.domain();
+                if (end == 0) == used.reversed { range.end } else { range.start }
+            })
+            .collect();
+        self.placed(self.ends[end], &ts)
+    }
+
+    fn placed(&self, position: DVec3, ts: &[f64]) -> Station {
+        let place = |(used, &t): (&Use, &f64)| {
+            let face = &self.faces[used.face];
+            let uv = face.clamped(used.curve.evaluate(t));
+            let gap = face.pieces.surface.evaluate(uv).distance(position);
+            Place { t, uv, gap }
+        };
+        Station {
+            position,
+            places: self.uses.iter().zip(ts).map(place).collect(),
+        }
+    }
+
+    /// What a step uses of the limits: 1 is all.
+    fn ratio(&self, from: &Station, to: &Station) -> f64 {
+        let length = from.position.distance(to.position);
+        let mut most = (length / self.limits.max_edge).powi(2);
+        for (k, used) in self.uses.iter().enumerate() {
+            let face = &self.faces[used.face];
+            let allowed = SHARE * face.tolerance;
+            let gap = from.places[k].gap.max(to.places[k].gap);
+            let bound = self.bound(k, from, to);
+            most = most.max(bound / (allowed - gap).max(0.1 * allowed));
+            // Below the tolerance directions mean nothing.
+            if length > face.tolerance {
+                most = most.max((self.turn(k, from, to) / self.limits.angle).powi(2));
+            }
+        }
+        most
+    }
+
+    /// The largest angle by which the curve or the normal of a use turns over a step.
+    fn turn(&self, k: usize, from: &Station, to: &Station) -> f64 {
+        let used = &self.uses[k];
+        let surface = self.faces[used.face].pieces.surface;
+        let look = |place: &Place| {
+            let c = used.curve.derivatives(place.t);
+            let d = surface.derivatives(place.uv);
+            (d.du * c.first.x + d.dv * c.first.y, d.du.cross(d.dv))
+        };
+        let (a, b) = (look(&from.places[k]), look(&to.places[k]));
+        let angle = |a: DVec3, b: DVec3| {
+            let angle = a.angle_between(b);
+            if angle.is_finite() { angle } else { 0.0 }
+        };
+        // A boundary may turn more: its chord is seen from the side only.
+        angle(a.1, b.1).max(0.5 * angle(a.0, b.0))
+    }
+
+    /// How far the boundary of every face is from the chord, gaps included.
+    fn distance(&self, from: &Station, to: &Station) -> f64 {
+        (0..self.uses.len())
+            .map(|k| self.bound(k, from, to) + from.places[k].gap.max(to.places[k].gap))
+            .fold(0.0, f64::max)
+    }
+
+    /// How far one face's boundary, and what lies between it and the straight way in
+    /// parameters, is from the chord of the surface.
+    fn bound(&self, k: usize, from: &Station, to: &Station) -> f64 {
+        let used = &self.uses[k];
+        let face = &self.faces[used.face];
+        let (a, b) = (from.places[k].uv, to.places[k].uv);
+        let (t, s) = (from.places[k].t, to.places[k].t);
+        let range = t.min(s)..t.max(s);
+        let off = stray(&used.curve, range, a, b);
+        let rect = Rect::around([a, b]);
+        let (min, max) = (face.clamped(rect.min - off), face.clamped(rect.max + off));
+        let rect = Rect { min, max };
+        let spread = face.pieces.spread(&rect);
+        let size = rect.size();
+        let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
+        aside + spread.chord(b - a, size) + spread.chord(off, size)
+    }
+
+    /// Adds the points where a curve passes a line across which its surface has a crease.
+    fn cross_creases(&self, stations: &mut Vec<Station>) {
+        for (k, used) in self.uses.iter().enumerate() {
+            let face = &self.faces[used.face];
+            for axis in 0..2 {
+                for &crease in &face.pieces.creases[axis] {
+                    self.cross(stations, k, axis, crease);
+                }
+            }
+        }
+    }
+
+    fn cross(&self, stations: &mut Vec<Station>, k: usize, axis: usize, crease: f64) {
+        let mut at = 1;
+        while at < stations.len() {
+            let (a, b) = (&stations[at - 1].places[k], &stations[at].places[k]);
+            let (x, y) = (a.uv[axis] - crease, b.uv[axis] - crease);
+            if x * y < 0.0 {
+                let curve = &self.uses[k].curve;
+                let t = crossing(curve, [a.t, b.t], axis, crease);
+                let face = &self.faces[self.uses[k].face];
+                let point = face.point(curve.evaluate(t));
+                let first = &self.uses[0];
+                let start = if k == 0 {
+                    t
+                } else {
+                    let home = &self.faces[first.face];
+                    self.trails[0].project(home, &first.curve, point).0
+                };
+                let (low, high) = (stations[at - 1].places[0].t, stations[at].places[0].t);
+                let mut station = self.station(start.clamp(low.min(high), low.max(high)));
+                station.places[k].t = t;
+                station.places[k].uv = curve.evaluate(t);
+                station.places[k].uv[axis] = crease;
+                let there = face.point(station.places[k].uv);
+                station.places[k].gap = there.distance(station.position);
+                stations.insert(at, station);
+                at += 1;
+            }
+            at += 1;
+        }
+    }
+}
+
+/// Where a curve passes a line between two parameters on different sides of it, by halving.
+fn crossing(curve: &Curve<DVec2>, [mut low, mut high]: [f64; 2], axis: usize, value: f64) -> f64 {
+    let side = |t: f64| curve.evaluate(t)[axis] > value;
+    let first = side(low);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if side(middle) == first {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// How far a part of a curve strays from the straight way between two points, by its
+/// control points.
+fn stray(curve: &Curve<DVec2>, range: std::ops::Range<f64>, a: DVec2, b: DVec2) -> DVec2 {
+    let Ok(part) = curve.restricted(range) else {
+        return DVec2::ZERO;
+    };
+    let way = b - a;
+    let length = way.length_squared();
+    part.points().fold(DVec2::ZERO, |most, p| {
+        let share = if length > 0.0 { ((p - a).dot(way) / length).clamp(0.0, 1.0) } else { 0.0 };
+        most.max((p - (a + way * share)).abs())
+    })
+}

@@ -1,0 +1,480 @@
+//! One face: constrained Delaunay triangles between its edges, refined until every one is
+//! proven to be within the tolerance.
+
+use std::collections::{HashMap, HashSet};
+
+use glam::{DVec2, DVec3};
+use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
+
+use super::Limits;
+use super::pieces::Rect;
+use super::rim::{Face, SNAP};
+use super::seed::{Seed, seeds};
+
+/// Rounds of refinement.
+const ROUNDS: usize = 60;
+
+/// Vertices of one face.
+const MOST_VERTICES: usize = 20_000_000;
+
+/// The part of the tolerance that is aimed at: the rest is for rounding on the way to files.
+const AIM: f64 = 0.99;
+
+/// A corner of a boundary, shared with other faces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) uv: DVec2,
+    pub(super) id: u32,
+    pub(super) position: DVec3,
+    pub(super) gap: f64,
+}
+
+/// A straight stretch of boundary in parameters.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch {
+    pub(super) ends: [Corner; 2],
+    /// Number of the edge that it is a part of.
+    pub(super) edge: usize,
+    /// Whether it is a point of space, and may be divided.
+    pub(super) pole: bool,
+}
+
+/// The triangles of a face.
+#[derive(Debug, Default)]
+pub(super) struct Triangles {
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// How far the surface is from them at most, proven.
+    pub(super) proven: f64,
+    /// Triangles for which that is more than the tolerance, or that pass another limit.
+    pub(super) unproven: usize,
+}
+
+/// A vertex of a face.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Vertex {
+    pub(super) uv: DVec2,
+    pub(super) position: DVec3,
+    /// The shared point, on boundaries.
+    pub(super) id: Option<u32>,
+    pub(super) gap: f64,
+}
+
+/// A vertex in the plane of the triangulation.
+#[derive(Clone, Copy, Debug)]
+struct Spot(Point2<f64>);
+
+impl HasPosition for Spot {
+    type Scalar = f64;
+
+    fn position(&self) -> Point2<f64> {
+        self.0
+    }
+}
+
+/// A face in the making.
+pub(super) struct Mesher<'a> {
+    face: &'a Face<'a>,
+    limits: &'a Limits,
+    plane: ConstrainedDelaunayTriangulation<Spot>,
+    vertices: Vec<Vertex>,
+    /// Pairs of vertices whose connection is shared with other faces.
+    fixed: HashSet<[u32; 2]>,
+    bounds: Rect,
+    scale: DVec2,
+    /// What is known of triangles: how much they use of the limits, and their proof.
+    known: HashMap<[u32; 3], (f64, f64)>,
+}
+
+impl<'a> Mesher<'a> {
+    /// Puts the boundary into the plane; beside it the numbers of edges that would have to be
+    /// divided because their chords cross.
+    pub(super) fn new(
+        face: &'a Face<'a>,
+        stretches: &[Stretch],
+        limits: &'a Limits,
+    ) -> (Self, Vec<usize>) {
+        let corners = || stretches.iter().flat_map(|s| s.ends);
+        let bounds = Rect::around(corners().map(|c| c.uv));
+        let mut mesher = Self {
+            face,
+            limits,
+            plane: ConstrainedDelaunayTriangulation::new(),
+            vertices: Vec::new(),
+            fixed: HashSet::new(),
+            bounds,
+            scale: scale(face, &bounds),
+            known: HashMap::new(),
+        };
+        let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> = HashMap::new();
+        let near = face.pieces.domain().size() * SNAP;
+        let mut owners: HashMap<[u32; 2], usize> = HashMap::new();
+        let mut conflicts = Vec::new();
+        let mut handles = Vec::new();
+        for stretch in stretches {
+            let ends = stretch.ends.map(|corner| {
+                let list = known.entry(corner.id).or_default();
+                let same = list.iter().find(|(uv, _)| (*uv - corner.uv).abs().cmple(near).all());
+                if let Some((_, handle)) = same {
+                    return Some(*handle);
+                }
+                let handle = mesher.insert(corner.uv, Some(&corner))?;
+                list.push((corner.uv, handle));
+                Some(handle)
+            });
+            handles.push(ends);
+        }
+        for (stretch, ends) in stretches.iter().zip(handles) {
+            let [Some(a), Some(b)] = ends else { continue };
+            if a == b {
+                continue;
+            }
+            let pair = pair(a, b);
+            if !mesher.plane.can_add_constraint(a, b) {
+                conflicts.push(stretch.edge);
+                let crossed: Vec<_> = mesher
+                    .plane
+                    .get_conflicting_edges_between_vertices(a, b)
+                    .map(|edge| edge.vertices().map(|v| v.fix()))
+                    .collect();
+                conflicts.extend(crossed.iter().filter_map(|[c, d]| owners.get(&self::pair(*c, *d))));
+                continue;
+            }
+            mesher.plane.add_constraint(a, b);
+            if !mesher.plane.exists_constraint(a, b) {
+                // Another vertex lies on the way.
+                conflicts.push(stretch.edge);
+            }
+            owners.insert(pair, stretch.edge);
+            if !stretch.pole {
+                mesher.fixed.insert(pair);
+            }
+        }
+        conflicts.sort_unstable();
+        conflicts.dedup();
+        (mesher, conflicts)
+    }
+
+    /// Fills the face and refines it.
+    pub(super) fn run(mut self) -> Triangles {
+        if self.plane.num_inner_faces() == 0 {
+            return Triangles::default();
+        }
+        self.add_creases();
+        for seed in seeds(self.face, &self.bounds, self.limits) {
+            self.sow(&seed);
+        }
+        for _ in 0..ROUNDS {
+            let inner = self.inner();
+            let places: Vec<DVec2> = inner
+                .iter()
+                .filter_map(|corners| self.division(*corners))
+                .collect();
+            if places.is_empty() || self.vertices.len() > MOST_VERTICES {
+                break;
+            }
+            for place in places {
+                self.insert(place, None);
+            }
+        }
+        self.finish()
+    }
+
+    /// Puts a point into the plane; `None` if its place is not a number.
+    fn insert(&mut self, uv: DVec2, corner: Option<&Corner>) -> Option<FixedVertexHandle> {
+        let p = (uv - self.bounds.min) * self.scale;
+        // Far below what matters, and below what the triangulation accepts.
+        let tidy = |x: f64| if x.abs() < 1e-100 { 0.0 } else { x };
+        let handle = self.plane.insert(Spot(Point2::new(tidy(p.x), tidy(p.y)))).ok()?;
+        if handle.index() == self.vertices.len() {
+            let vertex = match corner {
+                Some(corner) => Vertex {
+                    uv,
+                    position: corner.position,
+                    id: Some(corner.id),
+                    gap: corner.gap,
+                },
+                None => self.inner_vertex(uv),
+            };
+            self.vertices.push(vertex);
+        }
+        Some(handle)
+    }
+
+    /// A vertex that is not on a boundary, or divides a pole.
+    fn inner_vertex(&self, uv: DVec2) -> Vertex {
+        let position = self.face.point(uv);
+        let plain = Vertex {
+            uv,
+            position,
+            id: None,
+            gap: 0.0,
+        };
+        let domain = self.face.pieces.domain();
+        let on_border = |axis: usize| uv[axis] <= domain.min[axis] || uv[axis] >= domain.max[axis];
+        if !on_border(0) && !on_border(1) {
+            return plain;
+        }
+        // Only poles are divided on the border: the point is that of their ends.
+        let shared = self.vertices.iter().find(|v| {
+            let same = |axis: usize| on_border(axis) && (v.uv[axis] - uv[axis]).abs() <= 0.0;
+            v.id.is_some() && (same(0) || same(1)) && v.position.distance(position) <= self.face.tolerance
+        });
+        shared.map_or(plain, |shared| Vertex {
+            uv,
+            gap: shared.position.distance(position),
+            ..*shared
+        })
+    }
+
+    /// Draws the creases of the surface between the boundary's points on them.
+    fn add_creases(&mut self) {
+        for axis in 0..2 {
+            let along = 1 - axis;
+            for &crease in &self.face.pieces.creases[axis] {
+                let on_line = |v: &Vertex| (v.uv[axis] - crease).abs() <= 0.0;
+                let mut stops: Vec<f64> = self
+                    .vertices
+                    .iter()
+                    .filter(|v| on_line(v))
+                    .map(|v| v.uv[along])
+                    .collect();
+                stops.sort_by(f64::total_cmp);
+                stops.dedup();
+                for pair in stops.windows(2) {
+                    let place = |t: f64| {
+                        let mut uv = DVec2::splat(t);
+                        uv[axis] = crease;
+                        uv
+                    };
+                    let middle = place(0.5 * (pair[0] + pair[1]));
+                    let region = self.face.region.as_ref();
+                    if region.is_none_or(|r| r.contains(middle)) {
+                        self.add_crease(place(pair[0]), place(pair[1]));
+                    }
+                }
+            }
+        }
+    }
+
+    /// A crease in steps that keep its own chords within the tolerance.
+    fn add_crease(&mut self, from: DVec2, to: DVec2) {
+        let mut stops = vec![from];
+        let mut t: f64 = 0.0;
+        let way = to - from;
+        let mut step = 1.0;
+        while t < 1.0 {
+            let end = (t + step).min(1.0);
+            let rect = Rect::around([from + way * t, from + way * end]);
+            let part = way * (end - t);
+            let error = self.face.pieces.spread(&rect).chord(part, rect.size());
+            let ratio = error / (0.9 * self.face.tolerance);
+            if ratio > 1.0 && step > 1e-6 {
+                step = (end - t) * (0.9 / ratio).sqrt().clamp(0.1, 0.9);
+                continue;
+            }
+            step = (end - t) * (0.95 / ratio.max(1e-9)).sqrt().clamp(0.5, 4.0);
+            t = end;
+            stops.push(if t < 1.0 { from + way * t } else { to });
+        }
+        let handles: Vec<_> = stops.iter().map(|&uv| self.insert(uv, None)).collect();
+        for pair in handles.windows(2) {
+            let [Some(a), Some(b)] = pair else { continue };
+            if a != b && self.plane.can_add_constraint(*a, *b) {
+                self.plane.add_constraint(*a, *b);
+            }
+        }
+    }
+
+    /// Inserts a seed unless it is outside or something is near already.
+    fn sow(&mut self, seed: &Seed) {
+        let outside = |r: &kernel::TrimRegion| !r.contains(seed.uv);
+        if self.face.region.as_ref().is_some_and(outside) {
+            return;
+        }
+        let p = (seed.uv - self.bounds.min) * self.scale;
+        let unit = (seed.step * self.scale).recip();
+        let here = self.plane.locate(Point2::new(p.x, p.y));
+        let spade::PositionInTriangulation::OnFace(face) = here else {
+            return;
+        };
+        let face = self.plane.face(face);
+        let place = |v: Point2<f64>| (DVec2::new(v.x, v.y) - p) * unit;
+        for edge in face.adjacent_edges() {
+            let (a, b) = (place(edge.from().position()), place(edge.to().position()));
+            let way = b - a;
+            let share = (-a.dot(way) / way.length_squared()).clamp(0.0, 1.0);
+            let distance = (a + way * share).length();
+            if a.length() < 0.55 || edge.is_constraint_edge() && distance < 0.4 {
+                return;
+            }
+        }
+        self.insert(seed.uv, None);
+    }
+
+    /// The triangles that belong to the face.
+    fn inner(&self) -> Vec<[u32; 3]> {
+        let count = self.plane.num_all_faces();
+        let mut seen = vec![false; count];
+        let mut result = Vec::new();
+        for face in self.plane.inner_faces() {
+            if seen[face.index()] {
+                continue;
+            }
+            let mut component: Vec<FixedFaceHandle<InnerTag>> = Vec::new();
+            let mut stack = vec![face.fix()];
+            seen[face.index()] = true;
+            while let Some(next) = stack.pop() {
+                component.push(next);
+                for edge in self.plane.face(next).adjacent_edges() {
+                    if edge.is_constraint_edge() {
+                        continue;
+                    }
+                    if let Some(other) = edge.rev().face().as_inner()
+                        && !seen[other.index()]
+                    {
+                        seen[other.index()] = true;
+                        stack.push(other.fix());
+                    }
+                }
+            }
+            if self.belongs(&component) {
+                result.extend(component.iter().map(|&f| self.corners(f)));
+            }
+        }
+        result
+    }
+
+    fn corners(&self, face: FixedFaceHandle<InnerTag>) -> [u32; 3] {
+        let number = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
+        let [a, b, c] = self.plane.face(face).vertices().map(|v| number(v.index()));
+        // The same triangle has the same name in every round.
+        if a < b && a < c {
+            [a, b, c]
+        } else if b < c {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        }
+    }
+
+    /// Whether triangles without constraints between them belong to the face: the largest
+    /// one tells.
+    fn belongs(&self, component: &[FixedFaceHandle<InnerTag>]) -> bool {
+        let area = |f: &FixedFaceHandle<InnerTag>| self.plane.face(*f).area();
+        let largest = component.iter().max_by(|a, b| area(a).total_cmp(&area(b)));
+        largest.is_some_and(|&f| {
+            let uvs = self.corners(f).map(|k| self.vertices[k as usize].uv);
+            let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
+            let domain = self.face.pieces.domain();
+            let inside = center.cmpgt(domain.min).all() && center.cmplt(domain.max).all();
+            inside && self.face.region.as_ref().is_none_or(|r| r.contains(center))
+        })
+    }
+
+    /// Where to divide a triangle that passes a limit.
+    fn division(&mut self, corners: [u32; 3]) -> Option<DVec2> {
+        let (ratio, _) = self.judge(corners);
+        if ratio <= 1.0 {
+            return None;
+        }
+        let uv = |k: u32| self.vertices[k as usize].uv;
+        let length = |a: u32, b: u32| ((uv(a) - uv(b)) * self.scale).length();
+        let [a, b, c] = corners;
+        let free = [[a, b], [b, c], [c, a]]
+            .into_iter()
+            .filter(|&[a, b]| !self.fixed.contains(&[a.min(b), a.max(b)]));
+        let longest = free.max_by(|x, y| length(x[0], x[1]).total_cmp(&length(y[0], y[1])));
+        let place = match longest {
+            Some([a, b]) => uv(a).midpoint(uv(b)),
+            None => (uv(a) + uv(b) + uv(c)) / 3.0,
+        };
+        // Parameters too near to tell apart are not divided further.
+        let domain = self.face.pieces.domain();
+        let fine = (uv(a) - place).abs().max((uv(b) - place).abs()) / domain.size();
+        (fine.max_element() > 1e-9).then_some(place)
+    }
+
+    /// How much a triangle uses of the limits (1 is all), and how far the surface over it is
+    /// from it at most.
+    fn judge(&mut self, corners: [u32; 3]) -> (f64, f64) {
+        if let Some(&known) = self.known.get(&corners) {
+            return known;
+        }
+        let [a, b, c] = corners.map(|k| self.vertices[k as usize]);
+        let rect = Rect::around([a.uv, b.uv, c.uv]);
+        let spread = self.face.pieces.spread(&rect);
+        let bound = spread.triangle([a.uv, b.uv, c.uv], rect.size());
+        let proven = bound + a.gap.max(b.gap).max(c.gap);
+        let tolerance = AIM * self.face.tolerance;
+        let mut ratio = proven / tolerance;
+        let sides = [(a, b), (b, c), (c, a)];
+        for (p, q) in sides {
+            let length = p.position.distance(q.position);
+            ratio = ratio.max(length / self.limits.max_edge);
+            if length > self.face.tolerance && ratio <= 1.0 {
+                let normal = |v: Vertex| {
+                    let d = self.face.pieces.surface.derivatives(v.uv);
+                    d.du.cross(d.dv)
+                };
+                let angle = normal(p).angle_between(normal(q));
+                // Slightly more than asked of seeds, which are spaced for it exactly.
+                if angle > 1.02 * self.limits.angle {
+                    ratio = ratio.max(angle / self.limits.angle);
+                }
+            }
+        }
+        self.known.insert(corners, (ratio, proven));
+        (ratio, proven)
+    }
+
+    fn finish(mut self) -> Triangles {
+        let mut result = Triangles::default();
+        for corners in self.inner() {
+            let (ratio, proven) = self.judge(corners);
+            result.proven = result.proven.max(proven);
+            result.unproven += usize::from(ratio > 1.0);
+            // A triangle two corners of which are one point of space has no area.
+            let ids = corners.map(|k| self.vertices[k as usize].id);
+            let same = |a: Option<u32>, b: Option<u32>| a.is_some() && a == b;
+            if !same(ids[0], ids[1]) && !same(ids[1], ids[2]) && !same(ids[2], ids[0]) {
+                result.triangles.push(corners);
+            }
+        }
+        result.triangles.sort_unstable();
+        result.vertices = self.vertices;
+        result
+    }
+}
+
+fn pair(a: FixedVertexHandle, b: FixedVertexHandle) -> [u32; 2] {
+    let number = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
+    let (a, b) = (number(a.index()), number(b.index()));
+    [a.min(b), a.max(b)]
+}
+
+/// Factors that make steps of equal error equally long in both directions, over a rectangle.
+fn scale(face: &Face<'_>, bounds: &Rect) -> DVec2 {
+    let mut sum = DVec2::ZERO;
+    for i in 0..3 {
+        for j in 0..3 {
+            let share = DVec2::new(f64::from(i), f64::from(j)) * 0.4 + 0.1;
+            let uv = bounds.min + bounds.size() * share;
+            let d = face.pieces.surface.derivatives(uv);
+            let bend = DVec2::new(d.duu.length(), d.dvv.length()) / (8.0 * face.tolerance);
+            let length = DVec2::new(d.du.length_squared(), d.dv.length_squared());
+            sum += bend + length / (400.0 * face.tolerance).powi(2);
+        }
+    }
+    let mean = (sum / 9.0).sqrt();
+    // The larger extent becomes about one.
+    let extent = (mean * bounds.size()).max_element();
+    let scale = mean / extent;
+    let plain = bounds.size().recip();
+    let sound = |k: usize| {
+        let usable = scale[k].is_finite() && scale[k] > 1e-6 * plain[k];
+        if usable { scale[k] } else { 1e-6 * plain[k].min(1e12) }
+    };
+    DVec2::new(sound(0), sound(1))
+}

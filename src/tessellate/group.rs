@@ -1,0 +1,382 @@
+//! Faces that can share edges, and their triangles.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::{DAffine3, DVec2, DVec3};
+use kernel::{Child, Mesh, Patch, PatchId, Scene, Shape};
+use rayon::prelude::*;
+
+use super::edge::{Chain, Walker};
+use super::face::{Corner, Mesher, Stretch, Triangles};
+use super::rim::{Face, SNAP};
+use super::sew::{Edge, sew};
+use super::shell::{Part, Shell, shells};
+use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
+
+/// How often edges are divided because their chords cross.
+const ROUNDS: usize = 8;
+
+/// Normals that differ by less than this at a crease are one, in radians: one degree.
+const CREASE: f64 = std::f64::consts::PI / 180.0;
+
+/// Patches that stand in the same coordinates, and how much these are lengthened at most
+/// where they are shown.
+#[derive(Debug)]
+pub(super) struct Group {
+    members: Vec<PatchId>,
+    scale: f64,
+}
+
+/// What a group becomes.
+pub(super) struct Done {
+    pub(super) faces: Vec<FaceMesh>,
+    pub(super) shells: Vec<Shell>,
+    pub(super) crossings: usize,
+}
+
+/// The groups of a scene: patches shown once below the same shared node and with the same map
+/// to it, and every other patch alone.
+pub(super) fn groups(scene: &Scene) -> Vec<Group> {
+    let nodes = scene.nodes();
+    let mut node_uses = vec![0_u32; nodes.len()];
+    let mut patch_uses = vec![0_u32; scene.patches().len()];
+    for child in nodes.iter().flat_map(|node| &node.children) {
+        match child {
+            Child::Node(id) => node_uses[id.index()] = node_uses[id.index()].saturating_add(1),
+            Child::Item(item) => {
+                if let Shape::Patch(id) = item.shape {
+                    patch_uses[id.index()] = patch_uses[id.index()].saturating_add(1);
+                }
+            }
+        }
+    }
+    // From the root down: where a node stands below the nearest shared one, and how much it
+    // is lengthened there at most.
+    let mut frames: Vec<Option<(usize, DAffine3)>> = vec![None; nodes.len()];
+    let mut scales = vec![0.0_f64; nodes.len()];
+    let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
+    if let Some(root) = scene.root() {
+        scales[root.index()] = stretch(&scene.node(root).parent_from_node);
+        frames[root.index()] = Some((root.index(), DAffine3::IDENTITY));
+    }
+    for (index, node) in nodes.iter().enumerate().rev() {
+        let Some((shared, map)) = frames[index] else {
+            continue;
+        };
+        for child in &node.children {
+            match child {
+                Child::Node(id) => {
+                    let below = &scene.node(*id).parent_from_node;
+                    let scale = scales[index] * stretch(below);
+                    scales[id.index()] = scales[id.index()].max(scale);
+                    frames[id.index()] = Some(if node_uses[id.index()] > 1 {
+                        (id.index(), DAffine3::IDENTITY)
+                    } else {
+                        (shared, map * *below)
+                    });
+                }
+                Child::Item(item) => {
+                    let Shape::Patch(id) = item.shape else { continue };
+                    let key = if patch_uses[id.index()] > 1 {
+                        Key::Alone(id.index())
+                    } else {
+                        let numbers = map.to_cols_array().map(f64::to_bits);
+                        Key::Frame(shared, numbers)
+                    };
+                    let group = groups.entry(key).or_insert_with(|| Group {
+                        members: Vec::new(),
+                        scale: 0.0,
+                    });
+                    group.scale = group.scale.max(scales[index]);
+                    if !group.members.contains(&id) || patch_uses[id.index()] == 1 {
+                        group.members.push(id);
+                    }
+                }
+            }
+        }
+    }
+    let mut groups: Vec<Group> = groups.into_values().collect();
+    for group in &mut groups {
+        group.members.sort_by_key(|id| id.index());
+    }
+    groups.sort_by_key(|group| group.members[0].index());
+    groups
+}
+
+/// What patches of a group have in common.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Key {
+    Frame(usize, [u64; 12]),
+    Alone(usize),
+}
+
+impl Group {
+    pub(super) fn members(&self) -> impl Iterator<Item = PatchId> + '_ {
+        self.members.iter().copied()
+    }
+
+    /// Makes triangles of all members.
+    pub(super) fn tessellate(
+        &self,
+        scene: &Scene,
+        tolerances: &[f64],
+        options: &TessellateOptions,
+    ) -> Done {
+        let limits = Limits {
+            angle: options.angle,
+            max_edge: options.max_edge.map_or(f64::INFINITY, |most| most / self.scale),
+        };
+        let patches: Vec<&Patch> = self.members.iter().map(|&id| scene.patch(id)).collect();
+        let faces: Vec<Face<'_>> = self
+            .members
+            .par_iter()
+            .map(|&id| Face::new(scene.patch(id), tolerances[id.index()] / self.scale))
+            .collect();
+        let rims: Vec<_> = faces
+            .par_iter()
+            .zip(&patches)
+            .enumerate()
+            .flat_map_iter(|(k, (face, patch))| {
+                face.rims(patch).into_iter().map(move |curve| (k, curve))
+            })
+            .collect();
+        let sewn = sew(&faces, rims);
+        let leasts = least_steps(&sewn.edges);
+        let chains: Vec<Chain> = sewn
+            .edges
+            .par_iter()
+            .zip(leasts)
+            .map(|(edge, least)| Walker::new(&faces, edge, &sewn.vertices, &limits).chain(least))
+            .collect();
+        let mut net = Net {
+            faces: &faces,
+            edges: &sewn.edges,
+            vertices: &sewn.vertices,
+            chains,
+            limits,
+        };
+        let (meshes, crossings) = net.mesh();
+        let proven = net.edge_bounds();
+        self.finish(&patches, &faces, meshes, &proven, crossings)
+    }
+
+    fn finish(
+        &self,
+        patches: &[&Patch],
+        faces: &[Face<'_>],
+        meshes: Vec<Triangles>,
+        proven: &[f64],
+        crossings: usize,
+    ) -> Done {
+        let mut next = meshes
+            .iter()
+            .flat_map(|m| &m.vertices)
+            .filter_map(|v| v.id)
+            .max()
+            .map_or(0, |most| most + 1);
+        let mut parts = Vec::new();
+        for (&patch, mesh) in self.members.iter().zip(&meshes) {
+            let mut number = |id: Option<u32>| {
+                id.unwrap_or_else(|| {
+                    next += 1;
+                    next - 1
+                })
+            };
+            let points = mesh.vertices.iter().map(|v| number(v.id)).collect();
+            parts.push(Part {
+                patch,
+                mesh,
+                points,
+            });
+        }
+        let (turned, shells) = shells(&parts);
+        let faces = faces
+            .par_iter()
+            .zip(patches)
+            .zip(&meshes)
+            .enumerate()
+            .map(|(k, ((face, patch), mesh))| {
+                let mut done = face_mesh(face, patch, mesh, turned[k]);
+                done.proven = done.proven.max(proven[k]);
+                done
+            })
+            .collect();
+        Done {
+            faces,
+            shells,
+            crossings,
+        }
+    }
+}
+
+/// How many steps each edge must have so that no two edges become one.
+fn least_steps(edges: &[Edge]) -> Vec<usize> {
+    let mut twins: HashMap<[usize; 2], usize> = HashMap::new();
+    let key = |edge: &Edge| [edge.ends[0].min(edge.ends[1]), edge.ends[0].max(edge.ends[1])];
+    for edge in edges.iter().filter(|e| !e.collapsed) {
+        *twins.entry(key(edge)).or_default() += 1;
+    }
+    let least = |edge: &Edge| match edge.ends {
+        _ if edge.collapsed => 1,
+        [a, b] if a == b => 3,
+        _ if twins[&key(edge)] > 1 => 2,
+        _ => 1,
+    };
+    edges.iter().map(least).collect()
+}
+
+/// Faces and the chains of points along their edges.
+struct Net<'a> {
+    faces: &'a [Face<'a>],
+    edges: &'a [Edge],
+    vertices: &'a [DVec3],
+    chains: Vec<Chain>,
+    limits: Limits,
+}
+
+impl Net<'_> {
+    /// The triangles of every face, and how many boundaries could not be kept apart.
+    fn mesh(&mut self) -> (Vec<Triangles>, usize) {
+        for round in 0..ROUNDS {
+            let stretches = self.stretches();
+            let outlines: Vec<_> = self
+                .faces
+                .par_iter()
+                .zip(&stretches)
+                .map(|(face, own)| Mesher::new(face, own, &self.limits))
+                .collect();
+            let crossed = outlines.iter().map(|(_, crossed)| crossed.len()).sum();
+            if crossed == 0 || round + 1 == ROUNDS {
+                let meshes = outlines.into_par_iter().map(|(mesher, _)| mesher.run());
+                return (meshes.collect(), crossed);
+            }
+            let mut split: Vec<usize> = outlines.iter().flat_map(|o| o.1.iter().copied()).collect();
+            drop(outlines);
+            split.sort_unstable();
+            split.dedup();
+            for edge in split {
+                let walker =
+                    Walker::new(self.faces, &self.edges[edge], self.vertices, &self.limits);
+                self.chains[edge] = walker.halved(&self.chains[edge]);
+            }
+        }
+        (Vec::new(), 0)
+    }
+
+    /// The boundary of every face in straight pieces.
+    fn stretches(&self) -> Vec<Vec<Stretch>> {
+        let mut result: Vec<Vec<Stretch>> = vec![Vec::new(); self.faces.len()];
+        let mut next = self.vertices.len();
+        let number = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
+        for (index, (edge, chain)) in self.edges.iter().zip(&self.chains).enumerate() {
+            let last = chain.stations.len() - 1;
+            let id = |k: usize| match k {
+                0 => number(edge.ends[0]),
+                k if k == last => number(edge.ends[1]),
+                k => number(next + k - 1),
+            };
+            for (k, used) in edge.uses.iter().enumerate() {
+                let corner = |s: usize| Corner {
+                    uv: chain.stations[s].places[k].uv,
+                    id: id(s),
+                    position: chain.stations[s].position,
+                    gap: chain.stations[s].places[k].gap,
+                };
+                let face = &self.faces[used.face];
+                let near = face.pieces.domain().size() * SNAP;
+                result[used.face].extend((0..last).map(|s| {
+                    let ends = [corner(s), corner(s + 1)];
+                    let way = (ends[0].uv - ends[1].uv).abs();
+                    let straight = way.cmple(near).any() && !way.cmple(near).all();
+                    Stretch {
+                        ends,
+                        edge: index,
+                        pole: edge.collapsed && straight,
+                    }
+                }));
+            }
+            next += last - 1;
+        }
+        result
+    }
+
+    /// For every face the largest distance of its boundary from the chains.
+    fn edge_bounds(&self) -> Vec<f64> {
+        let mut bounds = vec![0.0_f64; self.faces.len()];
+        for (edge, chain) in self.edges.iter().zip(&self.chains) {
+            for used in &edge.uses {
+                bounds[used.face] = bounds[used.face].max(chain.proven);
+            }
+        }
+        bounds
+    }
+}
+
+/// Triangles with normals and texture coordinates, measured.
+fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) -> FaceMesh {
+    let domain = face.pieces.domain();
+    let mut positions: Vec<DVec3> = Vec::new();
+    let mut normals: Vec<DVec3> = Vec::new();
+    let mut parameters: Vec<DVec2> = Vec::new();
+    let mut triangles = Vec::new();
+    // For every vertex its copies, one for each side of a crease.
+    let mut copies: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices.len()];
+    let mut sampled: f64 = 0.0;
+    let mut gap: f64 = 0.0;
+    for &corners in &mesh.triangles {
+        let vertices = corners.map(|k| mesh.vertices[k as usize]);
+        let uvs = vertices.map(|v| v.uv);
+        let points = vertices.map(|v| v.position);
+        let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
+        let flat = (points[1] - points[0]).cross(points[2] - points[0]).normalize_or(DVec3::Z);
+        sampled = sampled.max(deviation::triangle(face.pieces.surface, uvs, points));
+        let mut triangle = corners.map(|k| {
+            let vertex = &mesh.vertices[k as usize];
+            let creased = face.pieces.is_creased(vertex.uv);
+            if !creased && let Some(&copy) = copies[k as usize].first() {
+                return copy;
+            }
+            let normal = face.pieces.normal(vertex.uv, center).unwrap_or(flat);
+            let normal = if flipped { -normal } else { normal };
+            let same = |&&copy: &&u32| normals[copy as usize].angle_between(normal) < CREASE;
+            if let Some(&copy) = copies[k as usize].iter().find(same) {
+                return copy;
+            }
+            let copy = u32::try_from(positions.len()).unwrap_or(u32::MAX);
+            positions.push(vertex.position);
+            normals.push(normal);
+            parameters.push(vertex.uv);
+            copies[k as usize].push(copy);
+            gap = gap.max(vertex.gap);
+            copy
+        });
+        if flipped {
+            triangle.swap(1, 2);
+        }
+        triangles.push(triangle);
+    }
+    let texture = |uv: &DVec2| {
+        let share = (*uv - domain.min) / domain.size();
+        DVec2::new(share.x, 1.0 - share.y)
+    };
+    let uvs = parameters.iter().map(texture).collect();
+    let made = Mesh::new(positions, normals, uvs, triangles);
+    let mut made = made.unwrap_or_else(|_| empty_mesh());
+    made.name.clone_from(&patch.name);
+    made.source.clone_from(&patch.source);
+    made.material = patch.material;
+    FaceMesh {
+        mesh: made,
+        parameters,
+        flipped,
+        tolerance: face.tolerance,
+        proven: mesh.proven,
+        sampled,
+        gap,
+        unproven: mesh.unproven,
+    }
+}
+
+fn empty_mesh() -> Mesh {
+    Mesh::new(Vec::new(), Vec::new(), Vec::new(), Vec::new()).expect("no numbers, none wrong")
+}

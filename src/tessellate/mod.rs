@@ -1,0 +1,193 @@
+//! From surfaces to triangles, with a proof of how far apart they are.
+//!
+//! Edges come first: each is found once, sampled once, and given to both of its faces, so
+//! that neighbours share their points to the last bit. Then every face is filled with
+//! triangles and refined until the second derivatives of the surface over each, bounded by
+//! the control points, prove that it is within the tolerance.
+//!
+//! What is proven, up to rounding: every point of a triangle is within `proven` of the surface
+//! at the same parameters, and every point of a face is within `proven` of a triangle.
+
+mod deviation;
+mod edge;
+mod face;
+mod group;
+mod pieces;
+mod rim;
+mod seed;
+mod sew;
+mod shell;
+#[cfg(test)]
+mod tests;
+
+use glam::{DAffine3, DVec2};
+use kernel::{Camera, Mesh, Projection, Scene, Shape};
+use rayon::prelude::*;
+
+pub use shell::Shell;
+
+/// How far triangles may be from the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// A length in units of the scene.
+    Length(f64),
+    /// A share of the diagonal of the box around the scene.
+    Relative(f64),
+}
+
+/// What triangles have to keep to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TessellateOptions {
+    /// Largest distance between triangles and surface.
+    pub tolerance: Tolerance,
+    /// Largest angle between the normals at the ends of a side, in radians; sides shorter
+    /// than the tolerance may have any.
+    pub angle: f64,
+    /// Longest side, in units of the scene.
+    pub max_edge: Option<f64>,
+    /// A view for which the tolerance of each face is at least what is seen of it.
+    pub screen: Option<Screen>,
+}
+
+/// A view that needs no more detail than it shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Screen {
+    /// The camera.
+    pub camera: Camera,
+    /// Tolerance in pixels.
+    pub pixels: f64,
+    /// Rows of the picture.
+    pub height: u32,
+}
+
+impl Default for TessellateOptions {
+    /// A two thousandth of the diagonal, and 15 degrees.
+    fn default() -> Self {
+        Self {
+            tolerance: Tolerance::Relative(1.0 / 2000.0),
+            angle: 15.0_f64.to_radians(),
+            max_edge: None,
+            screen: None,
+        }
+    }
+}
+
+/// The triangles of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tessellation {
+    /// The triangles of each patch of the scene, in its own coordinates; `None` for patches
+    /// that nothing shows.
+    pub faces: Vec<Option<FaceMesh>>,
+    /// What hangs together.
+    pub shells: Vec<Shell>,
+    /// The tolerance in units of the scene.
+    pub tolerance: f64,
+    /// Boundaries of faces that cross each other so that neighbours may not share all points.
+    pub crossings: usize,
+}
+
+/// The triangles of a patch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FaceMesh {
+    /// Triangles with exact normals, and texture coordinates that run from 0 to 1 over the
+    /// domain with v downwards. Neighbouring patches share positions to the last bit.
+    pub mesh: Mesh,
+    /// Parameters of the vertices on the surface.
+    pub parameters: Vec<DVec2>,
+    /// Whether triangles and normals are turned against those of the surface, so that all
+    /// of a shell look to the same side.
+    pub flipped: bool,
+    /// The tolerance of this face, in its own units.
+    pub tolerance: f64,
+    /// How far surface and triangles are apart at most, in the patch's own units.
+    pub proven: f64,
+    /// The largest distance found at sample points.
+    pub sampled: f64,
+    /// The largest distance between the surface and a point shared with a neighbour.
+    pub gap: f64,
+    /// Triangles that pass a limit because parameters cannot be told apart any more.
+    pub unproven: usize,
+}
+
+/// Limits in the coordinates of a group of faces.
+#[derive(Clone, Copy, Debug)]
+struct Limits {
+    angle: f64,
+    max_edge: f64,
+}
+
+/// Makes triangles of every patch that is shown. The result does not depend on the number of
+/// threads.
+pub fn tessellate(scene: &Scene, options: &TessellateOptions) -> Tessellation {
+    let diagonal = scene.hull_bounds().diagonal();
+    let tolerance = match options.tolerance {
+        Tolerance::Length(length) => length,
+        Tolerance::Relative(share) => share * diagonal,
+    };
+    // Of a scene without extent nothing is left whatever the tolerance.
+    let tolerance = if tolerance > 0.0 { tolerance } else { f64::MIN_POSITIVE };
+    let tolerances = match &options.screen {
+        Some(screen) => screen.tolerances(scene, tolerance),
+        None => vec![tolerance; scene.patches().len()],
+    };
+    let groups = group::groups(scene);
+    let done: Vec<_> = groups
+        .par_iter()
+        .map(|group| group.tessellate(scene, &tolerances, options))
+        .collect();
+    let mut result = Tessellation {
+        faces: vec![None; scene.patches().len()],
+        shells: Vec::new(),
+        tolerance,
+        crossings: 0,
+    };
+    for (group, done) in groups.iter().zip(done) {
+        for (member, face) in group.members().zip(done.faces) {
+            result.faces[member.index()] = Some(face);
+        }
+        result.shells.extend(done.shells);
+        result.crossings += done.crossings;
+    }
+    result
+}
+
+impl Screen {
+    /// For every patch what its pixels cover where it comes nearest, but not less than
+    /// `least`.
+    fn tolerances(&self, scene: &Scene, least: f64) -> Vec<f64> {
+        let mut tolerances = vec![f64::INFINITY; scene.patches().len()];
+        for placement in scene.placements() {
+            let Shape::Patch(id) = placement.shape else {
+                continue;
+            };
+            let bounds = scene.patch(id).surface.hull_bounds();
+            let bounds = bounds.transformed(&placement.world_from_object);
+            let eye = self.camera.eye();
+            let distance = eye.distance(eye.clamp(bounds.min, bounds.max));
+            let rows = f64::from(self.height);
+            let pixel = match self.camera.projection() {
+                Projection::Perspective { vertical_fov: fov }
+                | Projection::PerspectiveShorter { fov } => {
+                    2.0 * distance * (0.5 * fov).tan() / rows
+                }
+                Projection::Orthographic { extent } => extent / rows,
+            };
+            let own = &mut tolerances[id.index()];
+            *own = own.min((self.pixels * pixel).max(least));
+        }
+        tolerances
+    }
+}
+
+/// The largest factor by which a map lengthens anything, or a little more.
+fn stretch(map: &DAffine3) -> f64 {
+    let m = map.matrix3;
+    let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
+    let lengths = [a, b, c].map(|x| x.length_squared());
+    let most = lengths.iter().copied().fold(0.0, f64::max);
+    // Columns that are not perpendicular add up: Gershgorin's bound of the squares.
+    let mixed = [a.dot(b).abs(), b.dot(c).abs(), c.dot(a).abs()];
+    let rows = [mixed[0] + mixed[2], mixed[0] + mixed[1], mixed[1] + mixed[2]];
+    let bound = lengths.iter().zip(rows).map(|(l, r)| l + r).fold(most, f64::max);
+    bound.sqrt()
+}

@@ -1,0 +1,151 @@
+//! The boundary of a face: curves in its parameter domain.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::{Curve, Patch, TrimRegion};
+
+use super::pieces::{Pieces, Rect};
+
+/// Parameters so near to a border of the domain, as a share of it, are on the border.
+pub(super) const SNAP: f64 = 1e-7;
+
+/// A face that is to become triangles.
+#[derive(Debug)]
+pub(super) struct Face<'a> {
+    pub(super) pieces: Pieces<'a>,
+    pub(super) region: Option<TrimRegion>,
+    /// Largest distance from the surface, in its own units.
+    pub(super) tolerance: f64,
+}
+
+impl<'a> Face<'a> {
+    pub(super) fn new(patch: &'a Patch, tolerance: f64) -> Self {
+        Self {
+            pieces: Pieces::new(&patch.surface),
+            region: patch.region(),
+            tolerance,
+        }
+    }
+
+    /// The point of the surface; parameters beyond the domain are moved to its border.
+    pub(super) fn point(&self, uv: DVec2) -> DVec3 {
+        self.pieces.surface.evaluate(self.clamped(uv))
+    }
+
+    pub(super) fn clamped(&self, uv: DVec2) -> DVec2 {
+        let domain = self.pieces.domain();
+        uv.max(domain.min).min(domain.max)
+    }
+
+    /// The parts of the domain's border and of the loops that bound the face.
+    pub(super) fn rims(&self, patch: &Patch) -> Vec<Curve<DVec2>> {
+        let domain = self.pieces.domain();
+        let near = domain.size() * SNAP;
+        let mut rims = Vec::new();
+        if self.region.is_some() {
+            for curve in patch.trim_curves() {
+                inside(&curve, &domain, near, &mut rims);
+            }
+        }
+        let mut border = Vec::new();
+        for side in Side::all(&domain) {
+            self.border(&side, &rims, near, &mut border);
+        }
+        rims.extend(border);
+        rims
+    }
+
+    /// Appends the parts of a side of the domain that bound the face and along which no
+    /// loop runs.
+    fn border(&self, side: &Side, rims: &[Curve<DVec2>], near: DVec2, out: &mut Vec<Curve<DVec2>>) {
+        let along = 1 - side.axis;
+        let mut stops = vec![side.range.start, side.range.end];
+        let mut covered: Vec<[f64; 2]> = Vec::new();
+        for rim in rims {
+            let ends = [rim.start(), rim.end()];
+            let is_on = |p: DVec2| (p[side.axis] - side.at).abs() <= near[side.axis];
+            stops.extend(ends.iter().filter(|&&p| is_on(p)).map(|p| p[along]));
+            if rim.points().all(is_on) {
+                covered.push([ends[0][along].min(ends[1][along]), ends[0][along].max(ends[1][along])]);
+            }
+        }
+        stops.sort_by(f64::total_cmp);
+        let mut from = side.range.start;
+        for &stop in &stops[1..] {
+            let to = stop.min(side.range.end);
+            if to - from <= near[along] {
+                continue;
+            }
+            let middle = 0.5 * (from + to);
+            let is_covered = covered.iter().any(|[a, b]| (*a..*b).contains(&middle));
+            let belongs = self.region.as_ref().is_none_or(|r| r.contains(side.at(middle)));
+            if belongs && !is_covered {
+                out.extend(Curve::line(side.at(from), side.at(to), 0.0..1.0));
+            }
+            from = to;
+        }
+    }
+}
+
+/// A side of a domain.
+struct Side {
+    /// The axis across it.
+    axis: usize,
+    at: f64,
+    range: Range<f64>,
+}
+
+impl Side {
+    fn all(domain: &Rect) -> [Self; 4] {
+        let side = |axis: usize, at: f64| Self {
+            axis,
+            at,
+            range: domain.min[1 - axis]..domain.max[1 - axis],
+        };
+        [
+            side(1, domain.min.y),
+            side(0, domain.max.x),
+            side(1, domain.max.y),
+            side(0, domain.min.x),
+        ]
+    }
+
+    fn at(&self, t: f64) -> DVec2 {
+        let mut p = DVec2::splat(t);
+        p[self.axis] = self.at;
+        p
+    }
+}
+
+/// Appends the parts of a curve that lie in the domain.
+fn inside(curve: &Curve<DVec2>, domain: &Rect, near: DVec2, out: &mut Vec<Curve<DVec2>>) {
+    let hull = Rect::around(curve.points());
+    let fits = |p: DVec2| {
+        p.cmpge(domain.min - near).all() && p.cmple(domain.max + near).all()
+    };
+    if fits(hull.min) && fits(hull.max) {
+        out.push(curve.clone());
+        return;
+    }
+    let mut cuts = Vec::new();
+    for axis in 0..2 {
+        for border in [domain.min[axis], domain.max[axis]] {
+            cuts.extend(curve.crossings(axis, border, near[axis]));
+        }
+    }
+    let whole = curve.domain();
+    cuts.sort_by(f64::total_cmp);
+    cuts.push(whole.end);
+    let least = (whole.end - whole.start) * SNAP;
+    let mut from = whole.start;
+    for to in cuts {
+        if to - from <= least {
+            continue;
+        }
+        if fits(curve.evaluate(0.5 * (from + to))) {
+            out.extend(curve.restricted(from..to));
+        }
+        from = to;
+    }
+}

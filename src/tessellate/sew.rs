@@ -1,0 +1,477 @@
+//! From the boundaries of faces to the edges that they share, by geometry alone.
+//!
+//! Files of surfaces say nothing about neighbours. Here two stretches of boundary become one
+//! edge if they have the same ends and stay together in between, first within a thousandth
+//! of the tolerance, then within more and more of it: what fits well finds its partner before
+//! a wider reach could confuse it with something else.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::{DVec2, DVec3};
+use kernel::{Aabb, Curve};
+
+use super::rim::Face;
+
+/// Reaches of the passes, as shares of the tolerance.
+const REACHES: [f64; 4] = [1e-3, 1e-2, 0.1, 0.5];
+
+/// Passes in which a face may be sewn to itself: its seams fit well.
+const SEAM_PASSES: usize = 2;
+
+/// A stretch of boundary on one face.
+#[derive(Clone, Debug)]
+pub(super) struct Use {
+    pub(super) face: usize,
+    pub(super) curve: Curve<DVec2>,
+    /// Whether the edge runs from the end of the curve to its start.
+    pub(super) reversed: bool,
+}
+
+/// An edge of one or more faces.
+#[derive(Clone, Debug)]
+pub(super) struct Edge {
+    /// Never empty; the first is run through forwards.
+    pub(super) uses: Vec<Use>,
+    /// Vertices where it starts and ends.
+    pub(super) ends: [usize; 2],
+    /// Whether all of it is one point of space: a pole, or a bridged gap.
+    pub(super) collapsed: bool,
+}
+
+/// Edges and vertices of a group of faces.
+#[derive(Debug, Default)]
+pub(super) struct Sewn {
+    pub(super) edges: Vec<Edge>,
+    pub(super) vertices: Vec<DVec3>,
+}
+
+/// A stretch of boundary while it looks for partners.
+struct Strand {
+    face: usize,
+    curve: Curve<DVec2>,
+    ends: [usize; 2],
+    trail: Trail,
+    edge: Option<usize>,
+    collapsed: bool,
+}
+
+/// Points along a curve on a surface.
+#[derive(Clone, Debug)]
+pub(super) struct Trail(Vec<(f64, DVec3)>);
+
+impl Trail {
+    /// Points so close that the curve between two of them is nearly straight.
+    pub(super) fn of(face: &Face<'_>, curve: &Curve<DVec2>) -> Self {
+        let breaks = curve.knots().breaks();
+        let per_piece = (16 / (breaks.len() - 1)).clamp(2, 8);
+        let sample = |t: f64| (t, face.point(curve.evaluate(t)));
+        let mut points = vec![sample(breaks[0])];
+        for pair in breaks.windows(2) {
+            for k in 1..=per_piece {
+                let share = k as f64 / per_piece as f64;
+                let t = pair[0] + (pair[1] - pair[0]) * share;
+                let next = sample(if k == per_piece { pair[1] } else { t });
+                let last = points[points.len() - 1];
+                refine(&sample, last, next, 5, &mut points);
+            }
+        }
+        Self(points)
+    }
+
+    fn bounds(&self) -> Aabb {
+        Aabb::around(self.0.iter().map(|p| p.1))
+    }
+
+    fn length(&self) -> f64 {
+        self.0.windows(2).map(|w| w[0].1.distance(w[1].1)).sum()
+    }
+
+    /// The parameter of the point of the curve nearest to `target`, and its distance.
+    pub(super) fn project(&self, face: &Face<'_>, curve: &Curve<DVec2>, target: DVec3) -> (f64, f64) {
+        let near = |w: &[(f64, DVec3)]| {
+            let way = w[1].1 - w[0].1;
+            let share = (target - w[0].1).dot(way) / way.length_squared();
+            let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
+            (w[0].0 + (w[1].0 - w[0].0) * share, (w[0].1 + way * share).distance(target))
+        };
+        let candidates = self.0.windows(2).map(near).enumerate();
+        let Some((k, (mut t, _))) = candidates.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else {
+            return (curve.domain().start, f64::INFINITY);
+        };
+        let low = self.0[k.saturating_sub(1)].0;
+        let high = self.0[(k + 2).min(self.0.len() - 1)].0;
+        let mut best = (t, face.point(curve.evaluate(t)).distance(target));
+        for _ in 0..6 {
+            let c = curve.derivatives(t);
+            let d = face.pieces.surface.derivatives(face.clamped(c.point));
+            let slope = d.du * c.first.x + d.dv * c.first.y;
+            let step = (target - d.point).dot(slope) / slope.length_squared();
+            let next = (t + step).clamp(low, high);
+            if !next.is_finite() {
+                break;
+            }
+            let distance = face.point(curve.evaluate(next)).distance(target);
+            if distance < best.1 {
+                best = (next, distance);
+            }
+            if (next - t).abs() <= 1e-12 * (high - low) {
+                break;
+            }
+            t = next;
+        }
+        best
+    }
+
+    /// The parts before and after a parameter, which both get the point there.
+    fn split(&self, at: (f64, DVec3)) -> [Self; 2] {
+        let k = self.0.partition_point(|p| p.0 < at.0);
+        let mut before = self.0[..k].to_vec();
+        before.push(at);
+        let mut after = vec![at];
+        after.extend(self.0[k..].iter().filter(|p| p.0 > at.0));
+        [Self(before), Self(after)]
+    }
+}
+
+/// Appends points up to `to` so that halves are nearly as straight as the whole.
+fn refine(
+    sample: &impl Fn(f64) -> (f64, DVec3),
+    from: (f64, DVec3),
+    to: (f64, DVec3),
+    depth: u32,
+    out: &mut Vec<(f64, DVec3)>,
+) {
+    let middle = sample(0.5 * (from.0 + to.0));
+    let off = middle.1.distance(from.1.midpoint(to.1));
+    if depth > 0 && off > 0.1 * from.1.distance(to.1) {
+        refine(sample, from, middle, depth - 1, out);
+        refine(sample, middle, to, depth - 1, out);
+    } else {
+        out.push(to);
+    }
+}
+
+/// Sews the boundary curves of faces, given with the number of their face.
+pub(super) fn sew(faces: &[Face<'_>], rims: Vec<(usize, Curve<DVec2>)>) -> Sewn {
+    let tolerance = faces.iter().fold(f64::INFINITY, |m, f| m.min(f.tolerance));
+    let mut sewer = Sewer {
+        faces,
+        strands: Vec::new(),
+        nodes: Vec::new(),
+        parents: Vec::new(),
+        links: Vec::new(),
+        edges: Vec::new(),
+    };
+    for (face, curve) in rims {
+        let trail = Trail::of(&faces[face], &curve);
+        let ends = [trail.0[0].1, trail.0[trail.0.len() - 1].1].map(|p| sewer.add_node(p));
+        sewer.add_strand(face, curve, ends, trail);
+    }
+    for (pass, share) in REACHES.into_iter().enumerate() {
+        let reach = tolerance * share;
+        let seams = pass < SEAM_PASSES;
+        sewer.merge_nodes(reach, pass == 0);
+        if pass == 0 {
+            sewer.collapse(reach);
+        }
+        sewer.split_at_nodes(reach, seams);
+        sewer.match_strands(reach, seams);
+    }
+    sewer.finish()
+}
+
+struct Sewer<'f, 's> {
+    faces: &'f [Face<'s>],
+    strands: Vec<Strand>,
+    nodes: Vec<DVec3>,
+    /// Union-find over nodes.
+    parents: Vec<usize>,
+    /// Strands that end at each root.
+    links: Vec<Vec<usize>>,
+    edges: Vec<Edge>,
+}
+
+impl Sewer<'_, '_> {
+    fn add_node(&mut self, point: DVec3) -> usize {
+        self.nodes.push(point);
+        self.parents.push(self.parents.len());
+        self.links.push(Vec::new());
+        self.nodes.len() - 1
+    }
+
+    fn add_strand(&mut self, face: usize, curve: Curve<DVec2>, ends: [usize; 2], trail: Trail) {
+        for end in ends {
+            let root = self.root(end);
+            self.links[root].push(self.strands.len());
+        }
+        self.strands.push(Strand {
+            face,
+            curve,
+            ends,
+            trail,
+            edge: None,
+            collapsed: false,
+        });
+    }
+
+    fn root(&self, mut node: usize) -> usize {
+        while self.parents[node] != node {
+            node = self.parents[node];
+        }
+        node
+    }
+
+    fn roots(&self, strand: &Strand) -> [usize; 2] {
+        strand.ends.map(|end| self.root(end))
+    }
+
+    fn is_open(strand: &Strand) -> bool {
+        strand.edge.is_none() && !strand.collapsed
+    }
+
+    /// The ends of strands without partner, from left to right.
+    fn open_nodes(&self) -> Vec<usize> {
+        let open = self.strands.iter().filter(|s| Self::is_open(s));
+        let mut nodes: Vec<usize> = open.flat_map(|s| s.ends).collect();
+        nodes.sort_by(|&a, &b| self.nodes[a].x.total_cmp(&self.nodes[b].x).then(a.cmp(&b)));
+        nodes.dedup();
+        nodes
+    }
+
+    /// Makes one vertex of ends within `reach`; a strand keeps its length unless `freely`.
+    fn merge_nodes(&mut self, reach: f64, freely: bool) {
+        let nodes = self.open_nodes();
+        for (k, &a) in nodes.iter().enumerate() {
+            for &b in &nodes[k + 1..] {
+                if self.nodes[b].x > self.nodes[a].x + reach {
+                    break;
+                }
+                if self.nodes[a].distance(self.nodes[b]) <= reach {
+                    self.unite(a, b, freely);
+                }
+            }
+        }
+    }
+
+    fn unite(&mut self, a: usize, b: usize, freely: bool) {
+        let (a, b) = (self.root(a), self.root(b));
+        if a == b {
+            return;
+        }
+        let collapses = |&s: &usize| {
+            let ends = self.roots(&self.strands[s]);
+            ends == [a, b] || ends == [b, a]
+        };
+        if !freely && self.links[a].iter().any(collapses) {
+            return;
+        }
+        let (keep, drop) = if self.links[a].len() >= self.links[b].len() { (a, b) } else { (b, a) };
+        self.parents[drop] = keep;
+        let moved = std::mem::take(&mut self.links[drop]);
+        self.links[keep].extend(moved);
+    }
+
+    /// Finds the strands that are one point of space.
+    fn collapse(&mut self, reach: f64) {
+        for s in 0..self.strands.len() {
+            let ends = self.roots(&self.strands[s]);
+            let strand = &mut self.strands[s];
+            strand.collapsed = ends[0] == ends[1] && strand.trail.length() <= 4.0 * reach;
+        }
+    }
+
+    /// Divides strands where the end of another one lies on them.
+    fn split_at_nodes(&mut self, reach: f64, seams: bool) {
+        let nodes = self.open_nodes();
+        let mut owners: HashMap<usize, Vec<usize>> = HashMap::new();
+        for strand in self.strands.iter().filter(|s| Self::is_open(s)) {
+            for end in strand.ends {
+                owners.entry(end).or_default().push(strand.face);
+            }
+        }
+        let mut s = 0;
+        while s < self.strands.len() {
+            // Parts made here are looked at again: they come later in the list.
+            if Self::is_open(&self.strands[s]) {
+                while let Some((node, at)) = self.node_on(s, &nodes, &owners, reach, seams) {
+                    self.split(s, node, at);
+                }
+            }
+            s += 1;
+        }
+    }
+
+    /// A node that lies on a strand, away from its ends.
+    fn node_on(
+        &self,
+        s: usize,
+        nodes: &[usize],
+        owners: &HashMap<usize, Vec<usize>>,
+        reach: f64,
+        seams: bool,
+    ) -> Option<(usize, f64)> {
+        let strand = &self.strands[s];
+        let face = &self.faces[strand.face];
+        let bounds = strand.trail.bounds();
+        let (low, high) = (bounds.min - reach, bounds.max + reach);
+        let ends = self.roots(strand);
+        let end_points = strand.ends.map(|e| self.nodes[e]);
+        let first = nodes.partition_point(|&n| self.nodes[n].x < low.x);
+        nodes[first..]
+            .iter()
+            .take_while(|&&n| self.nodes[n].x <= high.x)
+            .filter(|&&n| {
+                let p = self.nodes[n];
+                p.cmpge(low).all() && p.cmple(high).all() && !ends.contains(&self.root(n))
+            })
+            .filter(|&&n| seams || owners[&n].iter().any(|&f| f != strand.face))
+            .filter(|&&n| end_points.iter().all(|e| e.distance(self.nodes[n]) > 2.0 * reach))
+            .find_map(|&n| {
+                let (t, distance) = strand.trail.project(face, &strand.curve, self.nodes[n]);
+                let range = strand.curve.domain();
+                let inner = range.start < t && t < range.end;
+                (distance <= reach && inner).then_some((n, t))
+            })
+    }
+
+    fn split(&mut self, s: usize, node: usize, at: f64) {
+        let Ok([before, after]) = self.strands[s].curve.split(at) else {
+            return;
+        };
+        let face = self.strands[s].face;
+        let point = self.faces[face].point(after.start());
+        let [first, second] = self.strands[s].trail.split((at, point));
+        let middle = self.add_node(point);
+        self.unite(middle, node, true);
+        let end = self.strands[s].ends[1];
+        let old = self.root(end);
+        self.links[old].retain(|&k| k != s);
+        self.strands[s].curve = before;
+        self.strands[s].trail = first;
+        self.strands[s].ends[1] = middle;
+        let root = self.root(middle);
+        self.links[root].push(s);
+        if self.root(self.strands[s].ends[0]) == old {
+            self.links[old].push(s);
+        }
+        self.add_strand(face, after, [middle, end], second);
+    }
+
+    /// Makes edges of strands that stay together.
+    fn match_strands(&mut self, reach: f64, seams: bool) {
+        let mut groups: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
+        for (s, strand) in self.strands.iter().enumerate() {
+            if Self::is_open(strand) {
+                let [a, b] = self.roots(strand);
+                groups.entry([a.min(b), a.max(b)]).or_default().push(s);
+            }
+        }
+        for group in groups.values() {
+            for (k, &s) in group.iter().enumerate() {
+                if self.strands[s].edge.is_some() {
+                    continue;
+                }
+                for &other in &group[k + 1..] {
+                    let free = self.strands[other].edge.is_none();
+                    let allowed = seams || self.strands[s].face != self.strands[other].face;
+                    if free && allowed && self.stay_together(s, other, reach) {
+                        self.join(s, other);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether every point of one strand is near the other; they have the same ends.
+    fn stay_together(&self, a: usize, b: usize, reach: f64) -> bool {
+        let (long, short) = (&self.strands[a], &self.strands[b]);
+        let lengths = [long.trail.length(), short.trail.length()];
+        if (lengths[0] - lengths[1]).abs() > 0.1 * lengths[0] + 4.0 * reach {
+            return false;
+        }
+        let face = &self.faces[short.face];
+        let points = &long.trail.0;
+        let step = (points.len() / 24).max(1);
+        let inner = points[1..points.len() - 1].iter().step_by(step);
+        inner.clone().count() > 0
+            && inner
+                .map(|p| short.trail.project(face, &short.curve, p.1).1)
+                .all(|distance| distance <= reach)
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let edge = self.strands[a].edge.unwrap_or_else(|| {
+            let strand = &self.strands[a];
+            self.edges.push(Edge {
+                uses: vec![Use {
+                    face: strand.face,
+                    curve: strand.curve.clone(),
+                    reversed: false,
+                }],
+                ends: self.roots(strand),
+                collapsed: false,
+            });
+            self.edges.len() - 1
+        });
+        let (first, second) = (&self.strands[a], &self.strands[b]);
+        let ends = self.roots(first);
+        let reversed = if ends[0] == ends[1] {
+            // Closed: look where the first quarter of one lies on the other.
+            let face = &self.faces[second.face];
+            let place = |share: usize| {
+                let points = &first.trail.0;
+                let p = points[points.len() * share / 8].1;
+                second.trail.project(face, &second.curve, p).0
+            };
+            place(2) > place(5)
+        } else {
+            self.roots(second)[0] != ends[0]
+        };
+        let used = Use {
+            face: second.face,
+            curve: second.curve.clone(),
+            reversed,
+        };
+        self.edges[edge].uses.push(used);
+        self.strands[a].edge = Some(edge);
+        self.strands[b].edge = Some(edge);
+    }
+
+    fn finish(mut self) -> Sewn {
+        for s in 0..self.strands.len() {
+            if self.strands[s].edge.is_none() {
+                let strand = &self.strands[s];
+                let edge = Edge {
+                    uses: vec![Use {
+                        face: strand.face,
+                        curve: strand.curve.clone(),
+                        reversed: false,
+                    }],
+                    ends: self.roots(strand),
+                    collapsed: strand.collapsed,
+                };
+                self.edges.push(edge);
+            }
+        }
+        // Roots become vertices in the middle of what was merged.
+        let mut number: HashMap<usize, usize> = HashMap::new();
+        let mut sums: Vec<(DVec3, f64)> = Vec::new();
+        for node in 0..self.nodes.len() {
+            let root = self.root(node);
+            let at = *number.entry(root).or_insert_with(|| {
+                sums.push((DVec3::ZERO, 0.0));
+                sums.len() - 1
+            });
+            sums[at].0 += self.nodes[node];
+            sums[at].1 += 1.0;
+        }
+        let mut edges = std::mem::take(&mut self.edges);
+        for edge in &mut edges {
+            edge.ends = edge.ends.map(|end| number[&self.root(end)]);
+        }
+        Sewn {
+            edges,
+            vertices: sums.into_iter().map(|(sum, count)| sum / count).collect(),
+        }
+    }
+}
