@@ -182,11 +182,19 @@ impl<'a> Pieces<'a> {
         self.breaks[1].len() - 1
     }
 
+    /// How many pieces there are along an axis between two parameters.
+    pub(super) fn count(&self, axis: usize, from: f64, to: f64) -> usize {
+        self.spans(axis, from, to).len()
+    }
+
     /// The numbers of the spans that meet `from..to` in more than a point, or the one that
     /// holds both.
     fn spans(&self, axis: usize, from: f64, to: f64) -> Range<usize> {
         let breaks = &self.breaks[axis];
         let last = breaks.len() - 2;
+        // What rounding puts beyond a break does not count.
+        let slack = (ROUNDING * (breaks[last + 1] - breaks[0])).min(0.25 * (to - from));
+        let (from, to) = (from + slack, to - slack);
         let first = breaks[1..=last].partition_point(|&k| k <= from);
         let end = breaks[1..=last].partition_point(|&k| k < to).max(first);
         first..end + 1
@@ -199,8 +207,8 @@ impl<'a> Pieces<'a> {
             for j in self.spans(1, rect.min.y, rect.max.y) {
                 let piece = &self.list[i * self.columns() + j];
                 let (u, v) = (piece.net.u(), piece.net.v());
-                let part_u = rect.min.x.max(u.start)..rect.max.x.min(u.end);
-                let part_v = rect.min.y.max(v.start)..rect.max.y.min(v.end);
+                let part_u = part(rect.min.x..rect.max.x, &u);
+                let part_v = part(rect.min.y..rect.max.y, &v);
                 let spread = if part_u == u && part_v == v {
                     piece.spread
                 } else {
@@ -268,6 +276,25 @@ impl<'a> Pieces<'a> {
         })
     }
 }
+
+/// The part of a range in a piece; not so narrow that differences are mostly rounding, unless
+/// it has no width at all.
+fn part(range: Range<f64>, piece: &Range<f64>) -> Range<f64> {
+    let (start, end) = (range.start.max(piece.start), range.end.min(piece.end));
+    let least = NARROW * (piece.end - piece.start);
+    if range.start >= range.end || end - start >= least {
+        return start..end.max(start);
+    }
+    let middle = 0.5 * (start + end);
+    let start = (middle - 0.5 * least).clamp(piece.start, piece.end - least);
+    start..start + least
+}
+
+/// Parameters this near, as a share of the domain, may be one.
+const ROUNDING: f64 = 1e-12;
+
+/// Narrower parts of a piece are made this wide, as a share of it.
+const NARROW: f64 = 1e-4;
 
 /// First derivatives that differ by this share are the same.
 const SMOOTH: f64 = 1e-7;
@@ -348,60 +375,146 @@ impl Net {
 
     /// Bounds over all of the net, whose domain is given.
     ///
-    /// With `S = X / w`, and `C`, `B`, `A` any constants near `S`, `Su`, `Suu`:
-    /// `w (S - C) = X - C w`, `w (Su - B) = (Xu - B w - C wu) - wu (S - C)` and
-    /// `w (Suu - A) = (Xuu - A w - 2 B wu - C wuu) - 2 wu (Su - B) - wuu (S - C)`; what
-    /// stands in brackets is bounded by its Bernstein coefficients. Mixed ones alike.
+    /// Every derivative is a quotient `N / w^k` of polynomials; about its value `A` in the
+    /// middle it strays by no more than the largest coefficient of `N - A w^k` over the
+    /// least weight to the k. With `X = w S`: for `Su`, `N = Xu w - X wu =: M` and k = 2; for
+    /// `Suu`, `N = Mu w - 2 wu M` and k = 3; for `Suv`, `N = Mv w - 2 wv M`.
     fn spread(&self, u: Range<f64>, v: Range<f64>) -> Spread {
         let (p, q) = (self.p, self.q);
         let (du, dv) = ((u.end - u.start).recip(), (v.end - v.start).recip());
-        let along_u = |net: &[DVec4], degree| derivative(net, degree, q + 1, true, du);
-        let along_v = |net: &[DVec4], degree| derivative(net, degree, q + 1, false, dv);
+        let along_u = |net: &[DVec4]| derivative(net, p, q + 1, true, du);
+        let along_v = |net: &[DVec4]| derivative(net, q, q + 1, false, dv);
         let x = &self.points;
-        let xu = along_u(x, p);
-        let xv = along_v(x, q);
-        let xuu = along_u(&xu, p);
-        let xuv = along_v(&xu, q);
-        let xvv = along_v(&xv, q);
-        let w = |net: &[DVec4]| net.iter().fold(0.0, |m: f64, h| m.max(h.w.abs()));
-        let least = x.iter().fold(f64::INFINITY, |m: f64, h| m.min(h.w));
-        let mean = |net: &[DVec4]| middle(net, p, q);
-        // Constants: the values in the middle.
-        let m = [x, &xu, &xv, &xuu, &xuv, &xvv].map(|net| mean(net));
-        let weight = m[0].w.recip();
-        let s = m[0].truncate() * weight;
-        let su = (m[1].truncate() - s * m[1].w) * weight;
-        let sv = (m[2].truncate() - s * m[2].w) * weight;
-        let suu = (m[3].truncate() - su * (2.0 * m[1].w) - s * m[3].w) * weight;
-        let suv = (m[4].truncate() - sv * m[1].w - su * m[2].w - s * m[4].w) * weight;
-        let svv = (m[5].truncate() - sv * (2.0 * m[2].w) - s * m[5].w) * weight;
-        let bracket = |terms: &[(&[DVec4], DVec3, f64)], top: &[DVec4]| {
-            (0..x.len()).fold(0.0, |most: f64, k| {
-                let rest = terms
-                    .iter()
-                    .fold(top[k].truncate(), |sum, (net, constant, factor)| {
-                        sum - *constant * (net[k].w * factor)
-                    });
-                most.max(rest.length())
-            })
-        };
-        let rs = bracket(&[(x, s, 1.0)], x) / least;
-        let ru = (bracket(&[(x, su, 1.0), (&xu, s, 1.0)], &xu) + w(&xu) * rs) / least;
-        let rv = (bracket(&[(x, sv, 1.0), (&xv, s, 1.0)], &xv) + w(&xv) * rs) / least;
-        let ruu = bracket(&[(x, suu, 1.0), (&xu, su, 2.0), (&xuu, s, 1.0)], &xuu);
-        let rvv = bracket(&[(x, svv, 1.0), (&xv, sv, 2.0), (&xvv, s, 1.0)], &xvv);
-        let terms: [(&[DVec4], DVec3, f64); 4] =
-            [(x, suv, 1.0), (&xu, sv, 1.0), (&xv, su, 1.0), (&xuv, s, 1.0)];
-        let ruv = bracket(&terms, &xuv);
-        let ball = |center, radius| Ball { center, radius };
+        let (xu, xv) = (along_u(x), along_v(x));
+        let (xuu, xuv, xvv) = (along_u(&xu), along_v(&xu), along_v(&xv));
+        let first = x[0].w;
+        if x.iter().all(|h| (h.w - first).abs() <= 0.0) {
+            // Without weights the coefficients are those of the derivatives themselves.
+            let ball = |net: &[DVec4]| {
+                let center = middle(net, p, q).truncate() / first;
+                let off = |h: &DVec4| (h.truncate() / first).distance(center);
+                Ball {
+                    center,
+                    radius: net.iter().map(off).fold(0.0, f64::max),
+                }
+            };
+            return Spread {
+                du: ball(&xu),
+                dv: ball(&xv),
+                duu: ball(&xuu),
+                duv: ball(&xuv),
+                dvv: ball(&xvv),
+            };
+        }
+        let one = Power::new(p, q, 1);
+        let [x, xu, xv, xuu, xuv, xvv] = [x, &xu, &xv, &xuu, &xuv, &xvv].map(|n| one.scaled(n));
+        let two = Power::new(p, q, 2);
+        let three = Power::new(p, q, 3);
+        let m_u = two.sum(&[(&xu, &x, 1.0), (&x, &xu, -1.0)]);
+        let m_v = two.sum(&[(&xv, &x, 1.0), (&x, &xv, -1.0)]);
+        let m_uu = two.sum(&[(&xuu, &x, 1.0), (&x, &xuu, -1.0)]);
+        let m_vv = two.sum(&[(&xvv, &x, 1.0), (&x, &xvv, -1.0)]);
+        let m_uv = two.sum(&[(&xuv, &x, 1.0), (&xu, &xv, 1.0), (&xv, &xu, -1.0), (&x, &xuv, -1.0)]);
+        let square = two.weights(&x, &x);
+        let cube = three.weights(&square, &x);
+        let n_uu = three.sum(&[(&m_uu, &x, 1.0), (&m_u, &xu, -2.0)]);
+        let n_uv = three.sum(&[(&m_uv, &x, 1.0), (&m_u, &xv, -2.0)]);
+        let n_vv = three.sum(&[(&m_vv, &x, 1.0), (&m_v, &xv, -2.0)]);
         Spread {
-            du: ball(su, ru),
-            dv: ball(sv, rv),
-            duu: ball(suu, (ruu + 2.0 * w(&xu) * ru + w(&xuu) * rs) / least),
-            duv: ball(suv, (ruv + w(&xu) * rv + w(&xv) * ru + w(&xuv) * rs) / least),
-            dvv: ball(svv, (rvv + 2.0 * w(&xv) * rv + w(&xvv) * rs) / least),
+            du: two.quotient(&m_u, &square),
+            dv: two.quotient(&m_v, &square),
+            duu: three.quotient(&n_uu, &cube),
+            duv: three.quotient(&n_uv, &cube),
+            dvv: three.quotient(&n_vv, &cube),
         }
     }
+}
+
+/// Nets of products of `power` nets of degrees `p` and `q`, as coefficients times their
+/// binomial coefficients: products are sums over pairs then.
+struct Power {
+    /// Points of a row of one factor, and of the product.
+    rows: [usize; 2],
+    binomials: [Vec<f64>; 2],
+}
+
+impl Power {
+    fn new(p: usize, q: usize, power: usize) -> Self {
+        Self {
+            rows: [q + 1, power * q + 1],
+            binomials: [p, q].map(|degree| binomials(power * degree)),
+        }
+    }
+
+    fn scaled(&self, net: &[DVec4]) -> Vec<DVec4> {
+        let row = self.rows[1];
+        let factor = |k: usize| self.binomials[0][k / row] * self.binomials[1][k % row];
+        net.iter().enumerate().map(|(k, h)| *h * factor(k)).collect()
+    }
+
+    fn len(&self) -> usize {
+        self.binomials[0].len() * self.binomials[1].len()
+    }
+
+    /// The sum of products of a net, which may be a product itself, with the weight of a
+    /// single one; its own weight is left out.
+    fn sum(&self, terms: &[(&[DVec4], &[DVec4], f64)]) -> Vec<DVec4> {
+        let mut sum = vec![DVec4::ZERO; self.len()];
+        for (a, b, factor) in terms {
+            self.each(a.len(), b.len(), |i, j, k| sum[k] += a[i] * (b[j].w * factor));
+        }
+        sum
+    }
+
+    /// The product of the weights of two nets, as weights.
+    fn weights(&self, a: &[DVec4], b: &[DVec4]) -> Vec<DVec4> {
+        let mut product = vec![DVec4::ZERO; self.len()];
+        self.each(a.len(), b.len(), |i, j, k| product[k].w += a[i].w * b[j].w);
+        product
+    }
+
+    /// Visits the pairs of two nets with the place of their product; the second is single.
+    fn each(&self, a: usize, b: usize, mut visit: impl FnMut(usize, usize, usize)) {
+        let [row_b, row] = self.rows;
+        let row_a = row + 1 - row_b;
+        for i in 0..a {
+            let from = (i / row_a) * row + i % row_a;
+            for j in 0..b {
+                visit(i, j, from + (j / row_b) * row + j % row_b);
+            }
+        }
+    }
+
+    /// Where the quotient of two nets is; the divisor's coefficients are positive.
+    fn quotient(&self, numerator: &[DVec4], divisor: &[DVec4]) -> Ball {
+        let (degree_u, degree_v) = (self.binomials[0].len() - 1, self.binomials[1].len() - 1);
+        // Scaled coefficients sum up to the value in the middle but for a common factor.
+        let top = numerator.iter().fold(DVec4::ZERO, |sum, h| sum + *h).truncate();
+        let bottom: f64 = divisor.iter().map(|h| h.w).sum();
+        let center = top / bottom;
+        let row = degree_v + 1;
+        let (mut most, mut least) = (0.0_f64, f64::INFINITY);
+        for k in 0..(degree_u + 1) * row {
+            let factor = self.binomials[0][k / row] * self.binomials[1][k % row];
+            let off = numerator[k].truncate() - center * divisor[k].w;
+            most = most.max(off.length() / factor);
+            least = least.min(divisor[k].w / factor);
+        }
+        Ball {
+            center,
+            radius: most / least,
+        }
+    }
+}
+
+/// The binomial coefficients `n` over `k` for all `k`.
+fn binomials(n: usize) -> Vec<f64> {
+    let next = |c: &mut f64, k: usize| {
+        let value = *c;
+        *c = value * (n - k) as f64 / (k + 1) as f64;
+        Some(value)
+    };
+    (0..=n).scan(1.0, next).collect()
 }
 
 /// The derivative of a net along one parameter, at the degree of the net: differences, with

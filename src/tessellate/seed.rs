@@ -1,8 +1,9 @@
 //! Points inside a face, as far apart as its curvature allows.
 //!
 //! Rows of points, every other one shifted by half a step, make nearly equilateral triangles
-//! in the measure of the error, which needs a quarter fewer of them than squares do. Where
-//! the curvature varies the face is divided first.
+//! in the measure of the error, which needs a quarter fewer of them than squares do. Rows
+//! and the points along each lie as dense as the largest error there asks for; where rows
+//! would be far denser than most of their length needs, the face is divided first.
 
 use glam::{DVec2, DVec3};
 
@@ -17,17 +18,18 @@ pub(super) struct Seed {
     pub(super) step: DVec2,
 }
 
-/// Steps that differ by more than this within a block divide it.
-const UNEVEN: f64 = 1.5;
+/// Rows that are denser than needed by this factor on average are divided.
+const UNEVEN: f64 = 1.6;
 
 /// Levels of division.
-const LEVELS: u32 = 24;
+const LEVELS: u32 = 8;
 
-/// The part of a face that gets its own rows; `hard` sides have points of their own.
+/// The part of a face that gets its own rows; hard sides have points of their own.
 #[derive(Clone, Copy)]
 struct Block {
     rect: Rect,
-    hard: [[bool; 2]; 2],
+    /// Whether the sides where u starts and ends are hard.
+    hard: [bool; 2],
 }
 
 /// The seeds of a face within `bounds`, block by block between its creases.
@@ -48,43 +50,116 @@ pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits) -> Vec<Seed
             };
             let block = Block {
                 rect,
-                hard: [[true; 2]; 2],
+                hard: [true; 2],
             };
-            divide(face, block, limits, LEVELS, &mut seeds);
+            fill(face, block, limits, LEVELS, &mut seeds);
         }
     }
     seeds
 }
 
-fn divide(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut Vec<Seed>) {
+/// Appends the rows of a block, or of its halves.
+fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut Vec<Seed>) {
     let Rect { min, max } = block.rect;
     let size = block.rect.size();
-    let mut least = DVec2::INFINITY;
-    let mut most = DVec2::ZERO;
-    for i in 0..5 {
-        for j in 0..5 {
-            let share = DVec2::new(f64::from(i), f64::from(j)) * 0.2 + 0.1;
-            let step = steps(face, min + size * share, limits, size);
-            least = least.min(step);
-            most = most.max(step);
-        }
+    let [across, along] = [0, 1].map(|axis| samples(face, axis, min[axis], max[axis]));
+    let step = |u: f64, v: f64| steps(face, min + size * DVec2::new(u, v), limits, size);
+    // Rows as dense as the place that needs it most.
+    let (mut densities, mut mean) = (Vec::new(), 0.0);
+    for &v in &along {
+        let own = across.iter().map(|&u| size.y / step(u, v).y);
+        densities.push(own.clone().fold(0.0, f64::max));
+        mean += own.sum::<f64>() / across.len() as f64;
     }
-    let counts = size / least;
-    let waste = [0, 1].map(|k| if counts[k] > 2.0 { most[k] / least[k] } else { 1.0 });
-    // Blocks that need no points, or the same everywhere, are not divided.
-    if levels == 0 || waste[0].max(waste[1]) <= UNEVEN || counts.max_element() <= 3.0 {
-        fill(&block, least.max(most * 0.6), out);
+    let rows = Density::new(&densities);
+    let waste = densities.iter().sum::<f64>() / mean;
+    let columns = across.iter().map(|&u| size.x / step(u, 0.5).x).sum::<f64>() / across.len() as f64;
+    if levels > 0 && waste > UNEVEN && rows.total() > 3.0 && columns > 4.0 {
+        let mut parts = [block; 2];
+        let middle = 0.5 * (min.x + max.x);
+        parts[0].rect.max.x = middle;
+        parts[0].hard[1] = false;
+        parts[1].rect.min.x = middle;
+        parts[1].hard[0] = false;
+        for part in parts {
+            fill(face, part, limits, levels - 1, out);
+        }
         return;
     }
-    let axis = usize::from(counts.y > counts.x);
-    let mut parts = [block; 2];
-    let middle = 0.5 * (min[axis] + max[axis]);
-    parts[0].rect.max[axis] = middle;
-    parts[0].hard[axis][1] = false;
-    parts[1].rect.min[axis] = middle;
-    parts[1].hard[axis][0] = false;
-    for part in parts {
-        divide(face, part, limits, levels - 1, out);
+    for (number, v) in rows.places([true; 2], false).into_iter().enumerate() {
+        let densities: Vec<f64> = across.iter().map(|&u| size.x / step(u, v).x).collect();
+        let row = Density::new(&densities);
+        for u in row.places(block.hard, number % 2 == 0) {
+            let uv = min + size * DVec2::new(u, v);
+            let step = size / DVec2::new(row.at(u), rows.at(v));
+            out.push(Seed { uv, step });
+        }
+    }
+}
+
+/// Where along an axis a block is looked at: several places in each piece, as shares.
+fn samples(face: &Face<'_>, axis: usize, from: f64, to: f64) -> Vec<f64> {
+    let count = (4 * face.pieces.count(axis, from, to)).clamp(8, 48);
+    (0..count).map(|k| (k as f64 + 0.5) / count as f64).collect()
+}
+
+/// How many steps there are per unit along a length of one, constant between places.
+struct Density {
+    values: Vec<f64>,
+    /// Steps up to the end of each stretch.
+    sums: Vec<f64>,
+}
+
+impl Density {
+    fn new(values: &[f64]) -> Self {
+        let width = 1.0 / values.len() as f64;
+        let add = |sum: &mut f64, value: &f64| {
+            *sum += value * width;
+            Some(*sum)
+        };
+        Self {
+            values: values.to_vec(),
+            sums: values.iter().scan(0.0, add).collect(),
+        }
+    }
+
+    fn total(&self) -> f64 {
+        self.sums[self.sums.len() - 1]
+    }
+
+    fn at(&self, place: f64) -> f64 {
+        let count = self.values.len();
+        let k = (0..count).find(|&k| place * count as f64 <= k as f64 + 1.0);
+        self.values[k.unwrap_or(count - 1)]
+    }
+
+    /// The place up to which there are `steps`.
+    fn place(&self, steps: f64) -> f64 {
+        let count = self.values.len();
+        let k = self.sums.partition_point(|&s| s < steps).min(count - 1);
+        let before = if k == 0 { 0.0 } else { self.sums[k - 1] };
+        let share = (steps - before) / (self.sums[k] - before);
+        (k as f64 + share.clamp(0.0, 1.0)) / count as f64
+    }
+
+    /// Evenly many steps apart, a whole one from hard ends and half a step from soft ones;
+    /// `shifted` moves them by half a step where both ends are alike.
+    fn places(&self, hard: [bool; 2], shifted: bool) -> Vec<f64> {
+        let count = self.total();
+        let (offset, steps) = match hard {
+            [true, true] if shifted && count > 1.0 => (0.5, count.ceil()),
+            [true, true] => (1.0, count.ceil()),
+            [false, false] if shifted => (0.25, count.ceil()),
+            [false, false] => (0.75, count.ceil()),
+            [first, _] => (if first { 1.0 } else { 0.5 }, (count - 0.5).ceil() + 0.5),
+        };
+        let mut places = Vec::new();
+        let mut next = offset;
+        while next < steps - 1e-6 && count > 0.4 {
+            places.push(self.place(next * count / steps));
+            next += 1.0;
+        }
+        places
     }
 }
 
@@ -109,49 +184,12 @@ fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits, size: DVec2) -> DVec2 {
     let (l, m, n) = (d.duu.dot(normal), d.duv.dot(normal), d.dvv.dot(normal));
     let angle = 0.9 * limits.angle;
     let limit = DVec2::new(
-        (angle / turn([l, m])).max(face.tolerance / length_u).min(limits.max_edge / length_u),
-        (angle / turn([m, n])).max(face.tolerance / length_v).min(0.86 * limits.max_edge / length_v),
+        (angle / turn([l, m]))
+            .max(face.tolerance / length_u)
+            .min(limits.max_edge / length_u),
+        (angle / turn([m, n]))
+            .max(face.tolerance / length_v)
+            .min(0.86 * limits.max_edge / length_v),
     );
     cap(step.min(limit))
-}
-
-/// Appends rows of points.
-fn fill(block: &Block, step: DVec2, out: &mut Vec<Seed>) {
-    let Rect { min, .. } = block.rect;
-    let size = block.rect.size();
-    for (row, v) in places(size.y, step.y, block.hard[1], false).into_iter().enumerate() {
-        for u in places(size.x, step.x, block.hard[0], row % 2 == 0) {
-            let uv = min + DVec2::new(u, v);
-            out.push(Seed { uv, step });
-        }
-    }
-}
-
-/// Evenly spaced places along a length, half a step from soft ends; `shifted` moves them by
-/// half a step where both ends are alike.
-fn places(length: f64, step: f64, hard: [bool; 2], shifted: bool) -> Vec<f64> {
-    let count = length / step;
-    let spread = |offset: f64, steps: f64| {
-        let unit = length / steps;
-        let most = (steps - offset - 1e-6).floor().max(-1.0);
-        let mut k = 0.0;
-        let mut places = Vec::new();
-        while k <= most {
-            places.push((k + offset) * unit);
-            k += 1.0;
-        }
-        places
-    };
-    match hard {
-        [true, true] if shifted && count > 1.0 => spread(0.5, count.ceil()),
-        [true, true] => spread(1.0, count.ceil().max(1.0)),
-        [false, false] if count < 0.5 => Vec::new(),
-        [false, false] if shifted => spread(0.25, count.ceil()),
-        [false, false] => spread(0.75, count.ceil()),
-        ends => {
-            let steps = (count - 0.5).ceil().max(0.0) + 0.5;
-            let offset = if ends[0] { 1.0 } else { 0.5 };
-            if steps < 1.0 { Vec::new() } else { spread(offset, steps) }
-        }
-    }
 }

@@ -79,3 +79,4 @@ fn bodies() -> Vec<(&'static str, Surface, i64, [f64; 2])> {
         ),
     ]
 }
+
