@@ -454,27 +454,27 @@ fn pair(a: FixedVertexHandle, b: FixedVertexHandle) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Factors that make steps of equal error equally long in both directions, over a rectangle.
+/// Factors that make steps of equal error equally long in both directions, over a rectangle;
+/// directions without curvature count by their length.
 fn scale(face: &Face<'_>, bounds: &Rect) -> DVec2 {
-    let mut sum = DVec2::ZERO;
+    let (mut bend, mut length) = (DVec2::ZERO, DVec2::ZERO);
     for i in 0..3 {
         for j in 0..3 {
             let share = DVec2::new(f64::from(i), f64::from(j)) * 0.4 + 0.1;
             let uv = bounds.min + bounds.size() * share;
             let d = face.pieces.surface.derivatives(uv);
-            let bend = DVec2::new(d.duu.length(), d.dvv.length()) / (8.0 * face.tolerance);
-            let length = DVec2::new(d.du.length_squared(), d.dv.length_squared());
-            sum += bend + length / (400.0 * face.tolerance).powi(2);
+            bend += DVec2::new(d.duu.length(), d.dvv.length());
+            length += DVec2::new(d.du.length_squared(), d.dv.length_squared());
         }
     }
-    let mean = (sum / 9.0).sqrt();
-    // The larger extent becomes about one.
-    let extent = (mean * bounds.size()).max_element();
-    let scale = mean / extent;
-    let plain = bounds.size().recip();
-    let sound = |k: usize| {
-        let usable = scale[k].is_finite() && scale[k] > 1e-6 * plain[k];
-        if usable { scale[k] } else { 1e-6 * plain[k].min(1e12) }
-    };
-    DVec2::new(sound(0), sound(1))
+    let size = bounds.size();
+    let extent = (length / 9.0 * size * size).max_element();
+    let mean = (bend / (72.0 * face.tolerance) + length / 9.0 * (PLAIN / extent)).sqrt();
+    // The larger side becomes one, the smaller one not too short to compute with.
+    let sides = mean * size / (mean * size).max_element();
+    let sides = if sides.is_finite() { sides } else { DVec2::ONE };
+    sides.max(DVec2::splat(1e-6)) / size.max(DVec2::splat(1e-12 * size.max_element()))
 }
+
+/// Steps along a side without curvature, squared.
+const PLAIN: f64 = 16.0;

@@ -91,9 +91,10 @@ impl Spread {
         if longest >= others {
             return longest / 8.0;
         }
-        // The squared radius of the circle around a triangle with these squared sides.
-        let area = 2.0 * (x * y + y * z + z * x) - x * x - y * y - z * z;
-        0.5 * x * y * z / area
+        // Half the squared radius of the circle around a triangle with these squared sides.
+        let product = if longest <= x { y * z } else if longest <= y { x * z } else { x * y };
+        let excess = others - longest;
+        0.5 * longest / (4.0 - excess * excess / product)
     }
 
     /// How far the surface over the segment along `d` is from the chord.
