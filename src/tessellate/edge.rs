@@ -72,7 +72,7 @@ impl<'a> Walker<'a> {
         let (mut stations, mut ratios) = self.walk(1.0);
         let steps = ratios.len();
         let used: f64 = ratios.iter().map(|r| r.sqrt()).sum();
-        let even = (used / steps as f64).powi(2) * 1.02;
+        let even = ((used / steps as f64).powi(2) * 1.02).max(0.1);
         if steps > 1 && even < 1.0 {
             let (again, shares) = self.walk(even);
             if shares.len() <= steps {
@@ -189,7 +189,7 @@ impl<'a> Walker<'a> {
     fn placed(&self, position: DVec3, ts: &[f64]) -> Station {
         let place = |(used, &t): (&Use, &f64)| {
             let face = &self.faces[used.face];
-            let uv = face.clamped(used.curve.evaluate(t));
+            let uv = face.snapped(used.curve.evaluate(t));
             let gap = face.pieces.surface.evaluate(uv).distance(position);
             Place { t, uv, gap }
         };

@@ -1,11 +1,11 @@
 //! One face: constrained Delaunay triangles between its edges, refined until every one is
 //! proven to be within the tolerance.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
-use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
-use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
+use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, FixedVertexHandle, InnerTag};
+use spade::{CdtEdge, ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
 use super::Limits;
 use super::pieces::Rect;
@@ -79,8 +79,9 @@ pub(super) struct Mesher<'a> {
     limits: &'a Limits,
     plane: ConstrainedDelaunayTriangulation<Spot>,
     vertices: Vec<Vertex>,
-    /// Pairs of vertices whose connection is shared with other faces.
-    fixed: HashSet<[u32; 2]>,
+    /// Pairs of vertices whose connection is shared with other faces, and how often it
+    /// bounds this one.
+    fixed: HashMap<[u32; 2], usize>,
     bounds: Rect,
     scale: DVec2,
     /// What is known of triangles: how much they use of the limits, and their proof.
@@ -102,7 +103,7 @@ impl<'a> Mesher<'a> {
             limits,
             plane: ConstrainedDelaunayTriangulation::new(),
             vertices: Vec::new(),
-            fixed: HashSet::new(),
+            fixed: HashMap::new(),
             bounds,
             scale: scale(face, &bounds),
             known: HashMap::new(),
@@ -148,7 +149,7 @@ impl<'a> Mesher<'a> {
             }
             owners.insert(pair, stretch.edge);
             if !stretch.pole {
-                mesher.fixed.insert(pair);
+                *mesher.fixed.entry(pair).or_default() += 1;
             }
         }
         conflicts.sort_unstable();
@@ -313,37 +314,75 @@ impl<'a> Mesher<'a> {
         self.insert(seed.uv, None);
     }
 
-    /// The triangles that belong to the face.
+    /// The triangles that belong to the face: an odd number of boundaries away from the
+    /// outside.
     fn inner(&self) -> Vec<[u32; 3]> {
-        let count = self.plane.num_all_faces();
-        let mut seen = vec![false; count];
-        let mut result = Vec::new();
-        for face in self.plane.inner_faces() {
-            if seen[face.index()] {
-                continue;
-            }
-            let mut component: Vec<FixedFaceHandle<InnerTag>> = Vec::new();
-            let mut stack = vec![face.fix()];
-            seen[face.index()] = true;
-            while let Some(next) = stack.pop() {
-                component.push(next);
-                for edge in self.plane.face(next).adjacent_edges() {
-                    if edge.is_constraint_edge() {
-                        continue;
-                    }
-                    if let Some(other) = edge.rev().face().as_inner()
-                        && !seen[other.index()]
-                    {
-                        seen[other.index()] = true;
-                        stack.push(other.fix());
-                    }
+        let mut inside: Vec<Option<bool>> = vec![None; self.plane.num_all_faces()];
+        let mut stack: Vec<FixedFaceHandle<InnerTag>> = Vec::new();
+        let mut sound = true;
+        for edge in self.plane.convex_hull() {
+            if let Some(face) = edge.rev().face().as_inner() {
+                let own = self.is_border(edge);
+                match inside[face.index()] {
+                    None => stack.push(face.fix()),
+                    Some(known) => sound &= known == own,
                 }
-            }
-            if self.belongs(&component) {
-                result.extend(component.iter().map(|&f| self.corners(f)));
+                inside[face.index()] = Some(own);
             }
         }
-        result
+        while let Some(face) = stack.pop() {
+            let here = inside[face.index()] == Some(true);
+            for edge in self.plane.face(face).adjacent_edges() {
+                let Some(other) = edge.rev().face().as_inner() else {
+                    continue;
+                };
+                let own = here ^ self.is_border(edge);
+                match inside[other.index()] {
+                    None => {
+                        inside[other.index()] = Some(own);
+                        stack.push(other.fix());
+                    }
+                    Some(known) => sound &= known == own,
+                }
+            }
+        }
+        let faces = self.plane.inner_faces().map(|face| face.fix());
+        let belongs = |face: &FixedFaceHandle<InnerTag>| {
+            if sound {
+                inside[face.index()] == Some(true)
+            } else {
+                // The boundary is not closed: look at every triangle.
+                self.is_inside(*face)
+            }
+        };
+        faces.filter(belongs).map(|face| self.corners(face)).collect()
+    }
+
+    /// Whether an edge bounds the face, rather than lie inside it or outside.
+    fn is_border(&self, edge: DirectedEdgeHandle<'_, Spot, (), CdtEdge<()>, ()>) -> bool {
+        if !edge.is_constraint_edge() {
+            return false;
+        }
+        let [a, b] = edge.vertices().map(|v| v.fix());
+        if let Some(count) = self.fixed.get(&pair(a, b)) {
+            return count % 2 == 1;
+        }
+        // What is left of a pole, as opposed to a crease, runs along the domain's border.
+        let domain = self.face.pieces.domain();
+        let [a, b] = [a, b].map(|v| self.vertices[v.index()].uv);
+        let along = |axis: usize, border: f64| {
+            (a[axis] - border).abs() <= 0.0 && (b[axis] - border).abs() <= 0.0
+        };
+        (0..2).any(|axis| along(axis, domain.min[axis]) || along(axis, domain.max[axis]))
+    }
+
+    /// Whether the middle of a triangle belongs to the face.
+    fn is_inside(&self, face: FixedFaceHandle<InnerTag>) -> bool {
+        let uvs = self.corners(face).map(|k| self.vertices[k as usize].uv);
+        let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
+        let domain = self.face.pieces.domain();
+        let inside = center.cmpgt(domain.min).all() && center.cmplt(domain.max).all();
+        inside && self.face.region.as_ref().is_none_or(|r| r.contains(center))
     }
 
     fn corners(&self, face: FixedFaceHandle<InnerTag>) -> [u32; 3] {
@@ -359,20 +398,6 @@ impl<'a> Mesher<'a> {
         }
     }
 
-    /// Whether triangles without constraints between them belong to the face: the largest
-    /// one tells.
-    fn belongs(&self, component: &[FixedFaceHandle<InnerTag>]) -> bool {
-        let area = |f: &FixedFaceHandle<InnerTag>| self.plane.face(*f).area();
-        let largest = component.iter().max_by(|a, b| area(a).total_cmp(&area(b)));
-        largest.is_some_and(|&f| {
-            let uvs = self.corners(f).map(|k| self.vertices[k as usize].uv);
-            let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
-            let domain = self.face.pieces.domain();
-            let inside = center.cmpgt(domain.min).all() && center.cmplt(domain.max).all();
-            inside && self.face.region.as_ref().is_none_or(|r| r.contains(center))
-        })
-    }
-
     /// Where to divide a triangle that passes a limit.
     fn division(&mut self, corners: [u32; 3]) -> Option<DVec2> {
         let (ratio, _) = self.judge(corners);
@@ -384,7 +409,7 @@ impl<'a> Mesher<'a> {
         let [a, b, c] = corners;
         let free = [[a, b], [b, c], [c, a]]
             .into_iter()
-            .filter(|&[a, b]| !self.fixed.contains(&[a.min(b), a.max(b)]));
+            .filter(|&[a, b]| !self.fixed.contains_key(&[a.min(b), a.max(b)]));
         let longest = free.max_by(|x, y| length(x[0], x[1]).total_cmp(&length(y[0], y[1])));
         let place = match longest {
             Some([a, b]) => uv(a).midpoint(uv(b)),
@@ -406,9 +431,9 @@ impl<'a> Mesher<'a> {
         let rect = Rect::around([a.uv, b.uv, c.uv]);
         let spread = self.face.pieces.spread(&rect);
         let bound = spread.triangle([a.uv, b.uv, c.uv], rect.size());
-        let proven = bound + a.gap.max(b.gap).max(c.gap);
+        let gap = a.gap.max(b.gap).max(c.gap);
         let tolerance = AIM * self.face.tolerance;
-        let mut ratio = proven / tolerance;
+        let mut ratio = bound / (tolerance - gap).max(0.1 * tolerance);
         let sides = [(a, b), (b, c), (c, a)];
         for (p, q) in sides {
             let length = p.position.distance(q.position);
@@ -425,8 +450,8 @@ impl<'a> Mesher<'a> {
                 }
             }
         }
-        self.known.insert(corners, (ratio, proven));
-        (ratio, proven)
+        self.known.insert(corners, (ratio, bound + gap));
+        (ratio, bound + gap)
     }
 
     fn finish(mut self) -> Triangles {
@@ -434,7 +459,7 @@ impl<'a> Mesher<'a> {
         for corners in self.inner() {
             let (ratio, proven) = self.judge(corners);
             result.proven = result.proven.max(proven);
-            result.unproven += usize::from(ratio > 1.0);
+            result.unproven += usize::from(ratio > 1.0 || proven > self.face.tolerance);
             // A triangle two corners of which are one point of space has no area.
             let ids = corners.map(|k| self.vertices[k as usize].id);
             let same = |a: Option<u32>, b: Option<u32>| a.is_some() && a == b;

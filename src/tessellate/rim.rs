@@ -38,6 +38,21 @@ impl<'a> Face<'a> {
         uv.max(domain.min).min(domain.max)
     }
 
+    /// Parameters moved to the border of the domain if they are beyond it or nearly on it.
+    pub(super) fn snapped(&self, uv: DVec2) -> DVec2 {
+        let domain = self.pieces.domain();
+        let near = domain.size() * SNAP;
+        let mut uv = self.clamped(uv);
+        for axis in 0..2 {
+            for border in [domain.min[axis], domain.max[axis]] {
+                if (uv[axis] - border).abs() <= near[axis] {
+                    uv[axis] = border;
+                }
+            }
+        }
+        uv
+    }
+
     /// The parts of the domain's border and of the loops that bound the face.
     pub(super) fn rims(&self, patch: &Patch) -> Vec<Curve<DVec2>> {
         let domain = self.pieces.domain();

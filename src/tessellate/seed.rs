@@ -112,14 +112,19 @@ struct Density {
 
 impl Density {
     fn new(values: &[f64]) -> Self {
+        // A place in a very narrow piece says nothing about the stretch around it.
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let most = 10.0 * sorted[sorted.len() / 2].min(1e6);
+        let values: Vec<f64> = values.iter().map(|v| v.min(most)).collect();
         let width = 1.0 / values.len() as f64;
         let add = |sum: &mut f64, value: &f64| {
             *sum += value * width;
             Some(*sum)
         };
         Self {
-            values: values.to_vec(),
             sums: values.iter().scan(0.0, add).collect(),
+            values,
         }
     }
 

@@ -160,6 +160,7 @@ pub(super) fn sew(faces: &[Face<'_>], rims: Vec<(usize, Curve<DVec2>)>) -> Sewn 
         nodes: Vec::new(),
         parents: Vec::new(),
         links: Vec::new(),
+        boxes: Vec::new(),
         edges: Vec::new(),
     };
     for (face, curve) in rims {
@@ -188,6 +189,8 @@ struct Sewer<'f, 's> {
     parents: Vec<usize>,
     /// Strands that end at each root.
     links: Vec<Vec<usize>>,
+    /// Boxes around the nodes of each root.
+    boxes: Vec<Aabb>,
     edges: Vec<Edge>,
 }
 
@@ -196,6 +199,7 @@ impl Sewer<'_, '_> {
         self.nodes.push(point);
         self.parents.push(self.parents.len());
         self.links.push(Vec::new());
+        self.boxes.push(Aabb::around([point]));
         self.nodes.len() - 1
     }
 
@@ -247,13 +251,13 @@ impl Sewer<'_, '_> {
                     break;
                 }
                 if self.nodes[a].distance(self.nodes[b]) <= reach {
-                    self.unite(a, b, freely);
+                    self.unite(a, b, reach, freely);
                 }
             }
         }
     }
 
-    fn unite(&mut self, a: usize, b: usize, freely: bool) {
+    fn unite(&mut self, a: usize, b: usize, reach: f64, freely: bool) {
         let (a, b) = (self.root(a), self.root(b));
         if a == b {
             return;
@@ -265,10 +269,16 @@ impl Sewer<'_, '_> {
         if !freely && self.links[a].iter().any(collapses) {
             return;
         }
+        // Chains of near points do not become one far-reaching vertex.
+        let both = self.boxes[a].union(self.boxes[b]);
+        if both.diagonal() > 1.5 * reach {
+            return;
+        }
         let (keep, drop) = if self.links[a].len() >= self.links[b].len() { (a, b) } else { (b, a) };
         self.parents[drop] = keep;
         let moved = std::mem::take(&mut self.links[drop]);
         self.links[keep].extend(moved);
+        self.boxes[keep] = both;
     }
 
     /// Finds the strands that are one point of space.
@@ -294,7 +304,7 @@ impl Sewer<'_, '_> {
             // Parts made here are looked at again: they come later in the list.
             if Self::is_open(&self.strands[s]) {
                 while let Some((node, at)) = self.node_on(s, &nodes, &owners, reach, seams) {
-                    self.split(s, node, at);
+                    self.split(s, node, at, reach);
                 }
             }
             s += 1;
@@ -334,7 +344,7 @@ impl Sewer<'_, '_> {
             })
     }
 
-    fn split(&mut self, s: usize, node: usize, at: f64) {
+    fn split(&mut self, s: usize, node: usize, at: f64, reach: f64) {
         let Ok([before, after]) = self.strands[s].curve.split(at) else {
             return;
         };
@@ -342,7 +352,7 @@ impl Sewer<'_, '_> {
         let point = self.faces[face].point(after.start());
         let [first, second] = self.strands[s].trail.split((at, point));
         let middle = self.add_node(point);
-        self.unite(middle, node, true);
+        self.unite(middle, node, reach, true);
         let end = self.strands[s].ends[1];
         let old = self.root(end);
         self.links[old].retain(|&k| k != s);
