@@ -9,17 +9,20 @@ use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
 use nurbray::formats::{Export, FORMATS};
-use nurbray::output;
+use nurbray::{output, tessellate};
 use serde_json::{Value, json};
 
+use super::batch;
 use super::input::{self, ReadArgs};
+use super::mesh::{self, MeshArgs, Shard};
 use super::{FAILED, Failures, PARTLY};
 
 /// Turns files of one format into another
 ///
-/// Surfaces stay what they are, with their trims, names, colours and instances; what the other
-/// format cannot hold is named. A file appears under its name when it is complete, and the same
-/// input gives the same bytes.
+/// Surfaces stay what they are where the other format has them, with their trims, names, colours
+/// and instances; for glTF, STL and PLY they become triangles that are proven to be within a
+/// tolerance. What the other format cannot hold is named. A file appears under its name when it
+/// is complete, and the same input gives the same bytes.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
@@ -39,14 +42,39 @@ pub(super) struct Args {
     /// The same as --log json
     #[arg(long)]
     json: bool,
+    /// Write triangles also where the format could hold surfaces (.obj)
+    #[arg(long)]
+    triangles: bool,
     #[command(flatten)]
+    mesh: MeshArgs,
+    #[command(flatten, next_help_heading = "Batches")]
+    batch: BatchArgs,
+    #[command(flatten, next_help_heading = "Reading")]
     read: ReadArgs,
+}
+
+/// How many files are converted.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct BatchArgs {
+    /// Files converted at the same time; 0 is one for each core
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    jobs: usize,
+    /// Skip files that an earlier run with --resume finished from the same source with the same
+    /// options, as a .done file beside each output tells
+    #[arg(long)]
+    resume: bool,
+    /// Convert only part I of N, counted from 0, or with slurm the part of this task of a job
+    /// array
+    #[arg(long, value_name = "I/N|slurm", value_parser = mesh::shard)]
+    shard: Option<Shard>,
 }
 
 const EXAMPLES: &str = "\
 Examples:
   nurbray convert samples/goblet.x3d -o goblet.igs
   nurbray convert parts -o '{stem}.igs' --out-dir converted --log json
+  nurbray convert wing.igs -o wing.glb --tolerance 0.1mm
+  nurbray convert parts -o '{stem}.glb' --out-dir meshes --jobs 8 --resume
 
 Exit codes: 0 all files were converted, 2 none was, 3 some were.";
 
@@ -66,15 +94,19 @@ struct Job {
 
 /// Converts every file.
 pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
-    let jobs = jobs(args)?;
+    let mut jobs = jobs(args)?;
+    if let Some(Shard { index, count }) = args.batch.shard {
+        let numbered = jobs.into_iter().enumerate();
+        let own = numbered.filter(|(number, _)| number % count == index);
+        jobs = own.map(|(_, job)| job).collect();
+    }
     let json = args.json || args.log == Log::Json;
-    let mut count = 0;
-    for job in &jobs {
-        let report = convert(job, &args.read);
+    let work = |job: &Job| {
+        let report = convert(job, args);
         if let Err(error) = &report {
-            count += 1;
             eprintln!("nurbray: {error:#}");
         }
+        let failed = report.is_err();
         if json {
             let line = report.unwrap_or_else(|error| {
                 let file = input::display(&job.source);
@@ -82,7 +114,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
             });
             writeln!(std::io::stdout().lock(), "{line}")?;
         }
+        Ok(failed)
+    };
+    let result = batch::run(&jobs, args.batch.jobs, work)?;
+    if result.left > 0 {
+        eprintln!("nurbray: stopped; {} files are left", result.left);
     }
+    let count = result.failed + result.left;
     let code = if count < jobs.len() { PARTLY } else { FAILED };
     Ok(Failures { count, code })
 }
@@ -103,7 +141,8 @@ fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
         };
         for source in sources {
             let path = path(args, given, &source);
-            let Some(target) = Target::of(&path) else {
+            let target = if args.triangles { Target::of_triangles } else { Target::of };
+            let Some(target) = target(&path) else {
                 let known: Vec<_> = Target::all().flat_map(Target::extensions).collect();
                 let known: Vec<_> = known.iter().map(|e| format!(".{e}")).collect();
                 bail!(
@@ -185,13 +224,31 @@ fn is_known(path: &Path) -> bool {
 }
 
 /// Converts a file; the result is what there is to say about it.
-fn convert(job: &Job, read: &ReadArgs) -> anyhow::Result<Value> {
+fn convert(job: &Job, args: &Args) -> anyhow::Result<Value> {
     let Job {
         source,
         path,
         target,
     } = job;
-    let loaded = read.load(source)?;
+    let origin = mesh::source(source)?;
+    let record = args.batch.resume.then(|| {
+        let options = format!("{:?} {:?} {:?}", args.mesh, args.read, target.name());
+        batch::Record::new(path, &origin.sha256, &options)
+    });
+    if let Some(record) = &record {
+        batch::remove_leftovers(path)?;
+        if record.is_done() {
+            let file = input::display(source);
+            eprintln!("{file}: done before");
+            return Ok(json!({
+                "file": file,
+                "status": "skipped",
+                "output": path.display().to_string(),
+            }));
+        }
+        record.remove()?;
+    }
+    let loaded = args.read.load(source)?;
     let import = &loaded.import;
     input::report_warnings(source, import.format, &import.warnings);
     let scene = &import.scene;
@@ -200,12 +257,27 @@ fn convert(job: &Job, read: &ReadArgs) -> anyhow::Result<Value> {
     }
     let started = Instant::now();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let mut report = json!({});
     let export = match target {
-        Target::Surfaces(writer) => (writer.write)(scene, &stem),
+        Target::Surfaces(writer) => {
+            let export = (writer.write)(scene, &stem);
+            export.with_context(|| path.display().to_string())?
+        }
+        Target::Triangles(writer) => {
+            let options = args.mesh.options(scene);
+            let options = options.with_context(|| input::display(source))?;
+            let triangles = tessellate(scene, &options);
+            report = mesh::report(&triangles);
+            report["tessellate_s"] = started.elapsed().as_secs_f64().into();
+            let export = (writer.write)(scene, &triangles, &origin, &stem);
+            export.with_context(|| path.display().to_string())?
+        }
     };
-    let export = export.with_context(|| path.display().to_string())?;
     input::report_warnings(path, target.name(), &export.warnings);
     store(path, &export)?;
+    if let Some(record) = &record {
+        record.write()?;
+    }
     let took = started.elapsed();
     let bytes = export.bytes.len() + export.beside.iter().map(|(_, b)| b.len()).sum::<usize>();
     let patches = scene.patches().len();
@@ -215,7 +287,7 @@ fn convert(job: &Job, read: &ReadArgs) -> anyhow::Result<Value> {
         path.display(),
         (loaded.took + took).as_secs_f64()
     );
-    Ok(json!({
+    let common = json!({
         "file": input::display(source),
         "status": "ok",
         "output": path.display().to_string(),
@@ -228,7 +300,11 @@ fn convert(job: &Job, read: &ReadArgs) -> anyhow::Result<Value> {
         "bytes": bytes,
         "warnings": input::warnings_json(&import.warnings),
         "left_out": input::warnings_json(&export.warnings),
-    }))
+    });
+    if let (Some(report), Value::Object(common)) = (report.as_object_mut(), common) {
+        report.extend(common);
+    }
+    Ok(report)
 }
 
 /// Writes a file and those beside it, the file itself last.

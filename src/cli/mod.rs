@@ -1,9 +1,11 @@
 //! The command line: arguments into plain data, one file per command.
 #![allow(clippy::print_stderr, reason = "this is where the program speaks")]
 
+mod batch;
 mod convert;
 mod info;
 mod input;
+mod mesh;
 mod parse;
 mod probe;
 mod render;

@@ -198,6 +198,7 @@ impl Group {
             .map(|(k, ((face, patch), mesh))| {
                 let mut done = face_mesh(face, patch, mesh, turned[k]);
                 done.proven = done.proven.max(proven[k]);
+                done.scale = self.scale;
                 done
             })
             .collect();
@@ -370,6 +371,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         parameters,
         flipped,
         tolerance: face.tolerance,
+        scale: 1.0,
         proven: mesh.proven,
         sampled,
         gap,

@@ -99,6 +99,8 @@ pub struct FaceMesh {
     pub flipped: bool,
     /// The tolerance of this face, in its own units.
     pub tolerance: f64,
+    /// How much its own units are lengthened at most where it is shown.
+    pub scale: f64,
     /// How far surface and triangles are apart at most, in the patch's own units.
     pub proven: f64,
     /// The largest distance found at sample points.

@@ -126,10 +126,6 @@ impl Rect {
     pub(super) fn size(&self) -> DVec2 {
         self.max - self.min
     }
-
-    pub(super) fn center(&self) -> DVec2 {
-        self.min.midpoint(self.max)
-    }
 }
 
 /// A surface with its Bézier pieces.

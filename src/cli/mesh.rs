@@ -1,0 +1,207 @@
+//! Options of `nurbray convert` for formats of triangles.
+
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use nurbray::gltf::Source;
+use nurbray::kernel::{Camera, Scene};
+use nurbray::{FaceMesh, Screen, TessellateOptions, Tessellation, Tolerance};
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
+
+/// How surfaces become triangles.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Triangles")]
+pub(super) struct MeshArgs {
+    /// Largest distance between surface and triangles: a length, with a unit (m, cm, mm, um, in,
+    /// ft) or in units of the file, or a share of the diagonal of the scene in percent
+    #[arg(long, value_name = "LENGTH|%", default_value = "0.05%", value_parser = distance)]
+    tolerance: Distance,
+    /// Largest angle between the normals at the ends of a side, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 15.0, value_parser = angle)]
+    angle: f64,
+    /// Longest side: a length as for --tolerance
+    #[arg(long, value_name = "LENGTH|%", value_parser = distance)]
+    max_edge: Option<Distance>,
+    /// As coarse as this many pixels allow in a picture of 1080 rows from the first camera of
+    /// the file, but not finer than --tolerance
+    #[arg(long, value_name = "PX", value_parser = pixels)]
+    screen: Option<f64>,
+}
+
+/// A length on the command line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Distance {
+    Metres(f64),
+    Units(f64),
+    Share(f64),
+}
+
+/// Rows of the picture that --screen speaks of.
+const ROWS: u32 = 1080;
+
+fn positive(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite())
+}
+
+fn distance(text: &str) -> Result<Distance, String> {
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("um", 1e-6), ("in", 0.0254), ("ft", 0.3048), ("m", 1.0)];
+    let with_unit = units.iter().find_map(|(unit, metres)| {
+        let number = positive(text.strip_suffix(unit)?.trim_end())?;
+        Some(Distance::Metres(number * metres))
+    });
+    let share = || Some(Distance::Share(positive(text.strip_suffix('%')?)? / 100.0));
+    let found = with_unit.or_else(share).or_else(|| positive(text).map(Distance::Units));
+    found.ok_or_else(|| format!("'{text}' is not a positive length like 0.1mm, 0.1 or 0.05%"))
+}
+
+fn angle(text: &str) -> Result<f64, String> {
+    let angle = positive(text).filter(|angle| *angle <= 180.0);
+    angle.ok_or_else(|| format!("'{text}' is not an angle between 0 and 180 degrees"))
+}
+
+fn pixels(text: &str) -> Result<f64, String> {
+    positive(text).ok_or_else(|| format!("'{text}' is not a positive number of pixels"))
+}
+
+impl Distance {
+    fn tolerance(self, scene: &Scene) -> anyhow::Result<Tolerance> {
+        Ok(match self {
+            Self::Units(length) => Tolerance::Length(length),
+            Self::Share(share) => Tolerance::Relative(share),
+            Self::Metres(metres) => {
+                let unit = scene.unit.as_ref();
+                let unit = unit.context("the file names no unit; give a length without one")?;
+                Tolerance::Length(metres / unit.metres)
+            }
+        })
+    }
+}
+
+impl MeshArgs {
+    /// What they ask for in a scene.
+    pub(super) fn options(&self, scene: &Scene) -> anyhow::Result<TessellateOptions> {
+        let max_edge = match self.max_edge.map(|most| most.tolerance(scene)).transpose()? {
+            None => None,
+            Some(Tolerance::Length(length)) => Some(length),
+            Some(Tolerance::Relative(share)) => Some(share * scene.hull_bounds().diagonal()),
+        };
+        let screen = self.screen.map(|pixels| {
+            let camera = scene.cameras.first().cloned();
+            let up = scene.up.direction();
+            Screen {
+                camera: camera
+                    .unwrap_or_else(|| Camera::framing(&[scene.hull_bounds()], up, 16.0 / 9.0)),
+                pixels,
+                height: ROWS,
+            }
+        });
+        Ok(TessellateOptions {
+            tolerance: self.tolerance.tolerance(scene)?,
+            angle: self.angle.to_radians(),
+            max_edge,
+            screen,
+        })
+    }
+}
+
+/// Name and hash of a file; standard input has neither.
+pub(super) fn source(path: &Path) -> anyhow::Result<Source> {
+    if path == Path::new("-") {
+        return Ok(Source::default());
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let mut file = std::fs::File::open(path).with_context(|| path.display().to_string())?;
+    let mut hash = Sha256::new();
+    std::io::copy(&mut file, &mut hash).with_context(|| path.display().to_string())?;
+    let hash = hash.finalize();
+    let sha256 = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    Ok(Source { name, sha256 })
+}
+
+/// What there is to say about triangles.
+pub(super) fn report(triangles: &Tessellation) -> Value {
+    let faces = || triangles.faces.iter().flatten();
+    let most = |get: fn(&FaceMesh) -> f64| {
+        faces().map(|face| get(face) * face.scale).fold(0.0, f64::max)
+    };
+    let shells = &triangles.shells;
+    json!({
+        "triangles": faces().map(|face| face.mesh.triangles().len()).sum::<usize>(),
+        "tolerance": triangles.tolerance,
+        "proven_deviation": most(|face| face.proven),
+        "sampled_deviation": most(|face| face.sampled),
+        "largest_gap": most(|face| face.gap),
+        "unproven_triangles": faces().map(|face| face.unproven).sum::<usize>(),
+        "shells": shells.len(),
+        "closed_shells": shells.iter().filter(|shell| shell.is_closed()).count(),
+        "naked_sides": shells.iter().map(|shell| shell.naked).sum::<usize>(),
+        "crossings": triangles.crossings,
+    })
+}
+
+/// A part of a batch: every `count`-th file from number `index` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Shard {
+    pub(super) index: usize,
+    pub(super) count: usize,
+}
+
+/// `I/N`, or `slurm` for the variables that Slurm sets in a job array.
+pub(super) fn shard(text: &str) -> Result<Shard, String> {
+    let found = if text == "slurm" {
+        slurm().map_err(|error| format!("{error:#}"))?
+    } else {
+        let wrong = || format!("'{text}' is not I/N with I from 0 to N - 1, nor slurm");
+        let (index, count) = text.split_once('/').ok_or_else(wrong)?;
+        let (index, count) = (index.parse(), count.parse());
+        let (Ok(index), Ok(count)) = (index, count) else {
+            return Err(wrong());
+        };
+        Shard { index, count }
+    };
+    if found.index < found.count {
+        Ok(found)
+    } else {
+        Err(format!("there is no part {} of {}", found.index, found.count))
+    }
+}
+
+fn slurm() -> anyhow::Result<Shard> {
+    let number = |name: &str| -> anyhow::Result<usize> {
+        let value = std::env::var(name).with_context(|| format!("{name} is not set"))?;
+        value.parse().with_context(|| format!("{name} is '{value}'"))
+    };
+    let (id, least) = (number("SLURM_ARRAY_TASK_ID")?, number("SLURM_ARRAY_TASK_MIN")?);
+    let Some(index) = id.checked_sub(least) else {
+        bail!("SLURM_ARRAY_TASK_ID is {id}, less than SLURM_ARRAY_TASK_MIN");
+    };
+    Ok(Shard {
+        index,
+        count: number("SLURM_ARRAY_TASK_COUNT")?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths() {
+        assert_eq!(distance("0.5mm"), Ok(Distance::Metres(0.5e-3)));
+        assert_eq!(distance("2 m"), Ok(Distance::Metres(2.0)));
+        assert_eq!(distance("0.05%"), Ok(Distance::Share(0.05 / 100.0)));
+        assert_eq!(distance("3"), Ok(Distance::Units(3.0)));
+        for wrong in ["", "mm", "-1", "0", "1px", "inf", "nan%"] {
+            assert!(distance(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn shards() {
+        assert_eq!(shard("1/3"), Ok(Shard { index: 1, count: 3 }));
+        for wrong in ["3/3", "1", "a/b", "-1/2", "0/0"] {
+            assert!(shard(wrong).is_err(), "{wrong}");
+        }
+    }
+}

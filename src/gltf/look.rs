@@ -1,0 +1,196 @@
+//! Materials, cameras and lights.
+
+use std::collections::BTreeMap;
+
+use gltf_json::camera::{Orthographic, Perspective, Type};
+use gltf_json::extensions::scene::khr_lights_punctual as punctual;
+use gltf_json::material::{
+    AlphaMode, EmissiveFactor, PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor,
+};
+use gltf_json::validation::Checked::Valid;
+use gltf_json::{Index, Material, Node};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use kernel::{Camera, Light, LightKind, MaterialId, Projection, Scene};
+
+use super::buffer::number;
+use super::place::Place;
+
+/// Materials that have been used so far, each once from both sides and once from one.
+#[derive(Debug, Default)]
+pub(super) struct Materials {
+    known: BTreeMap<(Option<usize>, bool), Index<Material>>,
+}
+
+impl Materials {
+    /// The number of a material in the file.
+    pub(super) fn add(
+        &mut self,
+        scene: &Scene,
+        id: Option<MaterialId>,
+        double_sided: bool,
+        list: &mut Vec<Material>,
+    ) -> Index<Material> {
+        let key = (id.map(MaterialId::index), double_sided);
+        *self.known.entry(key).or_insert_with(|| {
+            let default = kernel::Material::default();
+            let source = id.map_or(&default, |id| scene.material(id));
+            list.push(material(source, double_sided));
+            Index::new(number(list.len() - 1))
+        })
+    }
+}
+
+/// A Phong material becomes a dielectric whose lobe is as wide: Blinn's exponent `n` is that
+/// of the roughness `(2 / (n + 2)) ^ (1/4)` \[Walter 07, after Beckmann\]; without specular
+/// reflection it is fully rough.
+#[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+fn material(source: &kernel::Material, double_sided: bool) -> Material {
+    let (base, metallic, roughness) = match source.metallic_roughness {
+        Some(given) => (given.base_color, given.metallic, given.roughness),
+        None if source.specular.max_element() <= 0.0 => (source.diffuse, 0.0, 1.0),
+        None => {
+            let exponent = source.shininess.max(0.0);
+            (source.diffuse, 0.0, (2.0 / (exponent + 2.0)).powf(0.25))
+        }
+    };
+    let unit = |x: f64| x.clamp(0.0, 1.0) as f32;
+    let opaque = source.opacity >= 1.0;
+    Material {
+        name: (!source.name.is_empty()).then(|| source.name.clone()),
+        pbr_metallic_roughness: PbrMetallicRoughness {
+            base_color_factor: PbrBaseColorFactor(
+                [base.x, base.y, base.z, source.opacity].map(unit),
+            ),
+            metallic_factor: StrengthFactor(unit(metallic)),
+            roughness_factor: StrengthFactor(unit(roughness)),
+            ..PbrMetallicRoughness::default()
+        },
+        emissive_factor: EmissiveFactor(source.emissive.to_array().map(unit)),
+        alpha_mode: Valid(if opaque { AlphaMode::Opaque } else { AlphaMode::Blend }),
+        double_sided,
+        ..Material::default()
+    }
+}
+
+/// The camera's own axes, with its view along -z, at its place.
+fn placed(eye: DVec3, forward: DVec3, up: DVec3, world: &DAffine3) -> Node {
+    let forward = world.transform_vector3(forward).normalize_or(DVec3::NEG_Z);
+    let up = world.transform_vector3(up);
+    let right = forward.cross(up).normalize_or(forward.any_orthonormal_vector());
+    let axes = DMat3::from_cols(right, right.cross(forward), -forward);
+    let mut node = Node::default();
+    let place = Place {
+        translation: world.transform_point3(eye),
+        rotation: DQuat::from_mat3(&axes),
+        scale: DVec3::ONE,
+    };
+    place.apply_to(&mut node);
+    node
+}
+
+/// Cameras as nodes of their own, since they may not be scaled; `world` leads to metres.
+#[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+pub(super) fn add_camera(
+    camera: &Camera,
+    world: &DAffine3,
+    metres: f64,
+    diagonal: f64,
+    root: &mut gltf_json::Root,
+) -> Node {
+    let far = camera.eye().length().max(1.0) * 10.0 + diagonal * 10.0;
+    let mut made = gltf_json::Camera {
+        name: None,
+        orthographic: None,
+        perspective: None,
+        type_: Valid(Type::Perspective),
+        extensions: None,
+        extras: None,
+    };
+    match camera.projection() {
+        // Files know the height only; of pictures that are wider than high it is the shorter.
+        Projection::Perspective { vertical_fov: fov } | Projection::PerspectiveShorter { fov } => {
+            made.perspective = Some(Perspective {
+                aspect_ratio: None,
+                yfov: fov as f32,
+                zfar: None,
+                znear: (1e-3 * diagonal * metres).max(1e-6) as f32,
+                extensions: None,
+                extras: None,
+            });
+        }
+        Projection::Orthographic { extent } => {
+            made.type_ = Valid(Type::Orthographic);
+            let half = (0.5 * extent * metres) as f32;
+            made.orthographic = Some(Orthographic {
+                xmag: half,
+                ymag: half,
+                zfar: (far * metres) as f32,
+                znear: 0.0,
+                extensions: None,
+                extras: None,
+            });
+        }
+    }
+    let mut node = placed(camera.eye(), camera.forward(), camera.up(), world);
+    node.name = (!camera.name.is_empty()).then(|| camera.name.clone());
+    node.camera = Some(Index::new(number(root.cameras.len())));
+    root.cameras.push(made);
+    node
+}
+
+/// A light and the node that holds it; brightness is taken over as it is.
+#[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+pub(super) fn add_light(
+    light: &Light,
+    world: &DAffine3,
+    metres: f64,
+    lights: &mut Vec<punctual::Light>,
+) -> Node {
+    let (kind, position, direction, falloff, cone) = match light.kind {
+        LightKind::Directional { direction } => {
+            (punctual::Type::Directional, DVec3::ZERO, direction, None, None)
+        }
+        LightKind::Point { position, falloff } => {
+            (punctual::Type::Point, position, DVec3::NEG_Z, Some(falloff), None)
+        }
+        LightKind::Spot {
+            position,
+            direction,
+            inner,
+            outer,
+            falloff,
+        } => {
+            let cone = Some((inner, outer));
+            (punctual::Type::Spot, position, direction, Some(falloff), cone)
+        }
+    };
+    let intensity = light.color.max_element();
+    let color = if intensity > 0.0 { light.color / intensity } else { DVec3::ONE };
+    let range = falloff.map(|f| f.radius * metres).filter(|r| r.is_finite() && *r > 0.0);
+    let spot = cone.map(|(inner, outer)| {
+        let outer = outer.clamp(1e-3, std::f64::consts::FRAC_PI_2);
+        punctual::Spot {
+            inner_cone_angle: inner.clamp(0.0, 0.999 * outer) as f32,
+            outer_cone_angle: outer as f32,
+        }
+    });
+    lights.push(punctual::Light {
+        color: color.to_array().map(|x| x.clamp(0.0, 1.0) as f32),
+        extensions: None,
+        extras: None,
+        intensity: intensity.max(0.0) as f32,
+        name: None,
+        range: range.map(|r| r as f32),
+        spot,
+        type_: Valid(kind),
+    });
+    let mut node = placed(position, direction, direction.any_orthogonal_vector(), world);
+    let place = punctual::KhrLightsPunctual {
+        light: Index::new(number(lights.len() - 1)),
+    };
+    node.extensions = Some(gltf_json::extensions::scene::Node {
+        khr_lights_punctual: Some(place),
+        ..Default::default()
+    });
+    node
+}

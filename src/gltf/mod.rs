@@ -1,0 +1,194 @@
+//! glTF 2.0: scenes with triangles for programs that know no surfaces.
+//!
+//! One node turns and scales everything to metres with Y upwards, so that all below has the
+//! numbers of the source. Each mesh is stored once.
+
+mod buffer;
+mod look;
+mod place;
+mod shapes;
+mod tree;
+
+use formats::Export;
+use gltf_json::validation::USize64;
+use gltf_json::{Buffer, Index, Node};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use kernel::{Scene, UpAxis};
+use serde_json::{Map, Value, json};
+
+use crate::tessellate::Tessellation;
+use buffer::{extras, number};
+use place::Place;
+use shapes::Shapes;
+
+/// How the parts of a file are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Container {
+    /// All in one file: `.glb`.
+    Binary,
+    /// Text and numbers apart: `.gltf` and `.bin`.
+    Separate,
+}
+
+/// Where a scene comes from, as files tell it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Source {
+    /// Name of the file.
+    pub name: String,
+    /// SHA-256 of its bytes, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// The content of a glTF file; `stem` names the file beside it.
+///
+/// # Errors
+/// If there is nothing to write, or more than a binary file can hold.
+pub fn write(
+    scene: &Scene,
+    triangles: &Tessellation,
+    source: &Source,
+    container: Container,
+    stem: &str,
+) -> std::io::Result<Export> {
+    let mut root = gltf_json::Root::default();
+    root.asset.generator = Some(format!("nurbray {}", env!("CARGO_PKG_VERSION")));
+    let metres = scene.unit.as_ref().map_or(1.0, |unit| unit.metres);
+    let rotation = match scene.up {
+        UpAxis::Y => DQuat::IDENTITY,
+        UpAxis::Z => DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2),
+    };
+    let place = Place {
+        translation: DVec3::ZERO,
+        rotation,
+        scale: DVec3::splat(metres),
+    };
+    let mut top = Node::default();
+    place.apply_to(&mut top);
+    root.nodes.push(top);
+    let top = Index::new(0);
+    let mut shapes = Shapes::new(scene, triangles);
+    tree::add(scene, &mut shapes, top, &mut root);
+    let mut roots = vec![top];
+    if root.nodes[0].children.is_none() {
+        let text = "there is no triangle in the scene";
+        return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, text));
+    }
+    let world = DAffine3::from_mat3(DMat3::from_quat(rotation) * metres);
+    add_views(scene, &world, metres, &mut root, &mut roots);
+    let (reach, data) = (shapes.reach, shapes.data);
+    root.asset.extras = extras(&json!({
+        "source": source.name,
+        "sha256": source.sha256,
+        "unit_m": metres,
+        "tolerance_m": triangles.tolerance * metres,
+        "proven_deviation_m": reach.proven * metres,
+        "sampled_deviation_m": reach.sampled * metres,
+    }));
+    root.scenes.push(gltf_json::Scene {
+        extensions: None,
+        extras: None,
+        name: None,
+        nodes: roots,
+    });
+    root.scene = Some(Index::new(0));
+    let bytes = data.finish(&mut root);
+    let uri = format!("{stem}.bin");
+    root.buffers.push(Buffer {
+        byte_length: USize64::from(bytes.len()),
+        name: None,
+        uri: (container == Container::Separate).then(|| escaped(&uri)),
+        extensions: None,
+        extras: None,
+    });
+    // Through a value: keys in the order of their names.
+    let text = serde_json::to_vec(&compact(serde_json::to_value(&root)?))?;
+    Ok(match container {
+        Container::Binary => Export {
+            bytes: binary(text, bytes)?,
+            ..Export::default()
+        },
+        Container::Separate => Export {
+            bytes: text,
+            beside: vec![(uri, bytes)],
+            ..Export::default()
+        },
+    })
+}
+
+/// Adds cameras and lights beside the node with the shapes.
+fn add_views(
+    scene: &Scene,
+    world: &DAffine3,
+    metres: f64,
+    root: &mut gltf_json::Root,
+    roots: &mut Vec<Index<Node>>,
+) {
+    let diagonal = scene.hull_bounds().diagonal();
+    let mut nodes = Vec::new();
+    for camera in &scene.cameras {
+        nodes.push(look::add_camera(camera, world, metres, diagonal, root));
+    }
+    let mut lights = Vec::new();
+    for light in &scene.lights {
+        nodes.push(look::add_light(light, world, metres, &mut lights));
+    }
+    for node in nodes {
+        roots.push(Index::new(number(root.nodes.len())));
+        root.nodes.push(node);
+    }
+    if !lights.is_empty() {
+        root.extensions_used.push("KHR_lights_punctual".to_owned());
+        root.extensions = Some(gltf_json::extensions::root::Root {
+            khr_lights_punctual: Some(gltf_json::extensions::root::KhrLightsPunctual { lights }),
+            ..Default::default()
+        });
+    }
+}
+
+/// The same without empty lists and objects, which files may not have, except as extensions.
+fn compact(value: Value) -> Value {
+    match value {
+        Value::Object(map) => {
+            let kept = map.into_iter().map(|(k, v)| (k, compact(v)));
+            let is_empty = |v: &Value| {
+                v.is_null()
+                    || v.as_array().is_some_and(Vec::is_empty)
+                    || v.as_object().is_some_and(Map::is_empty)
+            };
+            Value::Object(kept.filter(|(_, v)| !is_empty(v)).collect())
+        }
+        Value::Array(list) => Value::Array(list.into_iter().map(compact).collect()),
+        other => other,
+    }
+}
+
+/// The name of a file as a relative address.
+fn escaped(name: &str) -> String {
+    let plain = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.' | b'~');
+    let byte = |b: u8| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") };
+    name.bytes().map(byte).collect()
+}
+
+/// Text and numbers in one file.
+fn binary(mut text: Vec<u8>, mut numbers: Vec<u8>) -> std::io::Result<Vec<u8>> {
+    text.resize(text.len().next_multiple_of(4), b' ');
+    numbers.resize(numbers.len().next_multiple_of(4), 0);
+    let length = 12 + 8 + text.len() + 8 + numbers.len();
+    let size = |bytes: usize| {
+        u32::try_from(bytes).map_err(|_| {
+            let text = format!("{length} bytes; a .glb file holds less than 4 GiB, use .gltf");
+            std::io::Error::new(std::io::ErrorKind::FileTooLarge, text)
+        })
+    };
+    let mut file = Vec::new();
+    file.extend(b"glTF");
+    file.extend(2_u32.to_le_bytes());
+    file.extend(size(length)?.to_le_bytes());
+    file.extend(size(text.len())?.to_le_bytes());
+    file.extend(b"JSON");
+    file.extend(text);
+    file.extend(size(numbers.len())?.to_le_bytes());
+    file.extend(b"BIN\0");
+    file.extend(numbers);
+    Ok(file)
+}
