@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: build test lint doc bench bless floors check soak
+.PHONY: build test lint doc bench peers bless floors check soak
 
 build:
 	$(CARGO) build --release
@@ -20,6 +20,10 @@ doc:
 
 bench:
 	$(CARGO) bench --workspace
+
+# Beside Embree, on the scenes in ../shared: needs g++ and libembree-dev.
+peers:
+	tools/peers.sh
 
 # Writes golden pictures and snapshots anew; look at them before you commit them.
 bless:

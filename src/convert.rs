@@ -7,8 +7,8 @@ use formats::Export;
 use kernel::Scene;
 
 use crate::gltf::{self, Container, Source};
-use crate::tessellate::Tessellation;
 use crate::polygons;
+use crate::tessellate::Tessellation;
 
 /// A kind of file that scenes are written to.
 #[derive(Clone, Copy, Debug)]

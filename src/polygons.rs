@@ -19,7 +19,11 @@ fn mesh<'a>(scene: &'a Scene, triangles: &'a Tessellation, at: &Placement) -> Op
 
 /// The corners of a triangle in the order that a map leaves counter-clockwise.
 fn turned([a, b, c]: [u32; 3], map: &DAffine3) -> [u32; 3] {
-    if map.matrix3.determinant() < 0.0 { [a, c, b] } else { [a, b, c] }
+    if map.matrix3.determinant() < 0.0 {
+        [a, c, b]
+    } else {
+        [a, b, c]
+    }
 }
 
 /// The map of normals: inverse and transposed.
@@ -32,13 +36,20 @@ pub(crate) fn stl(scene: &Scene, triangles: &Tessellation) -> Export {
     let mut body = Vec::new();
     let mut count: u32 = 0;
     for at in scene.placements() {
-        let Some(mesh) = mesh(scene, triangles, &at) else { continue };
+        let Some(mesh) = mesh(scene, triangles, &at) else {
+            continue;
+        };
         let map = &at.world_from_object;
         for &triangle in mesh.triangles() {
             let point = |k: u32| map.transform_point3(mesh.positions()[k as usize]);
             let corners = turned(triangle, map).map(point);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            let vectors = [normal.normalize_or_zero(), corners[0], corners[1], corners[2]];
+            let vectors = [
+                normal.normalize_or_zero(),
+                corners[0],
+                corners[1],
+                corners[2],
+            ];
             for number in vectors.iter().flat_map(|v| v.as_vec3().to_array()) {
                 body.extend(number.to_le_bytes());
             }
@@ -57,12 +68,17 @@ pub(crate) fn stl(scene: &Scene, triangles: &Tessellation) -> Export {
 }
 
 /// Binary PLY with normals and texture coordinates, zero where there are none.
-#[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "files hold single precision"
+)]
 pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> Export {
     let (mut vertices, mut faces) = (Vec::new(), Vec::new());
     let (mut first, mut count): (u32, u32) = (0, 0);
     for at in scene.placements() {
-        let Some(mesh) = mesh(scene, triangles, &at) else { continue };
+        let Some(mesh) = mesh(scene, triangles, &at) else {
+            continue;
+        };
         let map = &at.world_from_object;
         let normals = of_normals(map);
         for (k, &p) in mesh.positions().iter().enumerate() {
@@ -103,7 +119,9 @@ pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
     let mut text = String::from("# triangles by nurbray\n");
     let (mut point, mut normal, mut texture) = (1_usize, 1_usize, 1_usize);
     for (number, at) in scene.placements().iter().enumerate() {
-        let Some(mesh) = mesh(scene, triangles, at) else { continue };
+        let Some(mesh) = mesh(scene, triangles, at) else {
+            continue;
+        };
         let map = &at.world_from_object;
         let normals = of_normals(map);
         let name: String = mesh.name.split_whitespace().collect::<Vec<_>>().join("_");

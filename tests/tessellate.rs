@@ -32,15 +32,16 @@ fn no_file_strays_from_the_tolerance() {
         let result = tessellate(&import.scene, &TessellateOptions::default());
         let faces = result.faces.iter().flatten();
         let count: usize = faces.clone().map(|f| f.mesh.triangles().len()).sum();
-        let most = |get: &dyn Fn(&nurbray::FaceMesh) -> f64| {
-            faces.clone().map(get).fold(0.0, f64::max)
-        };
+        let most =
+            |get: &dyn Fn(&nurbray::FaceMesh) -> f64| faces.clone().map(get).fold(0.0, f64::max);
         let unproven: usize = faces.clone().map(|f| f.unproven).sum();
         let closed = result.shells.iter().filter(|s| s.is_closed()).count();
         let naked: usize = result.shells.iter().map(|s| s.naked).sum();
         let crowded: usize = result.shells.iter().map(|s| s.crowded).sum();
         let twisted: usize = result.shells.iter().map(|s| s.twisted).sum();
-        if count == 0 { continue; }
+        if count == 0 {
+            continue;
+        }
         println!(
             "{}: {} faces {count} triangles {:.2} s, proven {:.3} sampled {:.3} gap {:.3}, unproven {unproven} crossings {}, shells {} closed {closed} naked {naked} crowded {crowded} twisted {twisted}",
             file.file_name().unwrap().to_string_lossy(),

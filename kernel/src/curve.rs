@@ -257,9 +257,7 @@ impl Curve<DVec2> {
             // Between pieces the sign may change without a change inside of one.
             found.push(end);
         }
-        found.retain(|&t| {
-            start < t && t < end && (self.evaluate(t)[axis] - value).abs() <= near
-        });
+        found.retain(|&t| start < t && t < end && (self.evaluate(t)[axis] - value).abs() <= near);
         found.sort_by(f64::total_cmp);
         found.dedup();
         found

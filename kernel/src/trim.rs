@@ -15,8 +15,8 @@ use std::ops::Range;
 use glam::DVec2;
 
 pub use close::{ClosedLoops, Orientation, close};
-pub use nesting::{Nest, nesting, oriented};
 pub(crate) use monotone::crossings;
+pub use nesting::{Nest, nesting, oriented};
 pub(crate) use region::shifts;
 pub use region::{Cover, TrimRegion};
 

@@ -45,7 +45,9 @@ pub(super) fn run<J: Sync>(
         // One file after the other, each with all cores.
         jobs.iter().try_for_each(one)?;
     } else {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()?;
         // Single jobs: the next file is begun when one is finished.
         pool.install(|| jobs.par_iter().with_max_len(1).try_for_each(one))?;
     }
@@ -111,9 +113,13 @@ pub(super) fn remove_leftovers(output: &Path) -> anyhow::Result<()> {
         let name = entry.file_name();
         let name = name.to_string_lossy();
         // NAME.PROCESS.part
-        let number = name.strip_suffix(".part").and_then(|rest| rest.rsplit_once('.'));
+        let number = name
+            .strip_suffix(".part")
+            .and_then(|rest| rest.rsplit_once('.'));
         let is_ours = number.is_some_and(|(begin, process)| {
-            let own = begin.strip_prefix(&*stem).is_some_and(|end| end.starts_with('.'));
+            let own = begin
+                .strip_prefix(&*stem)
+                .is_some_and(|end| end.starts_with('.'));
             own && process.parse() != Ok(std::process::id()) && process.parse::<u32>().is_ok()
         });
         if is_ours {

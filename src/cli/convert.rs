@@ -141,7 +141,11 @@ fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
         };
         for source in sources {
             let path = path(args, given, &source);
-            let target = if args.triangles { Target::of_triangles } else { Target::of };
+            let target = if args.triangles {
+                Target::of_triangles
+            } else {
+                Target::of
+            };
             let Some(target) = target(&path) else {
                 let known: Vec<_> = Target::all().flat_map(Target::extensions).collect();
                 let known: Vec<_> = known.iter().map(|e| format!(".{e}")).collect();

@@ -41,17 +41,28 @@ enum Distance {
 const ROWS: u32 = 1080;
 
 fn positive(text: &str) -> Option<f64> {
-    text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite())
+    text.parse()
+        .ok()
+        .filter(|x: &f64| *x > 0.0 && x.is_finite())
 }
 
 fn distance(text: &str) -> Result<Distance, String> {
-    let units = [("mm", 1e-3), ("cm", 1e-2), ("um", 1e-6), ("in", 0.0254), ("ft", 0.3048), ("m", 1.0)];
+    let units = [
+        ("mm", 1e-3),
+        ("cm", 1e-2),
+        ("um", 1e-6),
+        ("in", 0.0254),
+        ("ft", 0.3048),
+        ("m", 1.0),
+    ];
     let with_unit = units.iter().find_map(|(unit, metres)| {
         let number = positive(text.strip_suffix(unit)?.trim_end())?;
         Some(Distance::Metres(number * metres))
     });
     let share = || Some(Distance::Share(positive(text.strip_suffix('%')?)? / 100.0));
-    let found = with_unit.or_else(share).or_else(|| positive(text).map(Distance::Units));
+    let found = with_unit
+        .or_else(share)
+        .or_else(|| positive(text).map(Distance::Units));
     found.ok_or_else(|| format!("'{text}' is not a positive length like 0.1mm, 0.1 or 0.05%"))
 }
 
@@ -81,7 +92,11 @@ impl Distance {
 impl MeshArgs {
     /// What they ask for in a scene.
     pub(super) fn options(&self, scene: &Scene) -> anyhow::Result<TessellateOptions> {
-        let max_edge = match self.max_edge.map(|most| most.tolerance(scene)).transpose()? {
+        let max_edge = match self
+            .max_edge
+            .map(|most| most.tolerance(scene))
+            .transpose()?
+        {
             None => None,
             Some(Tolerance::Length(length)) => Some(length),
             Some(Tolerance::Relative(share)) => Some(share * scene.hull_bounds().diagonal()),
@@ -110,7 +125,11 @@ pub(super) fn source(path: &Path) -> anyhow::Result<Source> {
     if path == Path::new("-") {
         return Ok(Source::default());
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = path
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
     let mut file = std::fs::File::open(path).with_context(|| path.display().to_string())?;
     let mut hash = Sha256::new();
     std::io::copy(&mut file, &mut hash).with_context(|| path.display().to_string())?;
@@ -123,7 +142,9 @@ pub(super) fn source(path: &Path) -> anyhow::Result<Source> {
 pub(super) fn report(triangles: &Tessellation) -> Value {
     let faces = || triangles.faces.iter().flatten();
     let most = |get: fn(&FaceMesh) -> f64| {
-        faces().map(|face| get(face) * face.scale).fold(0.0, f64::max)
+        faces()
+            .map(|face| get(face) * face.scale)
+            .fold(0.0, f64::max)
     };
     let shells = &triangles.shells;
     json!({
@@ -163,16 +184,24 @@ pub(super) fn shard(text: &str) -> Result<Shard, String> {
     if found.index < found.count {
         Ok(found)
     } else {
-        Err(format!("there is no part {} of {}", found.index, found.count))
+        Err(format!(
+            "there is no part {} of {}",
+            found.index, found.count
+        ))
     }
 }
 
 fn slurm() -> anyhow::Result<Shard> {
     let number = |name: &str| -> anyhow::Result<usize> {
         let value = std::env::var(name).with_context(|| format!("{name} is not set"))?;
-        value.parse().with_context(|| format!("{name} is '{value}'"))
+        value
+            .parse()
+            .with_context(|| format!("{name} is '{value}'"))
     };
-    let (id, least) = (number("SLURM_ARRAY_TASK_ID")?, number("SLURM_ARRAY_TASK_MIN")?);
+    let (id, least) = (
+        number("SLURM_ARRAY_TASK_ID")?,
+        number("SLURM_ARRAY_TASK_MIN")?,
+    );
     let Some(index) = id.checked_sub(least) else {
         bail!("SLURM_ARRAY_TASK_ID is {id}, less than SLURM_ARRAY_TASK_MIN");
     };

@@ -74,10 +74,22 @@ impl Data {
         if vertices <= usize::from(u16::MAX) {
             let narrow = indices.iter().filter_map(|&i| u16::try_from(i).ok());
             let bytes = narrow.flat_map(u16::to_le_bytes);
-            self.add(Kind::Index16, ComponentType::U16, Type::Scalar, count, bytes)
+            self.add(
+                Kind::Index16,
+                ComponentType::U16,
+                Type::Scalar,
+                count,
+                bytes,
+            )
         } else {
             let bytes = indices.iter().flat_map(|i| i.to_le_bytes());
-            self.add(Kind::Index32, ComponentType::U32, Type::Scalar, count, bytes)
+            self.add(
+                Kind::Index32,
+                ComponentType::U32,
+                Type::Scalar,
+                count,
+                bytes,
+            )
         }
     }
 
@@ -123,7 +135,11 @@ impl Data {
                 Kind::Vec4 => Some(16),
                 Kind::Index16 | Kind::Index32 => None,
             };
-            let target = if is_index { Target::ElementArrayBuffer } else { Target::ArrayBuffer };
+            let target = if is_index {
+                Target::ElementArrayBuffer
+            } else {
+                Target::ArrayBuffer
+            };
             places.insert(kind, Index::new(number(root.buffer_views.len())));
             root.buffer_views.push(View {
                 buffer: Index::new(0),

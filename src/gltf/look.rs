@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf_json::camera::{Orthographic, Perspective, Type};
 use gltf_json::extensions::scene::khr_lights_punctual as punctual;
 use gltf_json::material::{
@@ -9,7 +10,6 @@ use gltf_json::material::{
 };
 use gltf_json::validation::Checked::Valid;
 use gltf_json::{Index, Material, Node};
-use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Camera, Light, LightKind, MaterialId, Projection, Scene};
 
 use super::buffer::number;
@@ -43,7 +43,10 @@ impl Materials {
 /// A Phong material becomes a dielectric whose lobe is as wide: Blinn's exponent `n` is that
 /// of the roughness `(2 / (n + 2)) ^ (1/4)` \[Walter 07, after Beckmann\]; without specular
 /// reflection it is fully rough.
-#[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "files hold single precision"
+)]
 fn material(source: &kernel::Material, double_sided: bool) -> Material {
     let (base, metallic, roughness) = match source.metallic_roughness {
         Some(given) => (given.base_color, given.metallic, given.roughness),
@@ -66,7 +69,11 @@ fn material(source: &kernel::Material, double_sided: bool) -> Material {
             ..PbrMetallicRoughness::default()
         },
         emissive_factor: EmissiveFactor(source.emissive.to_array().map(unit)),
-        alpha_mode: Valid(if opaque { AlphaMode::Opaque } else { AlphaMode::Blend }),
+        alpha_mode: Valid(if opaque {
+            AlphaMode::Opaque
+        } else {
+            AlphaMode::Blend
+        }),
         double_sided,
         ..Material::default()
     }
@@ -76,7 +83,9 @@ fn material(source: &kernel::Material, double_sided: bool) -> Material {
 fn placed(eye: DVec3, forward: DVec3, up: DVec3, world: &DAffine3) -> Node {
     let forward = world.transform_vector3(forward).normalize_or(DVec3::NEG_Z);
     let up = world.transform_vector3(up);
-    let right = forward.cross(up).normalize_or(forward.any_orthonormal_vector());
+    let right = forward
+        .cross(up)
+        .normalize_or(forward.any_orthonormal_vector());
     let axes = DMat3::from_cols(right, right.cross(forward), -forward);
     let mut node = Node::default();
     let place = Place {
@@ -89,7 +98,10 @@ fn placed(eye: DVec3, forward: DVec3, up: DVec3, world: &DAffine3) -> Node {
 }
 
 /// Cameras as nodes of their own, since they may not be scaled; `world` leads to metres.
-#[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "files hold single precision"
+)]
 pub(super) fn add_camera(
     camera: &Camera,
     world: &DAffine3,
@@ -139,7 +151,10 @@ pub(super) fn add_camera(
 }
 
 /// A light and the node that holds it; brightness is taken over as it is.
-#[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "files hold single precision"
+)]
 pub(super) fn add_light(
     light: &Light,
     world: &DAffine3,
@@ -147,12 +162,20 @@ pub(super) fn add_light(
     lights: &mut Vec<punctual::Light>,
 ) -> Node {
     let (kind, position, direction, falloff, cone) = match light.kind {
-        LightKind::Directional { direction } => {
-            (punctual::Type::Directional, DVec3::ZERO, direction, None, None)
-        }
-        LightKind::Point { position, falloff } => {
-            (punctual::Type::Point, position, DVec3::NEG_Z, Some(falloff), None)
-        }
+        LightKind::Directional { direction } => (
+            punctual::Type::Directional,
+            DVec3::ZERO,
+            direction,
+            None,
+            None,
+        ),
+        LightKind::Point { position, falloff } => (
+            punctual::Type::Point,
+            position,
+            DVec3::NEG_Z,
+            Some(falloff),
+            None,
+        ),
         LightKind::Spot {
             position,
             direction,
@@ -161,12 +184,24 @@ pub(super) fn add_light(
             falloff,
         } => {
             let cone = Some((inner, outer));
-            (punctual::Type::Spot, position, direction, Some(falloff), cone)
+            (
+                punctual::Type::Spot,
+                position,
+                direction,
+                Some(falloff),
+                cone,
+            )
         }
     };
     let intensity = light.color.max_element();
-    let color = if intensity > 0.0 { light.color / intensity } else { DVec3::ONE };
-    let range = falloff.map(|f| f.radius * metres).filter(|r| r.is_finite() && *r > 0.0);
+    let color = if intensity > 0.0 {
+        light.color / intensity
+    } else {
+        DVec3::ONE
+    };
+    let range = falloff
+        .map(|f| f.radius * metres)
+        .filter(|r| r.is_finite() && *r > 0.0);
     let spot = cone.map(|(inner, outer)| {
         let outer = outer.clamp(1e-3, std::f64::consts::FRAC_PI_2);
         punctual::Spot {
@@ -184,7 +219,12 @@ pub(super) fn add_light(
         spot,
         type_: Valid(kind),
     });
-    let mut node = placed(position, direction, direction.any_orthogonal_vector(), world);
+    let mut node = placed(
+        position,
+        direction,
+        direction.any_orthogonal_vector(),
+        world,
+    );
     let place = punctual::KhrLightsPunctual {
         light: Index::new(number(lights.len() - 1)),
     };

@@ -10,9 +10,9 @@ mod shapes;
 mod tree;
 
 use formats::Export;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf_json::validation::USize64;
 use gltf_json::{Buffer, Index, Node};
-use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Scene, UpAxis};
 use serde_json::{Map, Value, json};
 
@@ -165,7 +165,13 @@ fn compact(value: Value) -> Value {
 /// The name of a file as a relative address.
 fn escaped(name: &str) -> String {
     let plain = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.' | b'~');
-    let byte = |b: u8| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") };
+    let byte = |b: u8| {
+        if plain(b) {
+            char::from(b).to_string()
+        } else {
+            format!("%{b:02X}")
+        }
+    };
     name.bytes().map(byte).collect()
 }
 

@@ -1,7 +1,7 @@
 //! Affine maps as nodes may hold them: translation, rotation, scale.
 
-use gltf_json::scene::UnitQuaternion;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use gltf_json::scene::UnitQuaternion;
 
 /// A map that scales along the axes, then turns, then moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +45,10 @@ impl Place {
         vec![outer, inner]
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "files hold single precision"
+    )]
     pub(super) fn apply_to(&self, node: &mut gltf_json::Node) {
         if self.translation != DVec3::ZERO {
             node.translation = Some(self.translation.to_array().map(|x| x as f32));
@@ -58,7 +61,10 @@ impl Place {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "files hold single precision"
+    )]
     pub(super) fn quaternion(&self) -> UnitQuaternion {
         UnitQuaternion(self.rotation.normalize().to_array().map(|x| x as f32))
     }
@@ -86,7 +92,11 @@ fn loose(m: &DMat3) -> Place {
     // One size rather than three that differ by rounding.
     let mean = (lengths.x + lengths.y + lengths.z) / 3.0;
     if (lengths - mean).abs().max_element() <= ROUNDING * mean {
-        let mean = if (mean - 1.0).abs() <= ROUNDING { 1.0 } else { mean };
+        let mean = if (mean - 1.0).abs() <= ROUNDING {
+            1.0
+        } else {
+            mean
+        };
         scale = scale.signum() * mean;
     }
     let rotation = DQuat::from_mat3(&axes).normalize();

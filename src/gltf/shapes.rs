@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use glam::{DVec2, DVec3};
 use gltf_json::mesh::{Mode, Primitive, Semantic};
 use gltf_json::validation::Checked::Valid;
 use gltf_json::{Index, Mesh};
-use glam::{DVec2, DVec3};
 use kernel::{Aabb, Item, MaterialId, Scene, Shape};
 use serde_json::{Value, json};
 
@@ -87,7 +87,10 @@ impl<'a> Shapes<'a> {
     /// The mesh of what a node shows; `None` if there is no triangle in it.
     pub(super) fn add(&mut self, items: &[Item], root: &mut gltf_json::Root) -> Option<Placed> {
         let material = |item: &Item| self.scene.item_material(item);
-        let key: Vec<_> = items.iter().map(|item| (item.shape, material(item))).collect();
+        let key: Vec<_> = items
+            .iter()
+            .map(|item| (item.shape, material(item)))
+            .collect();
         if let Some(known) = self.known.get(&key) {
             return *known;
         }
@@ -110,12 +113,18 @@ impl<'a> Shapes<'a> {
     ) -> Option<Placed> {
         let meshes = items.iter().filter_map(|item| self.mesh(item.0));
         let bounds = meshes.fold(Aabb::EMPTY, |all, mesh| all.union(mesh.bounds()));
-        let center = if bounds.is_empty() { DVec3::ZERO } else { bounds.center() };
+        let center = if bounds.is_empty() {
+            DVec3::ZERO
+        } else {
+            bounds.center()
+        };
         let far = center.abs().max_element() > FAR * bounds.diagonal();
         let origin = if far { center } else { DVec3::ZERO };
         let mut batches: BTreeMap<Look, Batch> = BTreeMap::new();
         for &(shape, material) in items {
-            let Some(mesh) = self.mesh(shape) else { continue };
+            let Some(mesh) = self.mesh(shape) else {
+                continue;
+            };
             let look = Look {
                 material: material.map(MaterialId::index),
                 double_sided: !matches!(shape, Shape::Patch(id) if self.closed[id.index()]),
@@ -129,7 +138,10 @@ impl<'a> Shapes<'a> {
                 && let Some(face) = &self.triangles.faces[id.index()]
             {
                 self.reach.proven = self.reach.proven.max((face.proven + rounding) * face.scale);
-                self.reach.sampled = self.reach.sampled.max((face.sampled + rounding) * face.scale);
+                self.reach.sampled = self
+                    .reach
+                    .sampled
+                    .max((face.sampled + rounding) * face.scale);
             }
         }
         let mut primitives = Vec::new();
@@ -141,7 +153,10 @@ impl<'a> Shapes<'a> {
         if primitives.is_empty() {
             return None;
         }
-        let name = items.iter().filter_map(|item| self.mesh(item.0)).map(|m| &m.name);
+        let name = items
+            .iter()
+            .filter_map(|item| self.mesh(item.0))
+            .map(|m| &m.name);
         root.meshes.push(Mesh {
             extensions: None,
             extras: None,
@@ -156,7 +171,10 @@ impl<'a> Shapes<'a> {
     fn primitive(&mut self, look: Look, batch: Batch, root: &mut gltf_json::Root) -> Primitive {
         let data = &mut self.data;
         let mut attributes = BTreeMap::new();
-        attributes.insert(Valid(Semantic::Positions), data.add_points(&batch.positions));
+        attributes.insert(
+            Valid(Semantic::Positions),
+            data.add_points(&batch.positions),
+        );
         if look.normals {
             attributes.insert(Valid(Semantic::Normals), data.add_vec3(&batch.normals));
         }
@@ -181,7 +199,10 @@ impl<'a> Shapes<'a> {
 
 impl Batch {
     /// Appends a mesh; the result is how far rounding moves a point at most.
-    #[expect(clippy::cast_possible_truncation, reason = "files hold single precision")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "files hold single precision"
+    )]
     fn extend(&mut self, mesh: &kernel::Mesh, shape: Shape, origin: DVec3) -> f64 {
         let first = number(self.positions.len());
         let mut rounding: f64 = 0.0;
@@ -198,7 +219,10 @@ impl Batch {
         let texture = |uv: &DVec2| [uv.x as f32, (if down { uv.y } else { 1.0 - uv.y }) as f32];
         self.uvs.extend(mesh.uvs().iter().map(texture));
         let from = self.indices.len();
-        let distinct = mesh.triangles().iter().filter(|[a, b, c]| a != b && b != c && c != a);
+        let distinct = mesh
+            .triangles()
+            .iter()
+            .filter(|[a, b, c]| a != b && b != c && c != a);
         self.indices.extend(distinct.flatten().map(|i| first + i));
         let (kind, index) = match shape {
             Shape::Patch(id) => ("patch", id.index()),

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use gltf_json::{Index, Node};
 use glam::{DAffine3, DVec3};
+use gltf_json::{Index, Node};
 use kernel::{Child, Item, NodeId, Scene};
 use serde_json::{Value, json};
 
@@ -64,7 +64,10 @@ impl Tree<'_, '_> {
     fn push(&mut self, node: Node, parent: Index<Node>) -> Index<Node> {
         let index = Index::new(number(self.root.nodes.len()));
         self.root.nodes.push(node);
-        self.root.nodes[parent.value()].children.get_or_insert_default().push(index);
+        self.root.nodes[parent.value()]
+            .children
+            .get_or_insert_default()
+            .push(index);
         index
     }
 

@@ -130,8 +130,16 @@ impl<'a> Walker<'a> {
             let mut good: Option<(f64, Station, f64)> = None;
             let mut bad = f64::INFINITY;
             for _ in 0..24 {
-                let to = if t + step >= range.end { range.end } else { t + step };
-                let next = if to < range.end { self.station(to) } else { self.end_station(1) };
+                let to = if t + step >= range.end {
+                    range.end
+                } else {
+                    t + step
+                };
+                let next = if to < range.end {
+                    self.station(to)
+                } else {
+                    self.end_station(1)
+                };
                 let ratio = self.ratio(last, &next);
                 let smallest = step <= whole * LEAST;
                 if ratio <= share || smallest {
@@ -180,7 +188,11 @@ impl<'a> Walker<'a> {
             .iter()
             .map(|used| {
                 let range = used.curve.domain();
-                if (end == 0) == used.reversed { range.end } else { range.start }
+                if (end == 0) == used.reversed {
+                    range.end
+                } else {
+                    range.start
+                }
             })
             .collect();
         self.placed(self.ends[end], &ts)
@@ -328,7 +340,11 @@ fn stray(curve: &Curve<DVec2>, range: std::ops::Range<f64>, a: DVec2, b: DVec2) 
     let way = b - a;
     let length = way.length_squared();
     part.points().fold(DVec2::ZERO, |most, p| {
-        let share = if length > 0.0 { ((p - a).dot(way) / length).clamp(0.0, 1.0) } else { 0.0 };
+        let share = if length > 0.0 {
+            ((p - a).dot(way) / length).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
         most.max((p - (a + way * share)).abs())
     })
 }

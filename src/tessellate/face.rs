@@ -116,7 +116,9 @@ impl<'a> Mesher<'a> {
         for stretch in stretches {
             let ends = stretch.ends.map(|corner| {
                 let list = known.entry(corner.id).or_default();
-                let same = list.iter().find(|(uv, _)| (*uv - corner.uv).abs().cmple(near).all());
+                let same = list
+                    .iter()
+                    .find(|(uv, _)| (*uv - corner.uv).abs().cmple(near).all());
                 if let Some((_, handle)) = same {
                     return Some(*handle);
                 }
@@ -139,7 +141,11 @@ impl<'a> Mesher<'a> {
                     .get_conflicting_edges_between_vertices(a, b)
                     .map(|edge| edge.vertices().map(|v| v.fix()))
                     .collect();
-                conflicts.extend(crossed.iter().filter_map(|[c, d]| owners.get(&self::pair(*c, *d))));
+                conflicts.extend(
+                    crossed
+                        .iter()
+                        .filter_map(|[c, d]| owners.get(&self::pair(*c, *d))),
+                );
                 continue;
             }
             mesher.plane.add_constraint(a, b);
@@ -187,7 +193,10 @@ impl<'a> Mesher<'a> {
         let p = (uv - self.bounds.min) * self.scale;
         // Far below what matters, and below what the triangulation accepts.
         let tidy = |x: f64| if x.abs() < 1e-100 { 0.0 } else { x };
-        let handle = self.plane.insert(Spot(Point2::new(tidy(p.x), tidy(p.y)))).ok()?;
+        let handle = self
+            .plane
+            .insert(Spot(Point2::new(tidy(p.x), tidy(p.y))))
+            .ok()?;
         if handle.index() == self.vertices.len() {
             let vertex = match corner {
                 Some(corner) => Vertex {
@@ -220,7 +229,9 @@ impl<'a> Mesher<'a> {
         // Only poles are divided on the border: the point is that of their ends.
         let shared = self.vertices.iter().find(|v| {
             let same = |axis: usize| on_border(axis) && (v.uv[axis] - uv[axis]).abs() <= 0.0;
-            v.id.is_some() && (same(0) || same(1)) && v.position.distance(position) <= self.face.tolerance
+            v.id.is_some()
+                && (same(0) || same(1))
+                && v.position.distance(position) <= self.face.tolerance
         });
         shared.map_or(plain, |shared| Vertex {
             uv,
@@ -355,7 +366,10 @@ impl<'a> Mesher<'a> {
                 self.is_inside(*face)
             }
         };
-        faces.filter(belongs).map(|face| self.corners(face)).collect()
+        faces
+            .filter(belongs)
+            .map(|face| self.corners(face))
+            .collect()
     }
 
     /// Whether an edge bounds the face, rather than lie inside it or outside.

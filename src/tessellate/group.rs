@@ -76,7 +76,9 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
                     });
                 }
                 Child::Item(item) => {
-                    let Shape::Patch(id) = item.shape else { continue };
+                    let Shape::Patch(id) = item.shape else {
+                        continue;
+                    };
                     let key = if patch_uses[id.index()] > 1 {
                         Key::Alone(id.index())
                     } else {
@@ -124,7 +126,9 @@ impl Group {
     ) -> Done {
         let limits = Limits {
             angle: options.angle,
-            max_edge: options.max_edge.map_or(f64::INFINITY, |most| most / self.scale),
+            max_edge: options
+                .max_edge
+                .map_or(f64::INFINITY, |most| most / self.scale),
         };
         let patches: Vec<&Patch> = self.members.iter().map(|&id| scene.patch(id)).collect();
         let faces: Vec<Face<'_>> = self
@@ -213,7 +217,12 @@ impl Group {
 /// How many steps each edge must have so that no two edges become one.
 fn least_steps(edges: &[Edge]) -> Vec<usize> {
     let mut twins: HashMap<[usize; 2], usize> = HashMap::new();
-    let key = |edge: &Edge| [edge.ends[0].min(edge.ends[1]), edge.ends[0].max(edge.ends[1])];
+    let key = |edge: &Edge| {
+        [
+            edge.ends[0].min(edge.ends[1]),
+            edge.ends[0].max(edge.ends[1]),
+        ]
+    };
     for edge in edges.iter().filter(|e| !e.collapsed) {
         *twins.entry(key(edge)).or_default() += 1;
     }
@@ -329,7 +338,9 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         let uvs = vertices.map(|v| v.uv);
         let points = vertices.map(|v| v.position);
         let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
-        let flat = (points[1] - points[0]).cross(points[2] - points[0]).normalize_or(DVec3::Z);
+        let flat = (points[1] - points[0])
+            .cross(points[2] - points[0])
+            .normalize_or(DVec3::Z);
         sampled = sampled.max(deviation::triangle(face.pieces.surface, uvs, points));
         let mut triangle = corners.map(|k| {
             let vertex = &mesh.vertices[k as usize];

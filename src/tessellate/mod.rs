@@ -127,7 +127,11 @@ pub fn tessellate(scene: &Scene, options: &TessellateOptions) -> Tessellation {
         Tolerance::Relative(share) => share * diagonal,
     };
     // Of a scene without extent nothing is left whatever the tolerance.
-    let tolerance = if tolerance > 0.0 { tolerance } else { f64::MIN_POSITIVE };
+    let tolerance = if tolerance > 0.0 {
+        tolerance
+    } else {
+        f64::MIN_POSITIVE
+    };
     let tolerances = match &options.screen {
         Some(screen) => screen.tolerances(scene, tolerance),
         None => vec![tolerance; scene.patches().len()],
@@ -189,7 +193,15 @@ fn stretch(map: &DAffine3) -> f64 {
     let most = lengths.iter().copied().fold(0.0, f64::max);
     // Columns that are not perpendicular add up: Gershgorin's bound of the squares.
     let mixed = [a.dot(b).abs(), b.dot(c).abs(), c.dot(a).abs()];
-    let rows = [mixed[0] + mixed[2], mixed[0] + mixed[1], mixed[1] + mixed[2]];
-    let bound = lengths.iter().zip(rows).map(|(l, r)| l + r).fold(most, f64::max);
+    let rows = [
+        mixed[0] + mixed[2],
+        mixed[0] + mixed[1],
+        mixed[1] + mixed[2],
+    ];
+    let bound = lengths
+        .iter()
+        .zip(rows)
+        .map(|(l, r)| l + r)
+        .fold(most, f64::max);
     bound.sqrt()
 }

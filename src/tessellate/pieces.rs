@@ -92,7 +92,13 @@ impl Spread {
             return longest / 8.0;
         }
         // Half the squared radius of the circle around a triangle with these squared sides.
-        let product = if longest <= x { y * z } else if longest <= y { x * z } else { x * y };
+        let product = if longest <= x {
+            y * z
+        } else if longest <= y {
+            x * z
+        } else {
+            x * y
+        };
         let excess = others - longest;
         0.5 * longest / (4.0 - excess * excess / product)
     }
@@ -243,9 +249,8 @@ impl<'a> Pieces<'a> {
     fn find_creases(&self, axis: usize) -> Vec<f64> {
         let knots: &KnotVector = [self.surface.knots_u(), self.surface.knots_v()][axis];
         let breaks = &self.breaks[axis];
-        let inner = (1..breaks.len() - 1).filter(|&k| {
-            knots.multiplicity(breaks[k]) >= knots.degree() && self.jumps(axis, k)
-        });
+        let inner = (1..breaks.len() - 1)
+            .filter(|&k| knots.multiplicity(breaks[k]) >= knots.degree() && self.jumps(axis, k));
         inner.map(|k| breaks[k]).collect()
     }
 
@@ -327,7 +332,11 @@ impl Net {
         }
         // A part without width tells about its own direction only.
         let wide = |part: &Range<f64>, whole: &Range<f64>| {
-            if part.start < part.end { part.clone() } else { whole.clone() }
+            if part.start < part.end {
+                part.clone()
+            } else {
+                whole.clone()
+            }
         };
         let flat = [u.start >= u.end, v.start >= v.end];
         let mut spread = self.spread(wide(&u, &whole_u), wide(&v, &whole_v));
@@ -347,12 +356,27 @@ impl Net {
         let share = |x: f64, r: &Range<f64>| ((x - r.start) / (r.end - r.start)).clamp(0.0, 1.0);
         // The part from the point to the farther end, whose first corner is the point.
         let (a, b) = (share(uv.x, &u), share(uv.y, &v));
-        let (end_u, end_v) = (if a < 0.5 { 1.0 } else { 0.0 }, if b < 0.5 { 1.0 } else { 0.0 });
+        let (end_u, end_v) = (
+            if a < 0.5 { 1.0 } else { 0.0 },
+            if b < 0.5 { 1.0 } else { 0.0 },
+        );
         for j in 0..row {
-            cut(&mut self.points[j..], self.p, row, a.min(end_u), a.max(end_u));
+            cut(
+                &mut self.points[j..],
+                self.p,
+                row,
+                a.min(end_u),
+                a.max(end_u),
+            );
         }
         for i in 0..=self.p {
-            cut(&mut self.points[i * row..], self.q, 1, b.min(end_v), b.max(end_v));
+            cut(
+                &mut self.points[i * row..],
+                self.q,
+                1,
+                b.min(end_v),
+                b.max(end_v),
+            );
         }
         let (i, step_u) = if end_u > a { (0, 1) } else { (self.p, -1) };
         let (j, step_v) = if end_v > b { (0, 1) } else { (self.q, -1) };
@@ -365,8 +389,18 @@ impl Net {
         let next_u = at(i.wrapping_add_signed(step_u as isize), j);
         let next_v = at(i, j.wrapping_add_signed(step_v as isize));
         [
-            slope(next_u, self.p, step_u, (end_u - a).abs() * (u.end - u.start)),
-            slope(next_v, self.q, step_v, (end_v - b).abs() * (v.end - v.start)),
+            slope(
+                next_u,
+                self.p,
+                step_u,
+                (end_u - a).abs() * (u.end - u.start),
+            ),
+            slope(
+                next_v,
+                self.q,
+                step_v,
+                (end_v - b).abs() * (v.end - v.start),
+            ),
         ]
     }
 
@@ -411,7 +445,12 @@ impl Net {
         let m_v = two.sum(&[(&xv, &x, 1.0), (&x, &xv, -1.0)]);
         let m_uu = two.sum(&[(&xuu, &x, 1.0), (&x, &xuu, -1.0)]);
         let m_vv = two.sum(&[(&xvv, &x, 1.0), (&x, &xvv, -1.0)]);
-        let m_uv = two.sum(&[(&xuv, &x, 1.0), (&xu, &xv, 1.0), (&xv, &xu, -1.0), (&x, &xuv, -1.0)]);
+        let m_uv = two.sum(&[
+            (&xuv, &x, 1.0),
+            (&xu, &xv, 1.0),
+            (&xv, &xu, -1.0),
+            (&x, &xuv, -1.0),
+        ]);
         let square = two.weights(&x, &x);
         let cube = three.weights(&square, &x);
         let n_uu = three.sum(&[(&m_uu, &x, 1.0), (&m_u, &xu, -2.0)]);
@@ -446,7 +485,10 @@ impl Power {
     fn scaled(&self, net: &[DVec4]) -> Vec<DVec4> {
         let row = self.rows[1];
         let factor = |k: usize| self.binomials[0][k / row] * self.binomials[1][k % row];
-        net.iter().enumerate().map(|(k, h)| *h * factor(k)).collect()
+        net.iter()
+            .enumerate()
+            .map(|(k, h)| *h * factor(k))
+            .collect()
     }
 
     fn len(&self) -> usize {
@@ -458,7 +500,9 @@ impl Power {
     fn sum(&self, terms: &[(&[DVec4], &[DVec4], f64)]) -> Vec<DVec4> {
         let mut sum = vec![DVec4::ZERO; self.len()];
         for (a, b, factor) in terms {
-            self.each(a.len(), b.len(), |i, j, k| sum[k] += a[i] * (b[j].w * factor));
+            self.each(a.len(), b.len(), |i, j, k| {
+                sum[k] += a[i] * (b[j].w * factor)
+            });
         }
         sum
     }
@@ -486,7 +530,10 @@ impl Power {
     fn quotient(&self, numerator: &[DVec4], divisor: &[DVec4]) -> Ball {
         let (degree_u, degree_v) = (self.binomials[0].len() - 1, self.binomials[1].len() - 1);
         // Scaled coefficients sum up to the value in the middle but for a common factor.
-        let top = numerator.iter().fold(DVec4::ZERO, |sum, h| sum + *h).truncate();
+        let top = numerator
+            .iter()
+            .fold(DVec4::ZERO, |sum, h| sum + *h)
+            .truncate();
         let bottom: f64 = divisor.iter().map(|h| h.w).sum();
         let center = top / bottom;
         let row = degree_v + 1;

@@ -82,7 +82,10 @@ impl<'a> Face<'a> {
             let is_on = |p: DVec2| (p[side.axis] - side.at).abs() <= near[side.axis];
             stops.extend(ends.iter().filter(|&&p| is_on(p)).map(|p| p[along]));
             if rim.points().all(is_on) {
-                covered.push([ends[0][along].min(ends[1][along]), ends[0][along].max(ends[1][along])]);
+                covered.push([
+                    ends[0][along].min(ends[1][along]),
+                    ends[0][along].max(ends[1][along]),
+                ]);
             }
         }
         stops.sort_by(f64::total_cmp);
@@ -94,7 +97,10 @@ impl<'a> Face<'a> {
             }
             let middle = 0.5 * (from + to);
             let is_covered = covered.iter().any(|[a, b]| (*a..*b).contains(&middle));
-            let belongs = self.region.as_ref().is_none_or(|r| r.contains(side.at(middle)));
+            let belongs = self
+                .region
+                .as_ref()
+                .is_none_or(|r| r.contains(side.at(middle)));
             if belongs && !is_covered {
                 out.extend(Curve::line(side.at(from), side.at(to), 0.0..1.0));
             }
@@ -136,9 +142,7 @@ impl Side {
 /// Appends the parts of a curve that lie in the domain.
 fn inside(curve: &Curve<DVec2>, domain: &Rect, near: DVec2, out: &mut Vec<Curve<DVec2>>) {
     let hull = Rect::around(curve.points());
-    let fits = |p: DVec2| {
-        p.cmpge(domain.min - near).all() && p.cmple(domain.max + near).all()
-    };
+    let fits = |p: DVec2| p.cmpge(domain.min - near).all() && p.cmple(domain.max + near).all();
     if fits(hull.min) && fits(hull.max) {
         out.push(curve.clone());
         return;

@@ -73,7 +73,8 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut V
     }
     let rows = Density::new(&densities);
     let waste = densities.iter().sum::<f64>() / mean;
-    let columns = across.iter().map(|&u| size.x / step(u, 0.5).x).sum::<f64>() / across.len() as f64;
+    let columns =
+        across.iter().map(|&u| size.x / step(u, 0.5).x).sum::<f64>() / across.len() as f64;
     if levels > 0 && waste > UNEVEN && rows.total() > 3.0 && columns > 4.0 {
         let mut parts = [block; 2];
         let middle = 0.5 * (min.x + max.x);
@@ -100,7 +101,9 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut V
 /// Where along an axis a block is looked at: several places in each piece, as shares.
 fn samples(face: &Face<'_>, axis: usize, from: f64, to: f64) -> Vec<f64> {
     let count = (4 * face.pieces.count(axis, from, to)).clamp(8, 48);
-    (0..count).map(|k| (k as f64 + 0.5) / count as f64).collect()
+    (0..count)
+        .map(|k| (k as f64 + 0.5) / count as f64)
+        .collect()
 }
 
 /// How many steps there are per unit along a length of one, constant between places.

@@ -87,12 +87,24 @@ impl Trail {
     }
 
     /// The parameter of the point of the curve nearest to `target`, and its distance.
-    pub(super) fn project(&self, face: &Face<'_>, curve: &Curve<DVec2>, target: DVec3) -> (f64, f64) {
+    pub(super) fn project(
+        &self,
+        face: &Face<'_>,
+        curve: &Curve<DVec2>,
+        target: DVec3,
+    ) -> (f64, f64) {
         let near = |w: &[(f64, DVec3)]| {
             let way = w[1].1 - w[0].1;
             let share = (target - w[0].1).dot(way) / way.length_squared();
-            let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
-            (w[0].0 + (w[1].0 - w[0].0) * share, (w[0].1 + way * share).distance(target))
+            let share = if share.is_finite() {
+                share.clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            (
+                w[0].0 + (w[1].0 - w[0].0) * share,
+                (w[0].1 + way * share).distance(target),
+            )
         };
         let candidates = self.0.windows(2).map(near).enumerate();
         let Some((k, (mut t, _))) = candidates.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else {
@@ -274,7 +286,11 @@ impl Sewer<'_, '_> {
         if both.diagonal() > 1.5 * reach {
             return;
         }
-        let (keep, drop) = if self.links[a].len() >= self.links[b].len() { (a, b) } else { (b, a) };
+        let (keep, drop) = if self.links[a].len() >= self.links[b].len() {
+            (a, b)
+        } else {
+            (b, a)
+        };
         self.parents[drop] = keep;
         let moved = std::mem::take(&mut self.links[drop]);
         self.links[keep].extend(moved);
@@ -335,7 +351,11 @@ impl Sewer<'_, '_> {
                 p.cmpge(low).all() && p.cmple(high).all() && !ends.contains(&self.root(n))
             })
             .filter(|&&n| seams || owners[&n].iter().any(|&f| f != strand.face))
-            .filter(|&&n| end_points.iter().all(|e| e.distance(self.nodes[n]) > 2.0 * reach))
+            .filter(|&&n| {
+                end_points
+                    .iter()
+                    .all(|e| e.distance(self.nodes[n]) > 2.0 * reach)
+            })
             .find_map(|&n| {
                 let (t, distance) = strand.trail.project(face, &strand.curve, self.nodes[n]);
                 let range = strand.curve.domain();

@@ -55,11 +55,15 @@ impl Part<'_> {
     }
 
     fn area(&self) -> f64 {
-        self.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum()
+        self.corners()
+            .map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length())
+            .sum()
     }
 
     fn volume(&self) -> f64 {
-        self.corners().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+        self.corners()
+            .map(|[a, b, c]| a.dot(b.cross(c)) / 6.0)
+            .sum()
     }
 }
 
@@ -83,7 +87,10 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         // What is inside a face needs no further look.
         own.retain(|_, ways| ways.len() != 2 || ways[0] == ways[1]);
         for (side, ways) in own {
-            sides.entry(side).or_default().extend(ways.into_iter().map(|way| (k, way)));
+            sides
+                .entry(side)
+                .or_default()
+                .extend(ways.into_iter().map(|way| (k, way)));
         }
     }
     for users in sides.values_mut() {
@@ -106,7 +113,11 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         shell.patches.push(part.patch);
         shell.triangles += part.mesh.triangles.len();
         shell.area += part.area();
-        shell.volume += if turned[k] { -part.volume() } else { part.volume() };
+        shell.volume += if turned[k] {
+            -part.volume()
+        } else {
+            part.volume()
+        };
     }
     for users in sides.values() {
         let shell = &mut shells[component[users[0].0]];
@@ -122,9 +133,19 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
     for (number, shell) in shells.iter_mut().enumerate() {
         let members = || (0..parts.len()).filter(|&k| component[k] == number);
         let balance: f64 = members()
-            .map(|k| if turned[k] { -parts[k].area() } else { parts[k].area() })
+            .map(|k| {
+                if turned[k] {
+                    -parts[k].area()
+                } else {
+                    parts[k].area()
+                }
+            })
             .sum();
-        let wrong = if shell.is_closed() { shell.volume < 0.0 } else { balance < 0.0 };
+        let wrong = if shell.is_closed() {
+            shell.volume < 0.0
+        } else {
+            balance < 0.0
+        };
         if wrong {
             shell.volume = -shell.volume;
             members().for_each(|k| turned[k] = !turned[k]);

@@ -79,4 +79,3 @@ fn bodies() -> Vec<(&'static str, Surface, i64, [f64; 2])> {
         ),
     ]
 }
-

@@ -254,7 +254,10 @@ fn turns(piece: &[DVec3], axis: usize, cuts: &mut Vec<f64>) {
 /// some at which it only comes near.
 pub(crate) fn crossings(piece: &[DVec3], axis: usize, value: f64) -> Vec<f64> {
     let mut cuts = Vec::new();
-    roots(piece.iter().map(|h| h[axis] - value * h.z).collect(), &mut cuts);
+    roots(
+        piece.iter().map(|h| h[axis] - value * h.z).collect(),
+        &mut cuts,
+    );
     cuts
 }
 

@@ -1,0 +1,100 @@
+//! Times build and trace as the rivals of `make peers` do: the same teapots, the same camera.
+//!
+//! Arguments: folder of the shared geometry, scene (`teapot`, `inst27`, `arr27`, `inst1000`,
+//! `arr1000`), width, height, runs. Prints medians of milliseconds, and what was hit.
+
+#![expect(clippy::print_stdout, reason = "the result of the program")]
+
+#[path = "../benches/common.rs"]
+#[expect(
+    dead_code,
+    reason = "shared with the benches, which have their own camera"
+)]
+mod common;
+
+use std::time::Instant;
+
+use common::{View, array};
+use glam::DVec3;
+use nurbray::formats::{Limits, open};
+use nurbray::{Accelerator, METHODS, Workspace};
+use serde_json::Value;
+
+type Failure = Box<dyn std::error::Error>;
+
+fn vector(value: &Value) -> Result<DVec3, Failure> {
+    let number = |k: usize| {
+        value[k]
+            .as_f64()
+            .ok_or("camera.json: three numbers are wanted")
+    };
+    Ok(DVec3::new(number(0)?, number(1)?, number(2)?))
+}
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [folder, name, width, height, runs] = &arguments[..] else {
+        return Err("usage: peers FOLDER SCENE WIDTH HEIGHT RUNS".into());
+    };
+    let (width, height, runs) = (width.parse()?, height.parse()?, runs.parse::<usize>()?);
+    let camera = std::fs::read_to_string(format!("{folder}/camera.json"))?;
+    let camera: Value = serde_json::from_str(&camera)?;
+    let half = camera["tan_half_vfov"]
+        .as_f64()
+        .ok_or("camera.json: no tan_half_vfov")?;
+    let mut view = View {
+        eye: vector(&camera["eye"])?,
+        forward: vector(&camera["forward"])?,
+        right: vector(&camera["right"])? * half,
+        up: vector(&camera["up_ortho"])? * half,
+    };
+    let mut scene = open(format!("{folder}/teapot.obj"), &Limits::default())?.scene;
+    let (n, back) = match name.trim_start_matches(char::is_alphabetic) {
+        "27" => (3, 3.0),
+        "1000" => (10, 9.0),
+        _ => (1, 1.0),
+    };
+    if n > 1 {
+        // The eye goes back until the array fits.
+        let aim = vector(&camera["look_at"])?;
+        view.eye = aim - view.forward * aim.distance(view.eye) * back;
+        scene = array(&scene, n, name.starts_with("arr"));
+    }
+    let rays = view.rays(width, height);
+    let ranges = vec![0.0..f64::INFINITY; rays.len()];
+    let (mut build, mut trace, mut bytes) = (Vec::new(), Vec::new(), 0);
+    let mut found = vec![[0.0; 6]; rays.len()];
+    for _ in 0..runs {
+        let start = Instant::now();
+        let accelerator = Accelerator::build(&scene, &METHODS[0]);
+        build.push(start.elapsed().as_secs_f64() * 1e3);
+        let start = Instant::now();
+        let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
+        for ((rays, ranges), found) in rays
+            .chunks(64)
+            .zip(ranges.chunks(64))
+            .zip(found.chunks_mut(64))
+        {
+            accelerator.nearest_many(rays, ranges, &mut workspace, &mut hits);
+            for (hit, found) in hits.iter().zip(found) {
+                *found = hit.as_ref().map_or([f64::INFINITY; 6], |h| {
+                    [h.t, h.uv.x, h.uv.y, h.normal.x, h.normal.y, h.normal.z]
+                });
+            }
+        }
+        trace.push(start.elapsed().as_secs_f64() * 1e3);
+        bytes = accelerator.bytes();
+    }
+    let median = |times: &mut Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    };
+    let (build, trace) = (median(&mut build), median(&mut trace));
+    let hits = found.iter().filter(|f| f[0].is_finite()).count();
+    println!(
+        "{name},{width},{height},{build:.3},{trace:.3},{:.3},{:.1},{hits}",
+        build + trace,
+        bytes as f64 / f64::from(1 << 20)
+    );
+    Ok(())
+}
