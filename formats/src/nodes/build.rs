@@ -334,7 +334,12 @@ impl<'a> Builder<'a> {
         Err(self.too_large(line, format!("nodes nest deeper than {limit}")))
     }
 
-    pub(super) fn too_large(&self, line: usize, text: String) -> Error {
+    /// How deep nodes may nest.
+    pub(crate) fn nesting(&self) -> usize {
+        self.options.limits.nesting
+    }
+
+    pub(crate) fn too_large(&self, line: usize, text: String) -> Error {
         self.error(line, Problem::TooLarge(text))
     }
 

@@ -70,10 +70,10 @@ impl Knots {
         meets: bool,
         warnings: &mut Warnings,
     ) -> Result<Self, GeometryError> {
-        let default = if &*node.kind == "CoordinateDeformer" {
-            2
-        } else {
-            3
+        let default = match (&*node.kind, &*node.file.version) {
+            ("CoordinateDeformer", _) => 2,
+            ("NurbsPositionInterpolator", "2.0") => 4,
+            _ => 3,
         };
         let order = node.count(direction.order, default, warnings);
         let degree = order.saturating_sub(1);
@@ -148,7 +148,11 @@ fn given(
 
 /// The weights of `count` control points; `None` if all are one.
 pub(super) fn weights(node: &Node, count: usize, warnings: &mut Warnings) -> Option<Vec<f64>> {
-    let weights = node.numbers("weight", warnings);
+    // The interpolator of VRML 97 has another name for them.
+    let field = ["weight", "keyWeight"]
+        .into_iter()
+        .find(|f| node.text(f).is_some());
+    let weights = field.map_or_else(Vec::new, |field| node.numbers(field, warnings));
     if weights.is_empty() {
         return None;
     }

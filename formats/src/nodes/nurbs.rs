@@ -151,9 +151,10 @@ impl<'a> Converter<'a> {
         let inside = |link: &Link| &self.tree.nodes[link.node];
         let mut inside = node.children.iter().map(inside);
         let coordinate = inside.find(|n| matches!(&*n.kind, "Coordinate" | "CoordinateDouble"));
-        // In VRML 97 the points are a field of the surface itself.
+        // In VRML 97 the points are a field of the surface or interpolator itself.
         let (holder, field) = match coordinate {
             Some(coordinate) => (coordinate, "point"),
+            None if node.text("keyValue").is_some() => (node, "keyValue"),
             None => (node, "controlPoint"),
         };
         let points = holder.points_3d(field, &mut self.warnings);

@@ -442,3 +442,21 @@ fn instances_of_a_prototype_move_by_themselves() {
     assert_eq!(import.warnings.as_slice(), []);
     assert_eq!(place_at(&import, 1.0), DVec3::new(1.0, 4.0, 0.0));
 }
+
+#[test]
+fn the_interpolator_of_vrml_97_has_names_of_its_own() {
+    let (limits, resolver) = (&Limits::default(), &NoFiles);
+    // A cubic, as the default order there is four.
+    let text = "#VRML V2.0 utf8\nDEF T TimeSensor { }\n\
+        DEF N NurbsPositionInterpolator { keyValue [ 0 0 0, 0 1 0, 0 1 1, 1 1 1 ] keyWeight [ 1 1 1 1 ] }\n\
+        DEF M Transform { children Shape { geometry Box { } } }\n\
+        ROUTE T.fraction_changed TO N.set_fraction ROUTE N.value_changed TO M.set_translation";
+    let options = ReadOptions { limits, resolver };
+    let import = read(text.as_bytes(), None, &options).unwrap();
+    let scene = import.animation.unwrap().scene_at(0.5).unwrap();
+    let moved = scene.placements()[0].world_from_object.translation;
+    assert!(
+        moved.distance(DVec3::new(0.125, 0.875, 0.5)) < 1e-15,
+        "{moved}"
+    );
+}

@@ -107,6 +107,12 @@ impl<'a> Reader<'a, '_, '_> {
     fn run(&mut self) -> Result<Option<&'static str>, Error> {
         self.levels.push(Level::Holder(None));
         while let Some(&level) = self.levels.last() {
+            // A node takes three levels: itself, a list and what holds it there.
+            if self.levels.len() > self.builder.nesting().saturating_mul(4) {
+                let line = self.line();
+                let text = "brackets nest too deep for the limit on nodes".to_owned();
+                return Err(self.builder.too_large(line, text));
+            }
             let wanted = match level {
                 Level::Holders(_) | Level::Elements(..) => self.entry(level)?,
                 Level::Remark => self.remark(),

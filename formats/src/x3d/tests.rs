@@ -557,3 +557,19 @@ fn broken_json_says_where() {
     let error = json("{\"X3D\": [").unwrap_err().to_string();
     assert!(error.starts_with("X3D line 1: broken JSON: "), "{error}");
 }
+
+#[test]
+fn deep_json_meets_the_limit() {
+    for (start, part) in [
+        (
+            "{\"X3D\":{\"Scene\":{\"-children\":[",
+            "{\"Group\":{\"-children\":[",
+        ),
+        ("{\"X3D\":{\"#a\":", "{\"b\":"),
+        ("{\"X3D\":{\"a\":", "["),
+    ] {
+        let text = format!("{start}{}", part.repeat(100_000));
+        let problem = read_with(&Limits::default(), &text).unwrap_err();
+        assert_eq!(problem.problem.kind(), "too large", "{problem}");
+    }
+}
