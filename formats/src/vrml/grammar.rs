@@ -337,7 +337,12 @@ impl<'a> Reader<'a, '_, '_> {
                 };
                 self.rest = &self.text[start - word.len()..];
             }
-            token => self.unexpected(token),
+            Token::Close | Token::ListClose => {
+                // The end of the node: the value is missing.
+                self.unexpected(Token::Word(field));
+                self.rest = &self.text[start - 1..];
+            }
+            Token::Open => self.unexpected(first),
         }
         Ok(())
     }
