@@ -2,6 +2,7 @@
 //! surface.
 
 use std::cell::OnceCell;
+use std::collections::HashSet;
 use std::ops::Range;
 
 use glam::{DAffine2, DVec2, DVec3};
@@ -27,6 +28,9 @@ const COARSE: f64 = 1e-3;
 /// the surface's size are not believed.
 const MISSES: f64 = 2e-2;
 
+/// So are those that miss them by more than this share of their own size, and [`COARSE`].
+const SHARE: f64 = 0.1;
+
 /// A curve of space may lie this share of the surface's size beside it; farther off it is
 /// not taken for a curve on it.
 const BESIDE: f64 = 0.2;
@@ -42,7 +46,7 @@ pub(super) fn faces(
     mut sheet: Sheet,
     boundary: &Boundary,
 ) -> Result<Parts, Problem> {
-    let loops = match loops(reader, lists, boundary, sheet.border) {
+    let loops = match loops(reader, lists, face, boundary, sheet.border) {
         Ok(loops) => loops,
         Err(problem) => {
             untrimmed(reader, face, &problem);
@@ -112,8 +116,9 @@ fn untrimmed(reader: &mut Reader<'_, '_>, face: usize, problem: &Problem) {
 
 /// The loops of a face; `None` if nothing is cut off.
 fn loops(
-    reader: &Reader<'_, '_>,
+    reader: &mut Reader<'_, '_>,
     lists: &mut Edges,
+    face: usize,
     boundary: &Boundary,
     border: i64,
 ) -> Result<Option<Vec<Loop>>, Problem> {
@@ -122,7 +127,15 @@ fn loops(
         Boundary::Loops(pointers) | Boundary::Holes(pointers) => pointers,
     };
     let mut loops = Vec::new();
+    let mut seen = HashSet::new();
     for &pointer in pointers {
+        if !seen.insert(pointer) {
+            let text = "a boundary is named twice; it counts once";
+            reader
+                .repairs
+                .push((face, Problem::Invalid(text.to_owned())));
+            continue;
+        }
         if let Some(mut one) = boundary::read(reader.file, pointer)? {
             lists.resolve(reader.file, &mut one)?;
             loops.push(one);
@@ -307,10 +320,14 @@ impl<'a> Trimmer<'a> {
                 let against = own[0].distance(other[1]).max(own[1].distance(other[0]));
                 with.min(against)
             };
+            let allowed = |rail: &Rail| {
+                let length = rail.curve.hull_bounds().diagonal();
+                (self.size * MISSES).min(self.size * COARSE + length * SHARE)
+            };
             if curves
                 .iter()
                 .zip(&rails)
-                .any(|(c, r)| apart(c, r) > self.size * MISSES)
+                .any(|(c, r)| apart(c, r) > allowed(r))
             {
                 let text = "a curve of the parameter domain is not where its curve of space is";
                 return Err(Problem::Invalid(text.to_owned()));
