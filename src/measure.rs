@@ -122,7 +122,11 @@ pub fn measure(scene: &Scene) -> Measure {
         let path = path.take_while(|id| group != Some(*id)).collect();
         groups.entry((group, path)).or_default().push(face);
     }
-    let parts: Vec<_> = groups.values().flat_map(|group| connected(group)).collect();
+    let parts = groups.values().flat_map(|group| connected(group));
+    let (mut parts, open): (Vec<_>, Vec<_>) = parts.partition(|part| part.is_closed);
+    // What is open on its own may be closed by faces of other groups.
+    let open: Vec<&Face> = open.into_iter().flat_map(|part| part.faces).collect();
+    parts.extend(connected(&open));
     let is_needed = parts.iter().any(|part| part.is_closed);
     let accelerator = is_needed.then(|| Accelerator::build(scene, &METHODS[0]));
     let measured = parts

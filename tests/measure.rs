@@ -49,8 +49,11 @@ fn surfaces_with_a_border_are_no_bodies() {
     }
 }
 
-/// How far areas and volumes may be off, relative.
+/// How far areas may be off, relative.
 const ACCURACY: f64 = 3e-6;
+
+/// The same of volumes: those of the reference come from rules of a fixed order.
+const COARSE: f64 = 1e-4;
 
 /// Files of which the reference itself has answers that differ by percents.
 const DISPUTED: [&str; 1] = ["bench_128-004.igs"];
@@ -104,7 +107,7 @@ fn real_files_measure_as_elsewhere() {
         if let Some(volume) = known["volume"].as_f64() {
             let sum: f64 = found.bodies.iter().map(|body| body.volume).sum();
             let error = (sum * unit.powi(3) - volume).abs();
-            assert!(error <= volume * ACCURACY, "{name}: volume {sum} {volume}");
+            assert!(error <= volume * COARSE, "{name}: volume {sum} {volume}");
         }
         compared += 1;
     }

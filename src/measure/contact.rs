@@ -10,7 +10,7 @@ use super::Face;
 
 /// Fewest and most chords of each piece of a border; there are as many as the surface has
 /// pieces along a side.
-const CHORDS: [usize; 2] = [8, 64];
+const CHORDS: [usize; 2] = [16, 64];
 
 /// How far a border may be from another one that it meets: as a share of the chord there, for
 /// what the curve is away from it, and of the size of the face.
@@ -85,16 +85,14 @@ fn root(roots: &mut [usize], mut k: usize) -> usize {
 #[derive(Clone, Copy)]
 struct Chord {
     ends: [DVec3; 2],
+    /// The point of the curve between them.
+    middle: DVec3,
     curve: usize,
 }
 
 impl Chord {
     fn length(&self) -> f64 {
         self.ends[0].distance(self.ends[1])
-    }
-
-    fn middle(&self) -> DVec3 {
-        self.ends[0].midpoint(self.ends[1])
     }
 
     /// Whether a point is as near as the curve may be.
@@ -170,7 +168,7 @@ impl Border {
     /// The length of chords that meet no other curve of the borders around, itself among them.
     fn open_length(&self, around: &[&Self]) -> f64 {
         let meets = |chord: &&Chord| {
-            let point = chord.middle();
+            let point = chord.middle;
             let own = chord.length() * NEAR[0];
             around.iter().any(|border| {
                 let is_same = border.number == self.number;
@@ -200,16 +198,18 @@ fn sides(surface: &Surface) -> Vec<Curve<DVec2>> {
 fn along(curve: &Curve<DVec2>, surface: &Surface, number: usize) -> Vec<Chord> {
     let spans = [surface.knots_u(), surface.knots_v()].map(|knots| knots.breaks().len());
     let chords = spans[0].max(spans[1]).clamp(CHORDS[0], CHORDS[1]);
-    let mut points = Vec::new();
+    let mut found = Vec::new();
     for pair in curve.knots().breaks().windows(2) {
         let step = (pair[1] - pair[0]) / chords as f64;
-        let at = |k: usize| surface.evaluate(curve.evaluate(pair[0] + step * k as f64));
-        points.extend((0..=chords).map(at));
+        let at = |k: f64| surface.evaluate(curve.evaluate(pair[0] + step * k));
+        found.extend((0..chords).map(|k| {
+            let k = k as f64;
+            Chord {
+                ends: [at(k), at(k + 1.0)],
+                middle: at(k + 0.5),
+                curve: number,
+            }
+        }));
     }
-    points.dedup();
-    let chord = |pair: &[DVec3]| Chord {
-        ends: [pair[0], pair[1]],
-        curve: number,
-    };
-    points.windows(2).map(chord).collect()
+    found
 }
