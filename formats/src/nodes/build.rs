@@ -293,6 +293,7 @@ impl<'a> Builder<'a> {
             self.warnings.invalid(node.place(), text);
             return;
         }
+        let before = Arc::clone(&self.file);
         let file = Arc::make_mut(&mut self.file);
         match &*node.string("category") {
             "length" => {
@@ -302,6 +303,11 @@ impl<'a> Builder<'a> {
             }
             "angle" => file.angle = factor,
             _ => {}
+        }
+        // In classic spelling the scene of this file has begun.
+        let open = self.open.iter_mut().map(|open| &mut open.node.file);
+        for file in open.filter(|file| Arc::ptr_eq(file, &before)) {
+            *file = Arc::clone(&self.file);
         }
     }
 

@@ -310,10 +310,11 @@ impl<'a> Converter<'a> {
     /// The name of a node: its DEF name, or the one in its metadata that no DEF may have.
     pub(super) fn label(&self, node: &Node) -> String {
         let mut inside = node.children.iter().map(|link| &self.tree.nodes[link.node]);
-        let is_name = |n: &&Node| &*n.kind == "MetadataString" && n.string("name") == NAME;
-        let name = inside.find(is_name).map(|name| name.string("reference"));
-        name.filter(|name| !name.is_empty())
-            .unwrap_or_else(|| node.def.to_string())
+        let is_name = |n: &&Node| &*n.kind == "MetadataString" && n.strings("name") == [NAME];
+        let name = inside
+            .find(is_name)
+            .and_then(|name| name.strings("value").pop());
+        name.unwrap_or_else(|| node.def.to_string())
     }
 
     /// Adds to the number of control points read. A node that is used often is read as

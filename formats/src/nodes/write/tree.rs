@@ -172,7 +172,6 @@ impl<'a> Tree<'a> {
         if def != name && self.dialect != Dialect::Vrml97 {
             let mut metadata = Out::new("MetadataString");
             metadata.field("name", Value::Text(NAME.to_owned()));
-            metadata.field("reference", Value::Text(name.to_owned()));
             metadata.field("value", Value::Texts(vec![name.to_owned()]));
             out.child("metadata", metadata);
         } else if def != name && !name.is_empty() {
