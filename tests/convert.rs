@@ -83,7 +83,9 @@ fn the_same_file_gives_the_same_bytes() {
     let place = Place::new();
     for extension in Target::all().flat_map(Target::extensions) {
         for folder in ["a", "b"] {
-            let line = format!("convert samples -o {{stem}}.{extension} --out-dir {folder}");
+            let line = format!(
+                "convert samples -o {{stem}}.{extension} --out-dir {folder} --tolerance 1%"
+            );
             place.run(&line);
         }
         for stem in ["teapot", "goblet", "sphere_torus", "two_surfaces"] {
@@ -106,4 +108,85 @@ fn nothing_is_left_behind_when_writing_fails() {
     assert_eq!(run.code, Some(0));
     let import = open(place.path("ok.igs"), &Limits::default()).unwrap();
     assert_eq!(import.scene.placement_count(), 32);
+}
+
+/// Every file below a folder with its content, temporary ones among them.
+fn contents(folder: &std::path::Path) -> std::collections::BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(folder).unwrap().map(Result::unwrap);
+    let files = entries.map(|e| {
+        (
+            e.file_name().into_string().unwrap(),
+            fs::read(e.path()).unwrap(),
+        )
+    });
+    files.collect()
+}
+
+#[test]
+fn triangles_in_glb_are_aligned_measured_and_the_same_every_time() {
+    let place = Place::new();
+    for name in ["a", "b"] {
+        let run = place.run(&format!(
+            "convert samples/two_surfaces.igs -o {name}/part.glb --tolerance 0.5mm --json"
+        ));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let line = &lines(&run.stdout)[0];
+        let number = |key: &str| line[key].as_f64().unwrap();
+        assert!(number("proven_deviation") <= 0.5);
+        assert_eq!(line["tolerance"], 0.5);
+        assert!(number("sampled_deviation") <= number("proven_deviation"));
+    }
+    assert_eq!(contents(&place.path("a")), contents(&place.path("b")));
+    let bytes = fs::read(place.path("a/part.glb")).unwrap();
+    let size = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!(
+        (&bytes[..4], size(4), size(8)),
+        (&b"glTF"[..], 2, bytes.len())
+    );
+    assert!(size(12).is_multiple_of(4) && size(20 + size(12)).is_multiple_of(4));
+    let json: Value = serde_json::from_slice(&bytes[20..20 + size(12)]).unwrap();
+    // Millimetres with Z upwards become metres with Y upwards in one node.
+    let turned = &json["nodes"][0];
+    assert_eq!(
+        turned["scale"][0].as_f64().map(|x| (x * 1e6).round()),
+        Some(1000.0)
+    );
+    assert!(turned["rotation"][0].as_f64().unwrap() < -0.7);
+    let extras = &json["asset"]["extras"];
+    assert_eq!(extras["source"], "two_surfaces.igs");
+    assert!(extras["proven_deviation_m"].as_f64().unwrap() <= 0.5e-3);
+    assert_eq!(json["materials"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn a_batch_is_taken_up_again_and_divided() {
+    let place = Place::new();
+    let files = "convert samples/teapot.obj samples/two_surfaces.igs samples/goblet.x3d";
+    let options = "--tolerance 1% --resume --jobs 2 --json";
+    let run = place.run(&format!("{files} -o whole/{{stem}}.stl {options}"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for shard in 0..3 {
+        let run = place.run(&format!(
+            "{files} -o parts/{{stem}}.stl {options} --shard {shard}/3"
+        ));
+        assert_eq!((run.code, run.stdout.lines().count()), (Some(0), 1));
+    }
+    let whole = contents(&place.path("whole"));
+    assert_eq!((whole.len(), &whole), (6, &contents(&place.path("parts"))));
+    // As after a kill: one output unfinished, one without its record.
+    fs::write(place.path("whole/goblet.stl.1.part"), "half").unwrap();
+    fs::remove_file(place.path("whole/teapot.stl.done")).unwrap();
+    let run = place.run(&format!("{files} -o whole/{{stem}}.stl {options}"));
+    let mut status: Vec<_> = lines(&run.stdout)
+        .iter()
+        .map(|l| l["status"].clone())
+        .collect();
+    status.sort_by_key(ToString::to_string);
+    assert_eq!(status, ["ok", "skipped", "skipped"]);
+    assert_eq!(contents(&place.path("whole")), whole);
+    // Other options are another output.
+    let run = place.run(&format!(
+        "{files} -o whole/{{stem}}.stl --tolerance 2% --resume --json"
+    ));
+    assert!(lines(&run.stdout).iter().all(|l| l["status"] == "ok"));
 }

@@ -147,7 +147,7 @@ impl<'a> Shapes<'a> {
         let mut primitives = Vec::new();
         for (look, batch) in batches {
             if !batch.indices.is_empty() {
-                primitives.push(self.primitive(look, batch, root));
+                primitives.push(self.primitive(look, &batch, root));
             }
         }
         if primitives.is_empty() {
@@ -168,7 +168,7 @@ impl<'a> Shapes<'a> {
         Some(Placed { mesh, origin })
     }
 
-    fn primitive(&mut self, look: Look, batch: Batch, root: &mut gltf_json::Root) -> Primitive {
+    fn primitive(&mut self, look: Look, batch: &Batch, root: &mut gltf_json::Root) -> Primitive {
         let data = &mut self.data;
         let mut attributes = BTreeMap::new();
         attributes.insert(

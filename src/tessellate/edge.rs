@@ -243,8 +243,12 @@ impl<'a> Walker<'a> {
             let angle = a.angle_between(b);
             if angle.is_finite() { angle } else { 0.0 }
         };
+        // At a crease the normal jumps however short the step is.
+        let pieces = &self.faces[used.face].pieces;
+        let creased = pieces.is_creased_between(from.places[k].uv, to.places[k].uv);
+        let normals = if creased { 0.0 } else { angle(a.1, b.1) };
         // A boundary may turn more: its chord is seen from the side only.
-        angle(a.1, b.1).max(0.5 * angle(a.0, b.0))
+        normals.max(0.5 * angle(a.0, b.0))
     }
 
     /// How far the boundary of every face is from the chord, gaps included.

@@ -448,12 +448,16 @@ impl<'a> Mesher<'a> {
         let gap = a.gap.max(b.gap).max(c.gap);
         let tolerance = AIM * self.face.tolerance;
         let mut ratio = bound / (tolerance - gap).max(0.1 * tolerance);
+        let center = (a.uv + b.uv + c.uv) / 3.0;
         let sides = [(a, b), (b, c), (c, a)];
         for (p, q) in sides {
             let length = p.position.distance(q.position);
             ratio = ratio.max(length / self.limits.max_edge);
             if length > self.face.tolerance && ratio <= 1.0 {
                 let normal = |v: Vertex| {
+                    if self.face.pieces.is_creased(v.uv) {
+                        return self.face.pieces.normal(v.uv, center).unwrap_or_default();
+                    }
                     let d = self.face.pieces.surface.derivatives(v.uv);
                     d.du.cross(d.dv)
                 };

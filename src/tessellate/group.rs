@@ -161,14 +161,14 @@ impl Group {
         };
         let (meshes, crossings) = net.mesh();
         let proven = net.edge_bounds();
-        self.finish(&patches, &faces, meshes, &proven, crossings)
+        self.finish(&patches, &faces, &meshes, &proven, crossings)
     }
 
     fn finish(
         &self,
         patches: &[&Patch],
         faces: &[Face<'_>],
-        meshes: Vec<Triangles>,
+        meshes: &[Triangles],
         proven: &[f64],
         crossings: usize,
     ) -> Done {
@@ -179,7 +179,7 @@ impl Group {
             .max()
             .map_or(0, |most| most + 1);
         let mut parts = Vec::new();
-        for (&patch, mesh) in self.members.iter().zip(&meshes) {
+        for (&patch, mesh) in self.members.iter().zip(meshes) {
             let mut number = |id: Option<u32>| {
                 id.unwrap_or_else(|| {
                     next += 1;
@@ -197,7 +197,7 @@ impl Group {
         let faces = faces
             .par_iter()
             .zip(patches)
-            .zip(&meshes)
+            .zip(meshes)
             .enumerate()
             .map(|(k, ((face, patch), mesh))| {
                 let mut done = face_mesh(face, patch, mesh, turned[k]);

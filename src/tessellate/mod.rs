@@ -12,6 +12,7 @@ mod deviation;
 mod edge;
 mod face;
 mod group;
+mod net;
 mod pieces;
 mod rim;
 mod seed;

@@ -1,5 +1,6 @@
 use std::f64::consts::{PI, TAU};
 
+use glam::DVec3;
 use kernel::{Child, Item, Node, Patch, Shape, Surface, modelling};
 
 use super::*;
@@ -31,51 +32,146 @@ fn with_tolerance(surface: Surface, length: f64) -> Tessellation {
 
 #[test]
 fn known_bodies_use_most_of_the_tolerance_and_never_more() {
-    let bodies = bodies();
-    for (name, surface, euler, [area, volume]) in &bodies {
-        for exponent in 1..=4 {
-            let tolerance = 10.0_f64.powi(-exponent) * 0.5;
-            let start = std::time::Instant::now();
-            let result = with_tolerance(surface.clone(), tolerance);
+    for body in bodies() {
+        for tolerance in [0.1, 0.01, 0.001, 0.0001] {
+            let result = with_tolerance(body.surface.clone(), tolerance);
             let face = result.faces[0].as_ref().unwrap();
-            let shell = &result.shells[0];
-            println!(
-                "{name} {tolerance}: {} triangles, sampled {:.3}, proven {:.3}, {shell:?} {:.3} s",
-                face.mesh.triangles().len(),
-                face.sampled / tolerance,
-                face.proven / tolerance,
-                start.elapsed().as_secs_f64()
+            assert!(
+                face.proven <= tolerance && face.unproven == 0,
+                "{}",
+                body.name
             );
-            assert!(face.proven <= tolerance && face.unproven == 0);
-            assert!(face.sampled <= face.proven && face.sampled >= 0.3 * tolerance);
-            assert_eq!(shell.euler, *euler);
-            let _ = (area, volume);
+            assert!(face.sampled <= face.proven, "{}", body.name);
+            assert!(
+                face.sampled >= 0.3 * tolerance,
+                "{}: {}",
+                body.name,
+                face.sampled
+            );
         }
     }
 }
 
-/// Unit sphere, cylinder without ends, and torus, with Euler characteristic, area and volume.
-fn bodies() -> Vec<(&'static str, Surface, i64, [f64; 2])> {
+#[test]
+fn closed_surfaces_are_closed_meshes() {
+    for body in bodies() {
+        let shell = &with_tolerance(body.surface.clone(), 0.01).shells[0];
+        assert_eq!(shell.is_closed(), body.volume.is_some());
+        assert_eq!(shell.euler, body.euler, "{}", body.name);
+        assert_eq!((shell.crowded, shell.twisted), (0, 0));
+    }
+}
+
+#[test]
+fn area_and_volume_converge_as_fast_as_the_tolerance() {
+    for body in bodies() {
+        let errors = [0.01, 0.001].map(|tolerance| {
+            let shell = with_tolerance(body.surface.clone(), tolerance)
+                .shells
+                .remove(0);
+            let volume = body
+                .volume
+                .map_or(0.0, |exact| (exact - shell.volume).abs());
+            // No more than a layer as thick as the tolerance.
+            assert!(volume <= body.area * tolerance, "{}: {volume}", body.name);
+            [(body.area - shell.area).abs(), volume]
+        });
+        for (coarse, fine) in errors[0].iter().zip(errors[1]).filter(|e| *e.0 > 0.0) {
+            let ratio = coarse / fine;
+            assert!((5.0..20.0).contains(&ratio), "{}: {ratio}", body.name);
+        }
+    }
+}
+
+#[test]
+fn a_cylinder_has_no_more_sides_than_its_sagitta_asks_for() {
+    let tolerance = 0.001;
+    let cylinder = bodies().remove(1).surface;
+    let result = with_tolerance(cylinder, tolerance);
+    // A chord over the angle a has the sagitta 1 - cos(a / 2).
+    let least = (TAU / (2.0 * (1.0 - tolerance).acos())).ceil();
+    let triangles = result.faces[0].as_ref().unwrap().mesh.triangles().len() as f64;
+    assert!(
+        (2.0 * least..2.3 * least).contains(&triangles),
+        "{triangles} for {least}"
+    );
+}
+
+#[test]
+fn faces_without_topology_share_their_edges() {
+    // A unit cube from six planes, each in directions of its own.
+    let plane = |origin: DVec3, u: DVec3, v: DVec3| -> Patch {
+        modelling::plane(origin, u, v, 0.0..1.0, 0.0..3.0)
+            .unwrap()
+            .into()
+    };
+    let (x, y, z, far) = (DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE);
+    let faces = vec![
+        plane(DVec3::ZERO, x, y),
+        plane(DVec3::ZERO, y, z),
+        plane(DVec3::ZERO, x, z),
+        plane(far, -x, -y),
+        plane(far, -y, -z),
+        plane(far, -z, -x),
+    ];
+    let result = tessellate(&scene(faces), &TessellateOptions::default());
+    assert_eq!(result.shells.len(), 1);
+    let shell = &result.shells[0];
+    assert!(
+        shell.is_closed() && shell.triangles == 12 && shell.euler == 2,
+        "{shell:?}"
+    );
+    assert!((shell.volume - 1.0).abs() < 1e-12 && (shell.area - 6.0).abs() < 1e-12);
+}
+
+#[test]
+fn threads_do_not_change_the_triangles() {
+    let torus = bodies().remove(2).surface;
+    let with_threads = |count| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .build()
+            .unwrap();
+        pool.install(|| with_tolerance(torus.clone(), 0.01))
+    };
+    assert_eq!(with_threads(1), with_threads(4));
+}
+
+/// A body of which all is known.
+struct Body {
+    name: &'static str,
+    surface: Surface,
+    euler: i64,
+    area: f64,
+    /// `None` if it is open.
+    volume: Option<f64>,
+}
+
+/// Unit sphere, cylinder without ends, and torus.
+fn bodies() -> Vec<Body> {
     let frame = &modelling::Frame::WORLD;
     let half = -0.5 * PI..0.5 * PI;
     vec![
-        (
-            "sphere",
-            modelling::sphere(frame, 1.0, 0.0..TAU, half).unwrap(),
-            2,
-            [4.0 * PI, 4.0 / 3.0 * PI],
-        ),
-        (
-            "cylinder",
-            modelling::cylinder(frame, 1.0, 0.0..TAU, 0.0..2.0).unwrap(),
-            0,
-            [4.0 * PI, 2.0 * PI],
-        ),
-        (
-            "torus",
-            modelling::torus(frame, 2.0, 0.5, 0.0..TAU, 0.0..TAU).unwrap(),
-            0,
-            [4.0 * PI * PI, PI * PI],
-        ),
+        Body {
+            name: "sphere",
+            surface: modelling::sphere(frame, 1.0, 0.0..TAU, half).unwrap(),
+            euler: 2,
+            area: 4.0 * PI,
+            volume: Some(4.0 / 3.0 * PI),
+        },
+        Body {
+            name: "cylinder",
+            surface: modelling::cylinder(frame, 1.0, 0.0..TAU, 0.0..2.0).unwrap(),
+            euler: 0,
+            area: 4.0 * PI,
+            volume: None,
+        },
+        Body {
+            name: "torus",
+            surface: modelling::torus(frame, 2.0, 0.5, 0.0..TAU, 0.0..TAU).unwrap(),
+            euler: 0,
+            area: 4.0 * PI * PI,
+            volume: Some(PI * PI),
+        },
     ]
 }
