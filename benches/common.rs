@@ -86,7 +86,7 @@ impl View {
 
     /// One ray for each pixel, in packets of 8 by 8 pixels, those in parts of 4 by 4.
     pub(crate) fn rays(&self, width: usize, height: usize) -> Vec<Ray> {
-        let mut rays = Vec::with_capacity(width * height);
+        let mut rays = Vec::new();
         let aspect = width as f64 / height as f64;
         let mut ray = |x: usize, y: usize| {
             let a = (2.0 * (x as f64 + 0.5) / width as f64 - 1.0) * aspect;

@@ -1,8 +1,5 @@
 //! Build and rays of several kinds, on scenes of several sizes: `cargo bench`.
 
-#![expect(missing_docs, reason = "criterion's macros write functions without")]
-
-#[expect(dead_code, reason = "shared with an example that reads its own camera")]
 mod common;
 
 use std::hint::black_box;

@@ -163,7 +163,7 @@ impl Painter<'_> {
             .flat_map(|(x, y)| self.places(x, y))
             .map(|place| self.ray(place))
             .collect();
-        let mut hits = Vec::with_capacity(rays.len());
+        let mut hits = Vec::new();
         let ranges = vec![0.0..f64::INFINITY; rays.len()];
         self.accelerator
             .nearest_many(&rays, &ranges, workspace, &mut hits);

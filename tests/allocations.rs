@@ -1,5 +1,7 @@
 //! Once its memory has grown, no search for rays allocates.
 
+#![expect(clippy::unwrap_used, reason = "a test may fail")]
+
 use glam::{DAffine3, DVec3};
 use nurbray::kernel::modelling::{self, Frame};
 use nurbray::kernel::{Child, Item, Node, Patch, Ray, Scene, Shape};
