@@ -5,7 +5,7 @@
 
 #![expect(clippy::print_stdout, reason = "the result of the program")]
 
-#[path = "../benches/common.rs"]
+#[path = "../benches/common/mod.rs"]
 #[expect(
     dead_code,
     reason = "shared with the benches, which have their own camera"

@@ -10,10 +10,12 @@ mod block;
 mod build;
 mod cells;
 mod expansion;
+mod finish;
 mod hits;
 mod leaf;
 mod model;
 mod packet;
+mod room;
 mod trace;
 mod tree;
 
@@ -24,7 +26,7 @@ use crate::intersect::{Method, Scratch};
 use crate::simd::Instructions;
 use block::Block;
 use cells::Pieces;
-use packet::PacketRoom;
+use room::PacketRoom;
 use tree::Tree;
 
 /// Everything that rays can meet, prepared for the search.

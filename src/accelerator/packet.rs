@@ -5,10 +5,12 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::Ray;
 
-use super::beam::{Beam, BeamBounds, RAYS, Rays};
+use super::beam::{Beam, BeamBounds, RAYS};
 use super::cells::Cell;
-use super::leaf::{self, Bits, Lines, Verdict, View};
-use super::model::{Model, Models};
+use super::finish::{self, Lines};
+use super::leaf::{self, Bits, Verdict, View};
+use super::model::Model;
+use super::room::{Found, Met, PacketRoom};
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps};
 use super::tree::{IS_LEAF, WIDTH};
 use super::{Accelerator, Cluster, Workspace};
@@ -22,67 +24,6 @@ const HALVINGS: u8 = 8;
 
 /// Cells that wait to be examined: two more for each halving.
 const WAITING: usize = HALVINGS as usize + 2;
-
-/// What packets reuse from call to call.
-#[derive(Debug)]
-pub(super) struct PacketRoom {
-    models: Models,
-    beam: Box<Beam>,
-    top_beam: Box<Beam>,
-    rays: Box<Rays>,
-    local: Box<Rays>,
-    from: [f64; RAYS],
-    until: [f64; RAYS],
-    /// Of use where a bit of `met` is set.
-    found: Vec<Found>,
-    met: u64,
-    stack: Vec<(u32, f32)>,
-    top_stack: Vec<(u32, f32)>,
-    stack_alone: Vec<(u32, f32)>,
-    top_stack_alone: Vec<(u32, f32)>,
-}
-
-impl Default for PacketRoom {
-    fn default() -> Self {
-        Self {
-            models: Models::default(),
-            beam: Box::new(Beam::NONE),
-            top_beam: Box::new(Beam::NONE),
-            rays: Box::new(Rays::NONE),
-            local: Box::new(Rays::NONE),
-            from: [0.0; RAYS],
-            until: [0.0; RAYS],
-            found: Vec::new(),
-            met: 0,
-            stack: Vec::new(),
-            top_stack: Vec::new(),
-            stack_alone: Vec::new(),
-            top_stack_alone: Vec::new(),
-        }
-    }
-}
-
-/// The nearest root of a ray so far.
-#[derive(Clone, Copy, Debug)]
-struct Found {
-    candidate: Candidate,
-    /// Point and derivatives by the parameters of the piece in the cluster, where known.
-    place: Option<[DVec3; 3]>,
-}
-
-impl Found {
-    const NONE: Self = Self {
-        candidate: Candidate {
-            t: f64::INFINITY,
-            instance: 0,
-            kind: CandidateKind::Triangle {
-                index: 0,
-                barycentric: DVec2::ZERO,
-            },
-        },
-        place: None,
-    };
-}
 
 impl Accelerator<'_> {
     /// As [`Self::nearest`] for many rays, which should run side by side: their hits replace
@@ -464,15 +405,15 @@ impl<S: Simd> Tracer<'_, '_, S> {
             v[k] = middle[1] + half[1] * f64::from(met.y[from]);
         }
         let beam = &self.packet.beam;
-        let (center, radius) = leaf::ball(piece, &cluster.tree);
+        let (center, radius) = finish::ball(piece, &cluster.tree);
         let lines = Lines::of(beam, &lanes, center, radius);
         let axes = [beam.across[0], beam.across[1], beam.main];
         let wanted = (1_u32 << used) - 1;
         let net = cluster.pieces.net(piece);
         let roots = if piece.is_rational {
-            leaf::finish::<S, true>(self.s, &net, axes, &lines, (u, v), wanted)
+            finish::finish::<S, true>(self.s, &net, axes, &lines, (u, v), wanted)
         } else {
-            leaf::finish::<S, false>(self.s, &net, axes, &lines, (u, v), wanted)
+            finish::finish::<S, false>(self.s, &net, axes, &lines, (u, v), wanted)
         };
         let offset = center[beam.main] * beam.sign;
         let pace = radius * beam.sign;
@@ -594,37 +535,6 @@ fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH
             place -= 1;
         }
         stack[place] = entry;
-    }
-}
-
-/// Rays that met a cell, and where in its coordinates.
-struct Met {
-    count: usize,
-    lanes: [u8; RAYS],
-    x: [f32; RAYS],
-    y: [f32; RAYS],
-}
-
-impl Default for Met {
-    #[inline(always)]
-    fn default() -> Self {
-        Self {
-            count: 0,
-            lanes: [0; RAYS],
-            x: [0.0; RAYS],
-            y: [0.0; RAYS],
-        }
-    }
-}
-
-impl Met {
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
-    fn push(&mut self, lane: usize, x: f32, y: f32) {
-        self.lanes[self.count] = lane as u8;
-        self.x[self.count] = x;
-        self.y[self.count] = y;
-        self.count += 1;
     }
 }
 

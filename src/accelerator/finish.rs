@@ -1,0 +1,223 @@
+//! The last steps of Newton's iteration, in double precision: eight rays and one piece.
+
+use kernel::MAX_DEGREE;
+
+use super::beam::{Beam, RAYS};
+use super::cells::Piece;
+use super::expansion::ORDER;
+use super::tree::Tree;
+use crate::intersect::PieceNet;
+use crate::intersect::net::Degrees;
+use crate::simd::{Simd, WIDE_LANES};
+
+/// Roots of up to eight rays with one piece, in double precision.
+pub(super) struct Roots {
+    /// A bit for each ray that converged.
+    pub(super) found: u32,
+    pub(super) u: [f64; WIDE_LANES],
+    pub(super) v: [f64; WIDE_LANES],
+    /// In the units of the piece: the point, and the derivatives by its parameters.
+    pub(super) point: [[f64; WIDE_LANES]; 3],
+    pub(super) by_u: [[f64; WIDE_LANES]; 3],
+    pub(super) by_v: [[f64; WIDE_LANES]; 3],
+}
+
+/// The rays of a beam as one piece sees them: `x1 = slope1 x3 + c1` and the same for the
+/// second, over the axes of the beam.
+pub(super) struct Lines {
+    pub(super) slope: [[f64; WIDE_LANES]; 2],
+    pub(super) constant: [[f64; WIDE_LANES]; 2],
+}
+
+impl Lines {
+    /// The rays `lanes` in the units of a piece whose ball has `center` and `radius` in the
+    /// coordinates of the beam.
+    #[inline(always)]
+    pub(super) fn of(beam: &Beam, lanes: &[u8; WIDE_LANES], center: [f64; 3], radius: f64) -> Self {
+        let mut lines = Self {
+            slope: [[0.0; WIDE_LANES]; 2],
+            constant: [[0.0; WIDE_LANES]; 2],
+        };
+        let depth = center[beam.main] * beam.sign - beam.start;
+        let inverse = radius.recip();
+        for axis in 0..2 {
+            for (k, &lane) in lanes.iter().enumerate() {
+                let lane = usize::from(lane) % RAYS;
+                let slope = beam.slope[axis][lane];
+                let at = beam.origin[axis][lane] + slope * depth;
+                lines.slope[axis][k] = slope * beam.sign;
+                lines.constant[axis][k] = (at - center[beam.across[axis]]) * inverse;
+            }
+        }
+        lines
+    }
+}
+
+/// Steps in double precision; the second is nearly always the last.
+const LAST_STEPS: usize = 4;
+
+/// Newton's step squares the error: from a step below this the next is beyond rounding.
+const LAST: f64 = 1e-10;
+
+/// Finishes roots from `u`, `v` with Newton's iteration on the piece itself.
+#[inline(always)]
+pub(super) fn finish<S: Simd, const RATIONAL: bool>(
+    s: S,
+    piece: &PieceNet<'_>,
+    axes: [usize; 3],
+    lines: &Lines,
+    start: ([f64; WIDE_LANES], [f64; WIDE_LANES]),
+    used: u32,
+) -> Roots {
+    let [i, j, main] = axes;
+    let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
+    let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];
+    let (mut u, mut v) = (s.load_d(&start.0), s.load_d(&start.1));
+    let mut roots = Roots {
+        found: 0,
+        u: [0.0; WIDE_LANES],
+        v: [0.0; WIDE_LANES],
+        point: [[0.0; WIDE_LANES]; 3],
+        by_u: [[0.0; WIDE_LANES]; 3],
+        by_v: [[0.0; WIDE_LANES]; 3],
+    };
+    for step in 0..LAST_STEPS {
+        let [h, hu, hv] = if piece.degrees.p.max(piece.degrees.q) < ORDER {
+            homogeneous::<S, RATIONAL, ORDER>(s, piece, u, v)
+        } else {
+            homogeneous::<S, RATIONAL, { MAX_DEGREE + 1 }>(s, piece, u, v)
+        };
+        let (mut f1, mut f2) = (
+            distance::<S, RATIONAL>(s, &h, [i, main], slope[0], constant[0]),
+            distance::<S, RATIONAL>(s, &h, [j, main], slope[1], constant[1]),
+        );
+        if !RATIONAL {
+            f1 = s.sub_d(f1, constant[0]);
+            f2 = s.sub_d(f2, constant[1]);
+        }
+        let f1u = distance::<S, RATIONAL>(s, &hu, [i, main], slope[0], constant[0]);
+        let f1v = distance::<S, RATIONAL>(s, &hv, [i, main], slope[0], constant[0]);
+        let f2u = distance::<S, RATIONAL>(s, &hu, [j, main], slope[1], constant[1]);
+        let f2v = distance::<S, RATIONAL>(s, &hv, [j, main], slope[1], constant[1]);
+        let determinant = s.fnma_d(f1v, f2u, s.mul_d(f1u, f2v));
+        let scale = s.div_d(s.splat_d(1.0), determinant);
+        let du = s.mul_d(s.fnma_d(f1v, f2, s.mul_d(f2v, f1)), scale);
+        let dv = s.mul_d(s.fnma_d(f2u, f1, s.mul_d(f1u, f2)), scale);
+        u = s.sub_d(u, du);
+        v = s.sub_d(v, dv);
+        let limit = s.splat_d(LAST);
+        let small = s.lt_d(s.abs_d(du), limit) & s.lt_d(s.abs_d(dv), limit);
+        if small & used == used || step == LAST_STEPS - 1 {
+            roots.found = small & used;
+            s.store_d(u, &mut roots.u);
+            s.store_d(v, &mut roots.v);
+            let weight = if RATIONAL {
+                s.div_d(s.splat_d(1.0), h[3])
+            } else {
+                s.splat_d(1.0)
+            };
+            for axis in 0..3 {
+                let (mut x, mut xu, mut xv) = (h[axis], hu[axis], hv[axis]);
+                if RATIONAL {
+                    x = s.mul_d(x, weight);
+                    xu = s.mul_d(s.fnma_d(x, hu[3], xu), weight);
+                    xv = s.mul_d(s.fnma_d(x, hv[3], xv), weight);
+                }
+                // The last step moves the point along the tangent plane.
+                x = s.fnma_d(xu, du, s.fnma_d(xv, dv, x));
+                s.store_d(x, &mut roots.point[axis]);
+                s.store_d(xu, &mut roots.by_u[axis]);
+                s.store_d(xv, &mut roots.by_v[axis]);
+            }
+            break;
+        }
+    }
+    roots
+}
+
+/// How far a homogeneous point, or a derivative, is from the ray along one axis across; for
+/// weights of one without the constant.
+#[inline(always)]
+fn distance<S: Simd, const RATIONAL: bool>(
+    s: S,
+    h: &[S::D; 4],
+    [axis, main]: [usize; 2],
+    slope: S::D,
+    constant: S::D,
+) -> S::D {
+    let x = s.fnma_d(slope, h[main], h[axis]);
+    if RATIONAL {
+        s.fnma_d(constant, h[3], x)
+    } else {
+        x
+    }
+}
+
+/// Homogeneous point and derivatives at each lane's parameters, for degrees below `ORDERS`.
+#[inline(always)]
+fn homogeneous<S: Simd, const RATIONAL: bool, const ORDERS: usize>(
+    s: S,
+    piece: &PieceNet<'_>,
+    u: S::D,
+    v: S::D,
+) -> [[S::D; 4]; 3] {
+    let zero = s.splat_d(0.0);
+    let (mut bu, mut du) = ([zero; ORDERS], [zero; ORDERS]);
+    let (mut bv, mut dv) = ([zero; ORDERS], [zero; ORDERS]);
+    let Degrees { p, q } = piece.degrees;
+    basis(s, p, u, &mut bu, &mut du);
+    basis(s, q, v, &mut bv, &mut dv);
+    let mut sums = [[zero; 4]; 3];
+    for (line, (&bu, &du)) in piece.points.chunks_exact(q + 1).zip(bu.iter().zip(&du)) {
+        let (mut value, mut by_v) = ([zero; 4], [zero; 4]);
+        for (point, (&bv, &dv)) in line.iter().zip(bv.iter().zip(&dv)) {
+            for r in 0..4 {
+                if r < 3 || RATIONAL {
+                    let c = s.splat_d(point[r]);
+                    value[r] = s.fma_d(c, bv, value[r]);
+                    by_v[r] = s.fma_d(c, dv, by_v[r]);
+                }
+            }
+        }
+        for r in 0..4 {
+            if r < 3 || RATIONAL {
+                sums[0][r] = s.fma_d(value[r], bu, sums[0][r]);
+                sums[1][r] = s.fma_d(value[r], du, sums[1][r]);
+                sums[2][r] = s.fma_d(by_v[r], bu, sums[2][r]);
+            }
+        }
+    }
+    sums
+}
+
+/// Bernstein polynomials of a degree and their derivatives.
+#[inline(always)]
+fn basis<S: Simd>(s: S, degree: usize, t: S::D, value: &mut [S::D], derivative: &mut [S::D]) {
+    let one = s.splat_d(1.0);
+    let rest = s.sub_d(one, t);
+    value[0] = one;
+    for d in 1..=degree {
+        if d == degree {
+            let scale = s.splat_d(d as f64);
+            derivative[0] = s.sub_d(s.splat_d(0.0), s.mul_d(scale, value[0]));
+            for k in 1..d {
+                derivative[k] = s.mul_d(scale, s.sub_d(value[k - 1], value[k]));
+            }
+            derivative[d] = s.mul_d(scale, value[d - 1]);
+        }
+        value[d] = s.mul_d(t, value[d - 1]);
+        for k in (1..d).rev() {
+            value[k] = s.fma_d(rest, value[k], s.mul_d(t, value[k - 1]));
+        }
+        value[0] = s.mul_d(value[0], rest);
+    }
+}
+
+/// A piece's ball in the coordinates of its hierarchy.
+#[inline(always)]
+pub(super) fn ball(piece: &Piece, tree: &Tree) -> ([f64; 3], f64) {
+    (
+        tree.to_local(piece.center).to_array(),
+        piece.radius * tree.scale(),
+    )
+}

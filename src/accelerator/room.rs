@@ -1,0 +1,99 @@
+//! What packets of rays remember.
+
+use glam::{DVec2, DVec3};
+
+use super::beam::{Beam, RAYS, Rays};
+use super::model::Models;
+use super::trace::{Candidate, CandidateKind};
+
+/// What packets reuse from call to call.
+#[derive(Debug)]
+pub(super) struct PacketRoom {
+    pub(super) models: Models,
+    pub(super) beam: Box<Beam>,
+    pub(super) top_beam: Box<Beam>,
+    pub(super) rays: Box<Rays>,
+    pub(super) local: Box<Rays>,
+    pub(super) from: [f64; RAYS],
+    pub(super) until: [f64; RAYS],
+    /// Of use where a bit of `met` is set.
+    pub(super) found: Vec<Found>,
+    pub(super) met: u64,
+    pub(super) stack: Vec<(u32, f32)>,
+    pub(super) top_stack: Vec<(u32, f32)>,
+    pub(super) stack_alone: Vec<(u32, f32)>,
+    pub(super) top_stack_alone: Vec<(u32, f32)>,
+}
+
+impl Default for PacketRoom {
+    fn default() -> Self {
+        Self {
+            models: Models::default(),
+            beam: Box::new(Beam::NONE),
+            top_beam: Box::new(Beam::NONE),
+            rays: Box::new(Rays::NONE),
+            local: Box::new(Rays::NONE),
+            from: [0.0; RAYS],
+            until: [0.0; RAYS],
+            found: Vec::new(),
+            met: 0,
+            stack: Vec::new(),
+            top_stack: Vec::new(),
+            stack_alone: Vec::new(),
+            top_stack_alone: Vec::new(),
+        }
+    }
+}
+
+/// The nearest root of a ray so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    pub(super) candidate: Candidate,
+    /// Point and derivatives by the parameters of the piece in the cluster, where known.
+    pub(super) place: Option<[DVec3; 3]>,
+}
+
+impl Found {
+    pub(super) const NONE: Self = Self {
+        candidate: Candidate {
+            t: f64::INFINITY,
+            instance: 0,
+            kind: CandidateKind::Triangle {
+                index: 0,
+                barycentric: DVec2::ZERO,
+            },
+        },
+        place: None,
+    };
+}
+
+/// Rays that met a cell, and where in its coordinates.
+pub(super) struct Met {
+    pub(super) count: usize,
+    pub(super) lanes: [u8; RAYS],
+    pub(super) x: [f32; RAYS],
+    pub(super) y: [f32; RAYS],
+}
+
+impl Default for Met {
+    #[inline(always)]
+    fn default() -> Self {
+        Self {
+            count: 0,
+            lanes: [0; RAYS],
+            x: [0.0; RAYS],
+            y: [0.0; RAYS],
+        }
+    }
+}
+
+impl Met {
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
+    pub(super) fn push(&mut self, lane: usize, x: f32, y: f32) {
+        self.lanes[self.count] = lane as u8;
+        self.x[self.count] = x;
+        self.y[self.count] = y;
+        self.count += 1;
+    }
+}
