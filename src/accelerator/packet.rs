@@ -336,17 +336,17 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 continue;
             }
             self.scratch.cells += u64::from(lanes.count_ones());
-            let (open, cut_v) = self.examine(cluster, &cell, lanes);
+            let (open, cut) = self.examine(cluster, &cell, lanes);
             if open == 0 {
                 continue;
             }
-            if depth == HALVINGS {
+            let Some(axis) = cut.filter(|_| depth < HALVINGS) else {
                 for lane in Bits(open) {
                     self.subdivide(cluster, &cell, lane);
                 }
                 continue;
-            }
-            for half in cell.halves(usize::from(cut_v)) {
+            };
+            for half in cell.halves(axis) {
                 waiting[count] = (half, open, depth + 1);
                 count += 1;
             }
@@ -354,12 +354,15 @@ impl<S: Simd> Tracer<'_, '_, S> {
     }
 
     /// What a cell says of the rays: roots are taken, and the rays for which it must be cut
-    /// come back, with the direction of the cut.
+    /// come back, with the direction of the cut; none for a cell without a frame.
     #[inline(always)]
-    fn examine(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) -> (u64, bool) {
+    fn examine(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) -> (u64, Option<usize>) {
         let number = self.accelerator.instances[self.instance as usize].cluster;
         let PacketRoom { models, beam, .. } = &mut *self.packet;
         let model = models.of(number, cluster, cell);
+        if !model.stray[0].is_finite() {
+            return (lanes, None);
+        }
         let view = View::of_model(model, beam);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         let mut open = 0;
@@ -381,7 +384,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             self.finish(cluster, cell, &met, start, (middle, half));
             start += WIDE_LANES;
         }
-        (open, cut_v)
+        (open, Some(usize::from(cut_v)))
     }
 
     /// Finishes eight roots in double precision and takes those that count.
@@ -483,9 +486,14 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let ray = self.rays[lane].transformed(&instance.cluster_from_world);
         let ray = ClusterRay::new(&ray, cluster);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let line = ray.line(piece);
+        // The piece lies in the unit ball.
+        if line.c1 * line.c1 + line.c2 * line.c2 > 1.0 + 1e-9 {
+            return;
+        }
         let target = Target {
             piece: cluster.pieces.net(piece),
-            line: ray.line(piece),
+            line,
             cell: cell.rect(),
             start: [0.0; 2],
             rows: [DVec3::ZERO; 3],
