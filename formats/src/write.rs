@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use glam::{DAffine3, DMat3, DVec3};
 use kernel::{Child, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
 
-use crate::{Error, Warnings, iges, nodes, obj};
+use crate::{Error, Place, Warnings, iges, nodes, obj};
 
 /// A format that scenes are written in with their surfaces as they are: one row each.
 #[derive(Clone, Copy, Debug)]
@@ -73,6 +73,15 @@ impl Uses {
             }
         }
         uses
+    }
+}
+
+/// Notes the curves and points that stand for themselves.
+pub(crate) fn tell_wires(scene: &Scene, warnings: &mut Warnings) {
+    for wire in scene.wires() {
+        let place = Place::item(0, format!("\"{}\", {}", wire.name, wire.source));
+        let text = "curves and points without a surface are not written";
+        warnings.unsupported(place, text);
     }
 }
 

@@ -30,8 +30,20 @@ struct Shown {
     patch: Patch,
 }
 
-/// All faces in order, `unit` times as large; one with several outer loops becomes several
-/// where `split` says so.
+/// The loops of a face, where its surface is not closed without what leaves the domain.
+fn clipped(patch: &Patch) -> Vec<TrimLoop> {
+    let surface = &patch.surface;
+    let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
+    let mut loops = patch.loops.clone();
+    for axis in (0..2).filter(|&axis| !surface.closed()[axis]) {
+        let clip = |l: &TrimLoop| l.clipped(axis, domain[axis].clone()).expect("a loop");
+        loops = loops.iter().filter_map(clip).collect();
+    }
+    loops
+}
+
+/// All faces in order, `unit` times as large; where `split` says so, loops end at the border
+/// of the domain, and a face with several outer loops becomes several.
 fn shown(scene: &Scene, unit: f64, split: bool) -> Vec<Shown> {
     let up = match scene.up {
         UpAxis::Y => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
@@ -49,15 +61,19 @@ fn shown(scene: &Scene, unit: f64, split: bool) -> Vec<Shown> {
         names.dedup();
         let surface = patch.surface.transformed(&placement.world_from_object);
         let surface = surface.transformed(&DAffine3::from_mat3(up * unit));
-        let faces = match nesting(&patch.loops) {
+        let all = match split {
+            true => clipped(patch),
+            false => patch.loops.clone(),
+        };
+        let faces = match nesting(&all) {
             nests if split && !nests.is_empty() => {
-                let all = |nest: kernel::Nest| [vec![nest.outer], nest.holes].concat();
-                nests.into_iter().map(all).collect()
+                let members = |nest: kernel::Nest| [vec![nest.outer], nest.holes].concat();
+                nests.into_iter().map(members).collect()
             }
-            _ => vec![(0..patch.loops.len()).collect::<Vec<_>>()],
+            _ => vec![(0..all.len()).collect::<Vec<_>>()],
         };
         for loops in faces {
-            let loops = loops.into_iter().map(|k| patch.loops[k].clone()).collect();
+            let loops = loops.into_iter().map(|k| all[k].clone()).collect();
             shown.push(Shown {
                 names: names.clone(),
                 material: placement.material.map(|id| scene.material(id).clone()),
@@ -317,5 +333,24 @@ fn files_come_back_from_other_formats() {
             count += compare(&scene, &again, &way, &what);
         }
         println!("{folder} by way of {there} as {back}: {count} faces");
+    }
+}
+
+#[test]
+fn curves_without_a_surface_are_reported() {
+    let mut scene = Scene::default();
+    let line = Curve::line(DVec3::ZERO, DVec3::X, 0.0..1.0).expect("a line");
+    let wire = kernel::Wire {
+        name: "axis".to_owned(),
+        source: "line 1".to_owned(),
+        shape: kernel::WireShape::Curve(line),
+        material: None,
+    };
+    scene.add_wire(wire).expect("a wire");
+    for writer in WRITERS {
+        let export = (writer.write)(&scene, "wires").expect("a file");
+        let mut places = export.warnings.as_slice().iter().flat_map(|w| &w.places);
+        let is_told = places.any(|place| place.what == "\"axis\", line 1");
+        assert!(is_told, "{}", writer.name);
     }
 }

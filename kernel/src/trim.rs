@@ -109,6 +109,15 @@ impl TrimLoop {
             .sum::<f64>()
     }
 
+    /// The part of the loop over a range of u (`axis` 0) or v (1), closed along the border of
+    /// the range; `None` if there is none. What lies in the range stays as it is.
+    ///
+    /// # Errors
+    /// If a number is not finite.
+    pub fn clipped(&self, axis: usize, range: Range<f64>) -> Result<Option<Self>, Error> {
+        close::clipped(self.clone(), axis, range)
+    }
+
     /// The curves of the loop in order.
     pub fn segments(&self) -> &[Curve<DVec2>] {
         &self.segments

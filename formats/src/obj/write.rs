@@ -12,7 +12,7 @@ use kernel::{
 };
 
 use super::FORMAT;
-use crate::write::{Export, Writer, has_weights, push_number, turn};
+use crate::write::{Export, Writer, has_weights, push_number, tell_wires, turn};
 use crate::{Error, Place, Warnings};
 
 /// The row of this format.
@@ -81,6 +81,7 @@ fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings)
         let text = "OBJ files have no unit of length; their numbers stay as they are";
         warnings.unsupported(Place::item(0, format!("the unit {}", unit.name)), text);
     }
+    tell_wires(scene, warnings);
     let mut shown = HashSet::new();
     for placement in placements.iter().filter(|p| !shown.insert(p.shape)) {
         let name = match placement.shape {

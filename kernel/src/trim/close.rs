@@ -18,6 +18,10 @@ const WIDE_GAP: f64 = 1e-2;
 /// What lies this share of a period beyond the border of a domain lies in it.
 const NEAR: f64 = 1e-9;
 
+/// Parts of a loop no wider than this share of a range are rounding: curves laid onto surfaces
+/// are no more accurate.
+const SLIVER: f64 = 1e-7;
+
 /// What lies this share of a domain beside a pole is the pole.
 const POLE: f64 = 1e-6;
 
@@ -416,10 +420,15 @@ impl Closer<'_> {
     }
 }
 
-/// The part of a loop over a range of one parameter, closed along the border of the range.
-fn clipped(trim: TrimLoop, axis: usize, range: Range<f64>) -> Result<Option<TrimLoop>, Error> {
-    let near = NEAR * (range.end - range.start);
-    let is_inside = |x: f64| range.start - near <= x && x <= range.end + near;
+/// The part of a loop over a range of one parameter, closed along the border of the range;
+/// `None` if there is none but slivers.
+pub(super) fn clipped(
+    trim: TrimLoop,
+    axis: usize,
+    range: Range<f64>,
+) -> Result<Option<TrimLoop>, Error> {
+    let size = range.end - range.start;
+    let is_inside = |x: f64| range.start - NEAR * size <= x && x <= range.end + NEAR * size;
     let (min, max) = hull(&trim.segments);
     if is_inside(min[axis]) && is_inside(max[axis]) {
         return Ok(Some(trim));
@@ -429,14 +438,30 @@ fn clipped(trim: TrimLoop, axis: usize, range: Range<f64>) -> Result<Option<Trim
         for piece in cut(curve, axis, &[range.start, range.end])? {
             let middle = f64::midpoint(piece.domain().start, piece.domain().end);
             if is_inside(piece.evaluate(middle)[axis]) {
-                kept.push(piece);
+                kept.push(snapped(&piece, axis, &range)?);
             }
         }
     }
-    if kept.is_empty() {
+    let (min, max) = hull(&kept);
+    if kept.is_empty() || max[axis] - min[axis] <= SLIVER * size {
         return Ok(None);
     }
     TrimLoop::new(kept, f64::INFINITY).map(Some)
+}
+
+/// A curve with those control points that are next to the border of a range moved into it.
+fn snapped(curve: &Curve<DVec2>, axis: usize, range: &Range<f64>) -> Result<Curve<DVec2>, Error> {
+    let near = SLIVER * (range.end - range.start);
+    let mut points: Vec<_> = curve.points().collect();
+    for point in &mut points {
+        let inside = point[axis].clamp(range.start, range.end);
+        if (inside - point[axis]).abs() <= near {
+            point[axis] = inside;
+        }
+    }
+    let weights: Vec<_> = curve.weights().collect();
+    let weights = curve.is_rational().then_some(weights.as_slice());
+    Curve::new(curve.knots().clone(), &points, weights)
 }
 
 /// A curve cut where one coordinate has one of the values.

@@ -61,3 +61,28 @@ fn large_gaps_are_refused() {
     let nowhere = Curve::line(DVec2::NAN, DVec2::ONE, 0.0..1.0);
     assert_eq!(nowhere, Err(Error::NotFinite { index: 0 }));
 }
+
+#[test]
+fn loops_are_clipped_to_a_range() {
+    let square = TrimLoop::border(&(-10.0..10.0), &(-10.0..10.0)).unwrap();
+    let strip = square.clipped(0, 0.0..1.0).unwrap().unwrap();
+    assert!((strip.signed_area() - 20.0).abs() < 1e-12);
+    let cell = strip.clipped(1, 2.0..5.0).unwrap().unwrap();
+    assert!((cell.signed_area() - 3.0).abs() < 1e-12);
+    assert_closed(&cell);
+    assert_eq!(cell.clipped(1, 2.0..5.0).unwrap(), Some(cell));
+    assert_eq!(square.clipped(1, 11.0..12.0).unwrap(), None);
+}
+
+#[test]
+fn what_is_clipped_is_not_clipped_again() {
+    // The loop leaves the range by little more than rounding.
+    let corners = [[0.3, -2e-9], [1.0, 0.2], [0.0, 0.4], [0.3, -2e-9]].map(DVec2::from);
+    let sides = vec![Curve::polyline(&corners).unwrap()];
+    let trim = TrimLoop::new(sides, 0.0).unwrap();
+    let clipped = trim.clipped(1, 0.0..1.0).unwrap().unwrap();
+    assert_closed(&clipped);
+    let points = clipped.segments().iter().flat_map(Curve::points);
+    assert!(points.into_iter().all(|p| p.y >= 0.0));
+    assert_eq!(trim.clipped(1, -1.0..0.0).unwrap(), None);
+}

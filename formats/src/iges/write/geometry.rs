@@ -7,7 +7,8 @@ use super::cards::{Deck, Entity, Record, Status};
 use super::model::Carrier;
 
 /// A face, in as many entities as it has outer loops: a trimmed surface (type 144) for each,
-/// or the surface (type 128) where there are none.
+/// or the surface (type 128) where there are none. Loops end at the border of the domain, as
+/// the standard wants them, except where the surface is closed.
 ///
 /// # Errors
 /// If trim curves leave the numbers that can be written.
@@ -19,9 +20,17 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
             ..Entity::default()
         })]);
     }
-    let carrier = Carrier::new(&patch.surface, patch.surface.closed());
+    let closed = patch.surface.closed();
+    let carrier = Carrier::new(&patch.surface, closed);
+    let knots = [patch.surface.knots_u(), patch.surface.knots_v()];
+    let mut loops = patch.loops.clone();
+    for axis in (0..2).filter(|&axis| !closed[axis]) {
+        let clipped = loops.iter().map(|l| l.clipped(axis, knots[axis].domain()));
+        let clipped: Vec<_> = clipped.collect::<Result<_, _>>()?;
+        loops = clipped.into_iter().flatten().collect();
+    }
     let mut faces = Vec::new();
-    for group in nesting(&patch.loops) {
+    for group in nesting(&loops) {
         let base = deck.add(Entity {
             kind: 128,
             status: Status::Dependent,
@@ -31,7 +40,7 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
         let mut record = Record::new(144);
         record.integers([base, 1, group.holes.len()]);
         for index in [vec![group.outer], group.holes].concat() {
-            record.integer(boundary(deck, base, &patch.loops[index], &carrier)?);
+            record.integer(boundary(deck, base, &loops[index], &carrier)?);
         }
         faces.push(deck.add(Entity {
             kind: 144,

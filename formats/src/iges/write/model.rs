@@ -2,7 +2,7 @@
 //!
 //! They are there for readers that do not look at the curves of the parameter domain, which
 //! stay the masters. Along lines of constant u or v they are exact; others are cubic pieces
-//! within a tolerance.
+//! within a tolerance. What leaves the domain runs along the border of the surface.
 
 use std::ops::Range;
 
@@ -159,19 +159,24 @@ impl<'a> Carrier<'a> {
     /// Point and tangent at a parameter of a curve.
     fn end(&self, curve: &Curve<DVec2>, t: f64) -> End {
         let flat = curve.derivatives(t);
-        let mut uv = flat.point;
+        let (mut uv, mut along) = (flat.point, flat.first);
         for axis in 0..2 {
             let Range { start, end } = self.domain[axis];
-            let beyond = uv[axis] < start || end < uv[axis];
-            if self.closed[axis] && beyond {
+            if start <= uv[axis] && uv[axis] <= end {
+                continue;
+            }
+            if self.closed[axis] {
                 uv[axis] = start + (uv[axis] - start).rem_euclid(end - start);
+            } else {
+                uv[axis] = uv[axis].clamp(start, end);
+                along[axis] = 0.0;
             }
         }
         let d = self.surface.derivatives(uv);
         End {
             t,
             point: d.point,
-            tangent: d.du * flat.first.x + d.dv * flat.first.y,
+            tangent: d.du * along.x + d.dv * along.y,
         }
     }
 }

@@ -179,6 +179,11 @@ impl<'a> Tree<'a> {
             None => 0,
         };
         let faces = geometry::face(&mut self.deck, patch)?;
+        if faces.is_empty() {
+            let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
+            let text = "its loops leave nothing of the surface; it is left out";
+            self.warnings.unsupported(place, text);
+        }
         for &face in &faces {
             let entity = self.deck.entity(face);
             entity.color = color;
