@@ -108,6 +108,8 @@ pub(super) struct Verdict {
     pub(super) y: [f32; LANES],
     /// It is to be cut for these.
     pub(super) open: u32,
+    /// Single precision says too little for these, and would say less of its parts.
+    pub(super) blurred: u32,
 }
 
 /// What a polynomial of a cell is at a point, and its derivatives.
@@ -348,12 +350,14 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
         error,
     } = approach::<S, RATIONAL>(s, view, beam, group);
     let lanes = lanes & !beside;
-    let sure = s.bits(s.lt(stray, s.splat(SURE))) & s.bits(s.lt(error, s.splat(BLURRED)));
+    let sharp = s.bits(s.lt(error, s.splat(BLURRED)));
+    let sure = s.bits(s.lt(stray, s.splat(SURE))) & sharp;
     let mut verdict = Verdict {
         met: 0,
         x: [0.0; LANES],
         y: [0.0; LANES],
-        open: lanes & !sure,
+        open: lanes & !sure & sharp,
+        blurred: lanes & !sharp,
     };
     let mut active = lanes & sure;
     if active == 0 {

@@ -365,7 +365,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         }
         let view = View::of_model(model, beam);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let mut open = 0;
+        let (mut open, mut blurred) = (0, 0);
         let mut met = Met::default();
         for group in 0..RAYS / LANES {
             let part = group_of(lanes, group);
@@ -374,6 +374,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
             let verdict = meet(self.s, model, &view, beam, group, part, piece.is_rational);
             open |= u64::from(verdict.open) << (group * LANES);
+            blurred |= u64::from(verdict.blurred) << (group * LANES);
             for k in Bits(u64::from(verdict.met)) {
                 met.push(group * LANES + k, verdict.x[k], verdict.y[k]);
             }
@@ -383,6 +384,9 @@ impl<S: Simd> Tracer<'_, '_, S> {
         while start < met.count {
             self.finish(cluster, cell, &met, start, (middle, half));
             start += WIDE_LANES;
+        }
+        for lane in Bits(blurred & self.alive) {
+            self.subdivide(cluster, cell, lane);
         }
         (open, Some(usize::from(cut_v)))
     }
