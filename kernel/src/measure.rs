@@ -282,6 +282,10 @@ fn roots(coefficients: &[f64]) -> Vec<f64> {
             _ if level >= DEPTH => found.push(middle),
             _ => {
                 let [left, right] = halves(&c);
+                // Neither half changes its sign at a root between them.
+                if right[0] == 0.0 {
+                    found.push(middle);
+                }
                 waiting.push((left, from, middle, level + 1));
                 waiting.push((right, middle, to, level + 1));
             }

@@ -72,6 +72,34 @@ fn loops_beyond_the_surface_are_cut_off() {
 }
 
 #[test]
+fn roots_in_the_middle_are_found() {
+    assert_eq!(roots(&[-1.0, 1.0]), [0.5]);
+    assert_eq!(roots(&[-1.0, 3.0]), [0.25]);
+    assert_eq!(roots(&[-3.0, -1.0, 1.0, 3.0]), [0.5]);
+    assert_eq!(roots(&[0.0, 0.0]), []);
+}
+
+/// Every corner lies in a piece of its own, and every side crosses a knot halfway.
+#[test]
+fn loops_are_cut_at_knots_in_the_middle_of_their_sides() {
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+    ];
+    let mut patch = Patch::from(plane(corners, &[0.5]));
+    let ends = [[0.25, 0.125], [0.75, 0.25], [0.75, 0.75], [0.25, 0.875]];
+    let sides = (0..4).map(|k| {
+        let [from, to] = [ends[k], ends[(k + 1) % 4]].map(DVec2::from);
+        Curve::line(from, to, 0.0..1.0).unwrap()
+    });
+    patch.loops = vec![TrimLoop::new(sides.collect(), 0.0).unwrap()];
+    let found = Integrals::of(&patch, DVec3::ZERO).area();
+    assert!((found - 0.3125).abs() < 1e-14, "{found}");
+}
+
+#[test]
 fn bodies_have_their_closed_forms() {
     let frame = Frame::about(DVec3::new(1.0, -2.0, 0.5), DVec3::new(0.3, 0.1, 1.0)).unwrap();
     let sphere = sphere(&frame, 2.0, 0.0..TAU, -PI / 2.0..PI / 2.0).unwrap();
