@@ -7,6 +7,7 @@ use kernel::{Camera, Light, LightKind, Material, Ray, Scene};
 
 use crate::accelerator::{Accelerator, Workspace};
 use crate::intersect::Hit;
+use crate::look::Look;
 
 /// How surfaces are shaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,7 +77,7 @@ impl<'a> Integrator<'a> {
             lights,
             ambient,
             shading,
-            transparent: scene.materials().iter().any(|m| m.opacity < 1.0),
+            transparent: is_transparent(scene),
             fallback: Material::default(),
             size: accelerator.bounds().diagonal(),
         }
@@ -100,12 +101,16 @@ impl<'a> Integrator<'a> {
                 })
                 .collect();
         }
-        let mut light: Vec<_> = rays
+        let looks: Vec<Option<Look>> = rays
             .iter()
             .zip(hits)
-            .map(|(_, hit)| match hit {
-                Some(hit) => Radiance {
-                    color: self.unlit(self.material(hit)),
+            .map(|(ray, hit)| hit.as_ref().map(|hit| self.look(ray, hit)))
+            .collect();
+        let mut light: Vec<_> = looks
+            .iter()
+            .map(|look| match look {
+                Some(look) => Radiance {
+                    color: self.unlit(look),
                     coverage: 1.0,
                 },
                 None => Radiance::default(),
@@ -117,9 +122,12 @@ impl<'a> Integrator<'a> {
             shadows.clear();
             ranges.clear();
             pending.clear();
-            for (number, (ray, hit)) in rays.iter().zip(hits).enumerate() {
-                let Some(hit) = hit else { continue };
-                let Some(lit) = self.lit(ray, hit, self.material(hit), &active.light) else {
+            for (number, (ray, (hit, look))) in rays.iter().zip(hits.iter().zip(&looks)).enumerate()
+            {
+                let (Some(hit), Some(look)) = (hit, look) else {
+                    continue;
+                };
+                let Some(lit) = self.lit(ray, hit, look, &active.light) else {
                     continue;
                 };
                 if !active.shadows {
@@ -141,8 +149,24 @@ impl<'a> Integrator<'a> {
         light
     }
 
-    fn material(&self, hit: &Hit) -> &Material {
-        self.accelerator.material(hit).unwrap_or(&self.fallback)
+    /// The material at a hit, of the side that the ray meets.
+    fn look(&self, ray: &Ray, hit: &Hit) -> Look {
+        let mut material = self.accelerator.material(hit).unwrap_or(&self.fallback);
+        if let Some(back) = &material.back
+            && hit.normal.dot(ray.direction) > 0.0
+        {
+            material = back;
+        }
+        let mut look = Look::from(material);
+        if !material.maps.is_empty()
+            && let Some(st) = self.accelerator.texture_coordinates(hit)
+        {
+            look = Look::textured(material, st);
+        }
+        match self.accelerator.vertex_color(hit) {
+            Some(color) => look.tinted(material, color),
+            None => look,
+        }
     }
 
     /// The light that comes back along `ray` from its first hit and, where that is
@@ -157,13 +181,12 @@ impl<'a> Integrator<'a> {
         let mut hit = *first;
         let (mut sum, mut share) = (Radiance::default(), 1.0);
         for _ in 0..LAYERS {
-            let material = self.material(&hit);
-            let opacity = material.opacity.clamp(0.0, 1.0);
-            if opacity > 0.0 {
-                let local = self.local(ray, &hit, material, workspace, rays);
-                sum.color += local * (share * opacity);
+            let look = self.look(ray, &hit);
+            if look.opacity > 0.0 {
+                let local = self.local(ray, &hit, &look, workspace, rays);
+                sum.color += local * (share * look.opacity);
             }
-            share *= 1.0 - opacity;
+            share *= 1.0 - look.opacity;
             if share < LEAST_SHARE {
                 break;
             }
@@ -183,13 +206,13 @@ impl<'a> Integrator<'a> {
         &self,
         ray: &Ray,
         hit: &Hit,
-        material: &Material,
+        look: &Look,
         workspace: &mut Workspace,
         rays: &mut u64,
     ) -> DVec3 {
-        let mut color = self.unlit(material);
+        let mut color = self.unlit(look);
         for ActiveLight { light, shadows } in &self.lights {
-            let Some(lit) = self.lit(ray, hit, material, light) else {
+            let Some(lit) = self.lit(ray, hit, look, light) else {
                 continue;
             };
             let visible = if *shadows {
@@ -203,12 +226,12 @@ impl<'a> Integrator<'a> {
     }
 
     /// What needs no light in particular.
-    fn unlit(&self, material: &Material) -> DVec3 {
-        material.emissive + material.ambient * self.ambient
+    fn unlit(&self, look: &Look) -> DVec3 {
+        look.emissive + look.ambient * self.ambient
     }
 
     /// What one light adds where nothing is in its way; `None` where it does not shine.
-    fn lit(&self, ray: &Ray, hit: &Hit, material: &Material, light: &Light) -> Option<Lit> {
+    fn lit(&self, ray: &Ray, hit: &Hit, look: &Look, light: &Light) -> Option<Lit> {
         let view = -ray.direction.normalize();
         // Both sides of a surface are lit; without a normal it faces the viewer.
         let normal = match hit.normal.dot(view) {
@@ -224,17 +247,17 @@ impl<'a> Integrator<'a> {
         let highlight = match self.shading {
             Shading::Blinn => {
                 let half = (direction + view).normalize_or_zero();
-                half.dot(normal).max(0.0).powf(material.shininess)
+                half.dot(normal).max(0.0).powf(look.shininess)
             }
             _ => {
                 let mirrored = normal * (2.0 * cosine) - direction;
                 mirrored
                     .dot(view)
                     .max(0.0)
-                    .powf(material.shininess * PHONG_EXPONENT)
+                    .powf(look.shininess * PHONG_EXPONENT)
             }
         };
-        let reflected = material.diffuse * cosine + material.specular * highlight;
+        let reflected = look.diffuse * cosine + look.specular * highlight;
         Some(Lit {
             color: reflected * light.color * strength,
             direction,
@@ -265,7 +288,7 @@ impl<'a> Integrator<'a> {
             let Some(blocker) = self.accelerator.nearest(&shadow, range.clone(), workspace) else {
                 return share;
             };
-            share *= 1.0 - self.material(&blocker).opacity.clamp(0.0, 1.0);
+            share *= 1.0 - self.look(&shadow, &blocker).opacity;
             if share < LEAST_SHARE {
                 return 0.0;
             }
@@ -301,6 +324,14 @@ impl<'a> Integrator<'a> {
             0.0..f64::INFINITY,
         )
     }
+}
+
+/// Whether something lets light through.
+fn is_transparent(scene: &Scene) -> bool {
+    let backs = scene.materials().iter().filter_map(|m| m.back.as_deref());
+    let mut materials = scene.materials().iter().chain(backs);
+    let mut colors = scene.meshes().iter().flat_map(|mesh| mesh.colors());
+    materials.any(|m| m.opacity < 1.0 || m.maps.opacity.is_some()) || colors.any(|c| c.w < 1.0)
 }
 
 /// Direction to a light, distance, and the share of its colour that reaches `point`.

@@ -31,6 +31,7 @@ mod film;
 pub mod gltf;
 mod integrator;
 mod intersect;
+mod look;
 mod measure;
 pub mod output;
 mod polygons;

@@ -114,7 +114,7 @@ pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> Export {
     }
 }
 
-/// OBJ with a group for each placement; texture coordinates upwards, as OBJ has them.
+/// OBJ with a group for each placement.
 pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
     let mut text = String::from("# triangles by nurbray\n");
     let (mut point, mut normal, mut texture) = (1_usize, 1_usize, 1_usize);
@@ -132,9 +132,7 @@ pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
             let _ = writeln!(text, "v {:?} {:?} {:?}", p.x, p.y, p.z);
         }
         for uv in mesh.uvs() {
-            let down = matches!(at.shape, Shape::Patch(_));
-            let up = if down { 1.0 - uv.y } else { uv.y };
-            let _ = writeln!(text, "vt {:?} {up:?}", uv.x);
+            let _ = writeln!(text, "vt {:?} {:?}", uv.x, uv.y);
         }
         for &n in mesh.normals() {
             let n = (normals * n).normalize_or_zero().as_vec3();

@@ -28,6 +28,7 @@ mod iges;
 mod limits;
 mod nodes;
 mod obj;
+mod pictures;
 mod triangulate;
 mod vrml;
 mod write;

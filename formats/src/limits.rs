@@ -17,6 +17,8 @@ pub struct Limits {
     pub points: usize,
     /// Shapes shown, counting every place of an instance.
     pub placements: u64,
+    /// Texels of all pictures of one file together.
+    pub texels: usize,
 }
 
 impl Default for Limits {
@@ -27,6 +29,7 @@ impl Default for Limits {
             nesting: 200,
             points: 100_000_000,
             placements: 10_000_000,
+            texels: 100_000_000,
         }
     }
 }

@@ -35,6 +35,7 @@ mod scene;
 mod sky;
 mod spline;
 mod surface;
+mod texture;
 mod trim;
 
 pub use bezier::BezierSurface;
@@ -59,6 +60,9 @@ pub use scene::{
 pub use sky::Sky;
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};
+pub use texture::{
+    Channel, Filter, Image, Maps, ShareTexture, Texels, Texture, Wrap, bytes_from_linear,
+};
 pub use trim::{
     ClosedLoops, Cover, Nest, Orientation, TrimLoop, TrimRegion, close as close_loops, nesting,
     oriented,

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::Maps;
+
 /// A linear colour from the sRGB values that files and people write, 0 to 1 each.
 pub fn linear_from_srgb(color: DVec3) -> DVec3 {
     let decode = |c: f64| {
@@ -48,6 +50,10 @@ pub struct Material {
     pub opacity: f64,
     /// The physically based reading, if the file gives one.
     pub metallic_roughness: Option<MetallicRoughness>,
+    /// What differs from place to place.
+    pub maps: Maps,
+    /// The look from behind, where `du x dv` points away from the viewer, if it is another.
+    pub back: Option<Box<Self>>,
 }
 
 /// The metallic-roughness model of glTF 2.0.
@@ -73,7 +79,41 @@ impl Default for Material {
             emissive: DVec3::ZERO,
             opacity: 1.0,
             metallic_roughness: None,
+            maps: Maps::default(),
+            back: None,
         }
+    }
+}
+
+/// Share of the base colour that a physical material reflects of the ambient light.
+const AMBIENT: f64 = 0.2;
+
+/// Reflectance of dielectrics seen straight on, as glTF has it.
+const DIELECTRIC: f64 = 0.04;
+
+/// The narrowest highlight of a physical material, as an exponent.
+const NARROWEST: f64 = 1024.0;
+
+impl Material {
+    /// A physically based material, also read as a Phong material of about the same look: the
+    /// width of the highlight is that of the distribution of normals
+    /// (Walter et al. 2007, section 5.2), `roughness^2` of glTF being that width.
+    pub fn physical(model: MetallicRoughness) -> Self {
+        let width = model.roughness.max(0.05).powi(4);
+        Self {
+            ambient: model.base_color * AMBIENT,
+            diffuse: model.base_color * (1.0 - model.metallic),
+            specular: DVec3::splat(DIELECTRIC).lerp(model.base_color, model.metallic),
+            shininess: (2.0 / width - 2.0).clamp(1.0, NARROWEST),
+            metallic_roughness: Some(model),
+            ..Self::default()
+        }
+    }
+
+    /// Whether it reflects nothing: its colour is its emission.
+    pub fn is_unlit(&self) -> bool {
+        let reflected = [self.ambient, self.diffuse, self.specular];
+        reflected.iter().all(|&color| color == DVec3::ZERO) && self.metallic_roughness.is_none()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Triangle meshes: the polygonal part of a file.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
 
 use crate::{Aabb, Error, MaterialId};
 
@@ -16,6 +16,7 @@ pub struct Mesh {
     positions: Vec<DVec3>,
     normals: Vec<DVec3>,
     uvs: Vec<DVec2>,
+    colors: Vec<DVec4>,
     triangles: Vec<[u32; 3]>,
 }
 
@@ -61,8 +62,25 @@ impl Mesh {
             positions,
             normals,
             uvs,
+            colors: Vec::new(),
             triangles,
         })
+    }
+
+    /// The same mesh with a colour for each vertex, linear with alpha, by which that of the
+    /// material is multiplied: its reflection, or its emission where it reflects nothing.
+    ///
+    /// # Errors
+    /// If there is not one for each position, or one is not finite.
+    pub fn with_colors(self, colors: Vec<DVec4>) -> Result<Self, Error> {
+        let (found, expected) = (colors.len(), self.positions.len());
+        if found != expected {
+            return Err(Error::PointCount { found, expected });
+        }
+        match colors.iter().position(|c| !c.is_finite()) {
+            Some(index) => Err(Error::NotFinite { index }),
+            None => Ok(Self { colors, ..self }),
+        }
     }
 
     /// Vertex positions.
@@ -78,6 +96,11 @@ impl Mesh {
     /// Vertex texture coordinates, or nothing.
     pub fn uvs(&self) -> &[DVec2] {
         &self.uvs
+    }
+
+    /// Vertex colours, or nothing.
+    pub fn colors(&self) -> &[DVec4] {
+        &self.colors
     }
 
     /// Vertex indices of the triangles, counter-clockwise seen from the front.
@@ -112,6 +135,16 @@ mod tests {
             expected: 3,
         };
         assert_eq!(mesh(&[DVec3::Z], &[], [0, 1, 2]), Err(short));
+        let plain = Mesh::new(corners.clone(), Vec::new(), Vec::new(), Vec::new()).unwrap();
+        assert_eq!(plain.clone().with_colors(vec![DVec4::ONE]), Err(short));
+        assert_eq!(
+            plain
+                .with_colors(vec![DVec4::ONE; 3])
+                .unwrap()
+                .colors()
+                .len(),
+            3
+        );
         let missing = Error::Reference { index: 3, count: 3 };
         assert_eq!(mesh(&[], &[], [0, 1, 3]), Err(missing));
         let infinite = Err(Error::NotFinite { index: 0 });

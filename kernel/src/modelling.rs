@@ -15,7 +15,7 @@ use glam::DVec3;
 
 use crate::Error;
 
-pub use arc::{arc, arc_parameter, circle};
+pub use arc::{arc, arc_angle, arc_parameter, circle};
 pub use fit::{Fit, FitSurface, fit, fit_surface};
 pub use quadric::{cone, cylinder, plane, sphere, torus};
 pub use sweep::{extrude, revolve, ruled, swung};

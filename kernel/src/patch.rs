@@ -1,5 +1,7 @@
 //! A surface with its trim loops: what a file calls a face.
 
+use std::ops::Range;
+
 use glam::{DAffine2, DVec2};
 
 use crate::trim::shifts;
@@ -21,6 +23,9 @@ pub struct Patch {
     pub loops: Vec<TrimLoop>,
     /// The material, unless the scene node that shows the patch names another.
     pub material: Option<MaterialId>,
+    /// Texture coordinates: x and y of a surface over the same parameters. Without one they
+    /// run from 0 to 1 over the domain, along u and along v.
+    pub texture: Option<Surface>,
 }
 
 impl Patch {
@@ -30,6 +35,24 @@ impl Patch {
         trimmed
             .then(|| TrimRegion::of(self))
             .filter(|region| !region.is_whole())
+    }
+
+    /// Texture coordinates at parameters of the domain.
+    pub fn texture_coordinates(&self, uv: DVec2) -> DVec2 {
+        let domain = |s: &Surface| [s.knots_u().domain(), s.knots_v().domain()];
+        match &self.texture {
+            Some(texture) => {
+                let [u, v] = domain(texture);
+                let inside = uv.clamp(DVec2::new(u.start, v.start), DVec2::new(u.end, v.end));
+                texture.evaluate(inside).truncate()
+            }
+            None => {
+                let [u, v] = domain(&self.surface);
+                let share =
+                    |x: f64, along: Range<f64>| (x - along.start) / (along.end - along.start);
+                DVec2::new(share(uv.x, u), share(uv.y, v))
+            }
+        }
     }
 
     /// The curves of all loops as [`Patch::region`] sees them: on a closed surface a loop
@@ -59,6 +82,7 @@ impl From<Surface> for Patch {
             surface,
             loops: Vec::new(),
             material: None,
+            texture: None,
         }
     }
 }

@@ -171,6 +171,7 @@ impl Plan {
                 material,
                 cluster_from_object,
                 region,
+                origin: item.shape,
             });
         });
         let halvings = Pieces::halvings(scene.patches().len());

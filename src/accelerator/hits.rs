@@ -1,7 +1,7 @@
 //! From a candidate to a hit in the world, and from hits found twice to one.
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::{Material, Mesh, Ray};
+use kernel::{Material, Mesh, Ray, Shape};
 
 use super::cells::Piece;
 use super::trace::{Candidate, CandidateKind};
@@ -71,6 +71,31 @@ impl Accelerator<'_> {
     /// The material of what was hit, if it has one.
     pub(crate) fn material(&self, hit: &Hit) -> Option<&Material> {
         self.item(hit).material.map(|id| self.scene.material(id))
+    }
+
+    /// Texture coordinates of what was hit; `None` for meshes without.
+    pub(crate) fn texture_coordinates(&self, hit: &Hit) -> Option<DVec2> {
+        match self.item(hit).origin {
+            Shape::Patch(id) => Some(self.scene.patch(id).texture_coordinates(hit.uv)),
+            Shape::Mesh(id) => (!self.scene.mesh(id).uvs().is_empty()).then_some(hit.uv),
+        }
+    }
+
+    /// The vertex colours of a mesh, mixed where it was hit; `None` where there are none.
+    pub(crate) fn vertex_color(&self, hit: &Hit) -> Option<DVec4> {
+        let Shape::Mesh(id) = self.item(hit).origin else {
+            return None;
+        };
+        let mesh = self.scene.mesh(id);
+        let colors = mesh.colors();
+        let corners = mesh.triangles()[hit.triangle as usize];
+        let [a, b, c] = corners.map(|k| colors.get(k as usize).copied());
+        let item = self.item(hit);
+        let instance = &self.instances[hit.place.0 as usize];
+        let world = instance.world_from_cluster * item.cluster_from_object;
+        let corners = corners.map(|k| world.transform_point3(mesh.positions()[k as usize]));
+        let [a_area, b_area, c_area] = areas(&corners, hit.point);
+        Some((a? * a_area + b? * b_area + c? * c_area) / (a_area + b_area + c_area))
     }
 
     fn item(&self, hit: &Hit) -> &ClusterItem<'_> {
@@ -150,6 +175,7 @@ impl Accelerator<'_> {
             tangential,
             error: POINT_ERROR * size,
             place: (candidate.instance, piece.item),
+            triangle: 0,
         }
     }
 
@@ -195,6 +221,7 @@ impl Accelerator<'_> {
             tangential: false,
             error: POINT_ERROR * size,
             place: (0, 0),
+            triangle: triangle.index,
         }
     }
 }
@@ -209,6 +236,19 @@ fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3;
         along(hu) / piece.u.1,
         along(hv) / piece.v.1,
     ]
+}
+
+/// Of a point in a triangle the areas across from each corner, times a common factor.
+fn areas(corners: &[DVec3; 3], point: DVec3) -> [f64; 3] {
+    let [a, b, c] = *corners;
+    let across = (b - a).cross(c - a);
+    let area = |from: DVec3, to: DVec3| (from - point).cross(to - point).dot(across).max(0.0);
+    let areas = [area(b, c), area(c, a), area(a, b)];
+    if areas.iter().sum::<f64>() > 0.0 {
+        areas
+    } else {
+        [1.0; 3]
+    }
 }
 
 /// Parameters of a point in a triangle from those of its corners; barycentric without.

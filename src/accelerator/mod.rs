@@ -87,6 +87,8 @@ struct ClusterItem<'a> {
     cluster_from_object: DAffine3,
     /// Number of its trim region in the cluster, if it has one.
     region: Option<u32>,
+    /// What is stored of it, for what only pictures on it need.
+    origin: Shape,
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -15,7 +15,7 @@ const WARNINGS_SHOWN: usize = 8;
 /// Options that concern reading.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ReadArgs {
-    /// Multiply the limits on file size, points, nesting and instances by this factor
+    /// Multiply the limits on file size, points, nesting, instances and pictures by this factor
     #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     relax_limits: u32,
     /// Let files name others in this folder and below, not only beside themselves
@@ -42,6 +42,7 @@ impl ReadArgs {
             placements: limits
                 .placements
                 .saturating_mul(u64::from(self.relax_limits)),
+            texels: limits.texels.saturating_mul(factor),
         }
     }
 

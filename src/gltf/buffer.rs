@@ -15,6 +15,7 @@ enum Kind {
     Vec2,
     Vec3,
     Vec4,
+    Color,
     Index16,
     Index32,
 }
@@ -24,6 +25,8 @@ enum Kind {
 pub(super) struct Data {
     views: BTreeMap<Kind, Vec<u8>>,
     accessors: Vec<(Kind, Accessor)>,
+    /// Encoded, in the order of the images of the file.
+    pictures: Vec<Vec<u8>>,
 }
 
 impl Data {
@@ -56,6 +59,16 @@ impl Data {
     /// Stores vectors of four.
     pub(super) fn add_vec4(&mut self, vectors: &[[f32; 4]]) -> Index<Accessor> {
         self.add_floats(Kind::Vec4, Type::Vec4, vectors)
+    }
+
+    /// Stores colours with alpha.
+    pub(super) fn add_colors(&mut self, colors: &[[f32; 4]]) -> Index<Accessor> {
+        self.add_floats(Kind::Color, Type::Vec4, colors)
+    }
+
+    /// Stores the next image of the file.
+    pub(super) fn add_picture(&mut self, encoded: Vec<u8>) {
+        self.pictures.push(encoded);
     }
 
     fn add_floats<const N: usize>(
@@ -132,7 +145,7 @@ impl Data {
             let stride = match kind {
                 Kind::Vec2 => Some(8),
                 Kind::Vec3 => Some(12),
-                Kind::Vec4 => Some(16),
+                Kind::Vec4 | Kind::Color => Some(16),
                 Kind::Index16 | Kind::Index32 => None,
             };
             let target = if is_index {
@@ -158,6 +171,21 @@ impl Data {
         for (kind, mut accessor) in self.accessors {
             accessor.buffer_view = places.get(&kind).copied();
             root.accessors.push(accessor);
+        }
+        for (image, bytes) in root.images.iter_mut().zip(self.pictures) {
+            image.buffer_view = Some(Index::new(number(root.buffer_views.len())));
+            root.buffer_views.push(View {
+                buffer: Index::new(0),
+                byte_length: USize64::from(bytes.len()),
+                byte_offset: (!buffer.is_empty()).then(|| USize64::from(buffer.len())),
+                byte_stride: None,
+                name: None,
+                target: None,
+                extensions: None,
+                extras: None,
+            });
+            buffer.extend(bytes);
+            buffer.resize(buffer.len().next_multiple_of(4), 0);
         }
         buffer
     }

@@ -1,6 +1,7 @@
 //! Materials, cameras and lights.
 
 use std::collections::BTreeMap;
+use std::io;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf_json::camera::{Orthographic, Perspective, Type};
@@ -12,31 +13,58 @@ use gltf_json::validation::Checked::Valid;
 use gltf_json::{Index, Material, Node};
 use kernel::{Camera, Light, LightKind, MaterialId, Projection, Scene};
 
-use super::buffer::number;
+use super::buffer::{Data, number};
+use super::pictures::Pictures;
 use super::place::Place;
 
-/// Materials that have been used so far, each once from both sides and once from one.
+/// Materials that have been used so far, each once for every way of showing it.
 #[derive(Debug, Default)]
 pub(super) struct Materials {
-    known: BTreeMap<(Option<usize>, bool), Index<Material>>,
+    known: BTreeMap<(Option<usize>, bool, bool), Index<Material>>,
+    pictures: Pictures,
+}
+
+/// How a material is shown.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sides {
+    pub(super) double: bool,
+    /// Whether there are texture coordinates for its pictures.
+    pub(super) textured: bool,
 }
 
 impl Materials {
     /// The number of a material in the file.
+    ///
+    /// # Errors
+    /// If a picture cannot be encoded.
     pub(super) fn add(
         &mut self,
         scene: &Scene,
         id: Option<MaterialId>,
-        double_sided: bool,
-        list: &mut Vec<Material>,
-    ) -> Index<Material> {
-        let key = (id.map(MaterialId::index), double_sided);
-        *self.known.entry(key).or_insert_with(|| {
-            let default = kernel::Material::default();
-            let source = id.map_or(&default, |id| scene.material(id));
-            list.push(material(source, double_sided));
-            Index::new(number(list.len() - 1))
-        })
+        sides: Sides,
+        data: &mut Data,
+        root: &mut gltf_json::Root,
+    ) -> io::Result<Index<Material>> {
+        let key = (id.map(MaterialId::index), sides.double, sides.textured);
+        if let Some(known) = self.known.get(&key) {
+            return Ok(*known);
+        }
+        let default = kernel::Material::default();
+        let source = id.map_or(&default, |id| scene.material(id));
+        let mut made = material(source, sides.double);
+        if sides.textured {
+            let pictures = self.pictures.add(&source.maps, data, root)?;
+            made.pbr_metallic_roughness.base_color_texture = pictures.color;
+            made.pbr_metallic_roughness.metallic_roughness_texture = pictures.surface;
+            made.emissive_texture = pictures.emissive;
+            if source.maps.opacity.is_some() {
+                made.alpha_mode = Valid(AlphaMode::Blend);
+            }
+        }
+        root.materials.push(made);
+        let index = Index::new(number(root.materials.len() - 1));
+        self.known.insert(key, index);
+        Ok(index)
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod buffer;
 mod look;
+mod pictures;
 mod place;
 mod shapes;
 mod tree;
@@ -67,7 +68,7 @@ pub fn write(
     root.nodes.push(top);
     let top = Index::new(0);
     let mut shapes = Shapes::new(scene, triangles);
-    tree::add(scene, &mut shapes, top, &mut root);
+    tree::add(scene, &mut shapes, top, &mut root)?;
     let mut roots = vec![top];
     if root.nodes[0].children.is_none() {
         let text = "there is no triangle in the scene";

@@ -1,8 +1,9 @@
 //! Meshes of the file: the triangles of what a node shows.
 
 use std::collections::{BTreeMap, HashMap};
+use std::io;
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine2, DVec2, DVec3, DVec4};
 use gltf_json::mesh::{Mode, Primitive, Semantic};
 use gltf_json::validation::Checked::Valid;
 use gltf_json::{Index, Mesh};
@@ -10,7 +11,8 @@ use kernel::{Aabb, Item, MaterialId, Scene, Shape};
 use serde_json::{Value, json};
 
 use super::buffer::{Data, extras, number};
-use super::look::Materials;
+use super::look::{Materials, Sides};
+use super::pictures;
 use crate::tessellate::Tessellation;
 
 /// Coordinates this many times larger than the box around a mesh are measured from its middle.
@@ -30,6 +32,7 @@ struct Look {
     double_sided: bool,
     normals: bool,
     uvs: bool,
+    colors: bool,
 }
 
 /// Triangles of one look.
@@ -39,6 +42,7 @@ struct Batch {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
+    colors: Vec<[f32; 4]>,
     indices: Vec<u32>,
     faces: Vec<Value>,
 }
@@ -85,18 +89,25 @@ impl<'a> Shapes<'a> {
     }
 
     /// The mesh of what a node shows; `None` if there is no triangle in it.
-    pub(super) fn add(&mut self, items: &[Item], root: &mut gltf_json::Root) -> Option<Placed> {
+    ///
+    /// # Errors
+    /// If a picture cannot be encoded.
+    pub(super) fn add(
+        &mut self,
+        items: &[Item],
+        root: &mut gltf_json::Root,
+    ) -> io::Result<Option<Placed>> {
         let material = |item: &Item| self.scene.item_material(item);
         let key: Vec<_> = items
             .iter()
             .map(|item| (item.shape, material(item)))
             .collect();
         if let Some(known) = self.known.get(&key) {
-            return *known;
+            return Ok(*known);
         }
-        let placed = self.build(&key, root);
+        let placed = self.build(&key, root)?;
         self.known.insert(key, placed);
-        placed
+        Ok(placed)
     }
 
     fn mesh(&self, shape: Shape) -> Option<&'a kernel::Mesh> {
@@ -110,7 +121,7 @@ impl<'a> Shapes<'a> {
         &mut self,
         items: &[(Shape, Option<MaterialId>)],
         root: &mut gltf_json::Root,
-    ) -> Option<Placed> {
+    ) -> io::Result<Option<Placed>> {
         let meshes = items.iter().filter_map(|item| self.mesh(item.0));
         let bounds = meshes.fold(Aabb::EMPTY, |all, mesh| all.union(mesh.bounds()));
         let center = if bounds.is_empty() {
@@ -130,10 +141,13 @@ impl<'a> Shapes<'a> {
                 double_sided: !matches!(shape, Shape::Patch(id) if self.closed[id.index()]),
                 normals: !mesh.normals().is_empty(),
                 uvs: !mesh.uvs().is_empty(),
+                colors: !mesh.colors().is_empty(),
             };
             let batch = batches.entry(look).or_default();
             batch.material = material;
-            let rounding = batch.extend(mesh, shape, origin);
+            let maps = material.map(|id| &self.scene.material(id).maps);
+            let picture_from_shape = maps.map_or(DAffine2::IDENTITY, pictures::placement);
+            let rounding = batch.extend(mesh, shape, origin, &picture_from_shape);
             if let Shape::Patch(id) = shape
                 && let Some(face) = &self.triangles.faces[id.index()]
             {
@@ -147,11 +161,11 @@ impl<'a> Shapes<'a> {
         let mut primitives = Vec::new();
         for (look, batch) in batches {
             if !batch.indices.is_empty() {
-                primitives.push(self.primitive(look, &batch, root));
+                primitives.push(self.primitive(look, &batch, root)?);
             }
         }
         if primitives.is_empty() {
-            return None;
+            return Ok(None);
         }
         let name = items
             .iter()
@@ -165,10 +179,15 @@ impl<'a> Shapes<'a> {
             weights: None,
         });
         let mesh = Index::new(number(root.meshes.len() - 1));
-        Some(Placed { mesh, origin })
+        Ok(Some(Placed { mesh, origin }))
     }
 
-    fn primitive(&mut self, look: Look, batch: &Batch, root: &mut gltf_json::Root) -> Primitive {
+    fn primitive(
+        &mut self,
+        look: Look,
+        batch: &Batch,
+        root: &mut gltf_json::Root,
+    ) -> io::Result<Primitive> {
         let data = &mut self.data;
         let mut attributes = BTreeMap::new();
         attributes.insert(
@@ -181,11 +200,17 @@ impl<'a> Shapes<'a> {
         if look.uvs {
             attributes.insert(Valid(Semantic::TexCoords(0)), data.add_vec2(&batch.uvs));
         }
+        if look.colors {
+            attributes.insert(Valid(Semantic::Colors(0)), data.add_colors(&batch.colors));
+        }
         let indices = data.add_indices(&batch.indices, batch.positions.len());
-        let list = &mut root.materials;
-        let sides = look.double_sided;
-        let material = self.materials.add(self.scene, batch.material, sides, list);
-        Primitive {
+        let sides = Sides {
+            double: look.double_sided,
+            textured: look.uvs,
+        };
+        let materials = &mut self.materials;
+        let material = materials.add(self.scene, batch.material, sides, data, root)?;
+        Ok(Primitive {
             attributes,
             extensions: None,
             extras: extras(&json!({ "faces": batch.faces })),
@@ -193,7 +218,7 @@ impl<'a> Shapes<'a> {
             material: Some(material),
             mode: Valid(Mode::Triangles),
             targets: None,
-        }
+        })
     }
 }
 
@@ -203,7 +228,13 @@ impl Batch {
         clippy::cast_possible_truncation,
         reason = "files hold single precision"
     )]
-    fn extend(&mut self, mesh: &kernel::Mesh, shape: Shape, origin: DVec3) -> f64 {
+    fn extend(
+        &mut self,
+        mesh: &kernel::Mesh,
+        shape: Shape,
+        origin: DVec3,
+        picture_from_shape: &DAffine2,
+    ) -> f64 {
         let first = number(self.positions.len());
         let mut rounding: f64 = 0.0;
         for &p in mesh.positions() {
@@ -214,10 +245,14 @@ impl Batch {
         }
         let unit = |n: &DVec3| n.normalize_or(DVec3::Z).as_vec3().normalize().to_array();
         self.normals.extend(mesh.normals().iter().map(unit));
-        // Texture coordinates of files run upwards, ours run downwards as those here.
-        let down = matches!(shape, Shape::Patch(_));
-        let texture = |uv: &DVec2| [uv.x as f32, (if down { uv.y } else { 1.0 - uv.y }) as f32];
+        // Ours run upwards, those of the format downwards.
+        let texture = |st: &DVec2| {
+            let st = picture_from_shape.transform_point2(*st);
+            [st.x as f32, (1.0 - st.y) as f32]
+        };
         self.uvs.extend(mesh.uvs().iter().map(texture));
+        let color = |color: &DVec4| color.clamp(DVec4::ZERO, DVec4::ONE).as_vec4().to_array();
+        self.colors.extend(mesh.colors().iter().map(color));
         let from = self.indices.len();
         let distinct = mesh
             .triangles()

@@ -1,6 +1,7 @@
 //! The nodes of the file.
 
 use std::collections::BTreeMap;
+use std::io;
 
 use glam::{DAffine3, DVec3};
 use gltf_json::{Index, Node};
@@ -18,12 +19,15 @@ const MANY: usize = 64;
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Adds everything below the scene's root as children of a node of the file.
+///
+/// # Errors
+/// If a picture cannot be encoded.
 pub(super) fn add<'s>(
     scene: &'s Scene,
     shapes: &mut Shapes<'s>,
     top: Index<Node>,
     root: &mut gltf_json::Root,
-) {
+) -> io::Result<()> {
     // How many shapes each node shows: those that show none are left out.
     let mut shown: Vec<u64> = Vec::new();
     for node in scene.nodes() {
@@ -44,12 +48,13 @@ pub(super) fn add<'s>(
     stack.extend(scene.root().map(|id| (id, top)));
     // An explicit stack: files may nest deeper than ours reaches.
     while let Some((id, parent)) = stack.pop() {
-        writer.add_node(id, parent, &mut stack);
+        writer.add_node(id, parent, &mut stack)?;
     }
     if writer.instanced {
         root.extensions_used.push(INSTANCING.to_owned());
         root.extensions_required.push(INSTANCING.to_owned());
     }
+    Ok(())
 }
 
 struct Tree<'t, 's> {
@@ -76,9 +81,9 @@ impl Tree<'_, '_> {
         id: NodeId,
         parent: Index<Node>,
         stack: &mut Vec<(NodeId, Index<Node>)>,
-    ) {
+    ) -> io::Result<()> {
         if self.shown[id.index()] == 0 {
-            return;
+            return Ok(());
         }
         let scene = self.scene;
         let node = scene.node(id);
@@ -92,7 +97,7 @@ impl Tree<'_, '_> {
             own = self.push(made, own);
         }
         let items = items(scene, id);
-        if let Some(placed) = self.shapes.add(&items, self.root) {
+        if let Some(placed) = self.shapes.add(&items, self.root)? {
             self.hold(placed, own);
         }
         let below = node.children.iter().filter_map(|child| match child {
@@ -109,7 +114,7 @@ impl Tree<'_, '_> {
         parts.retain(|_, places| places.len() >= MANY);
         let ids: Vec<NodeId> = scene.node_ids().collect();
         for (&part, places) in &parts {
-            self.instance(ids[part], places, own);
+            self.instance(ids[part], places, own)?;
         }
         let is_single = |child: &NodeId| {
             let part = self.part(*child);
@@ -117,6 +122,7 @@ impl Tree<'_, '_> {
         };
         let single: Vec<NodeId> = below.filter(is_single).collect();
         stack.extend(single.into_iter().rev().map(|child| (child, own)));
+        Ok(())
     }
 
     /// Puts a mesh into a node, or into one below it where it is measured from elsewhere.
@@ -155,9 +161,9 @@ impl Tree<'_, '_> {
     }
 
     /// One node for many places of a part.
-    fn instance(&mut self, part: NodeId, places: &[Place], parent: Index<Node>) {
-        let Some(placed) = self.shapes.add(&items(self.scene, part), self.root) else {
-            return;
+    fn instance(&mut self, part: NodeId, places: &[Place], parent: Index<Node>) -> io::Result<()> {
+        let Some(placed) = self.shapes.add(&items(self.scene, part), self.root)? else {
+            return Ok(());
         };
         let data = &mut self.shapes.data;
         let vectors = |get: &dyn Fn(&Place) -> DVec3| -> Vec<[f32; 3]> {
@@ -186,6 +192,7 @@ impl Tree<'_, '_> {
         };
         self.push(node, parent);
         self.instanced = true;
+        Ok(())
     }
 }
 

@@ -36,6 +36,8 @@ pub struct Hit {
     pub error: f64,
     /// Instance and item of the accelerator that were hit.
     pub(crate) place: (u32, u32),
+    /// Which triangle of a mesh.
+    pub(crate) triangle: u32,
 }
 
 /// A way to find where rays meet patches: one row per file of this folder.

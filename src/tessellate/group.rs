@@ -324,7 +324,6 @@ impl Net<'_> {
 
 /// Triangles with normals and texture coordinates, measured.
 fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) -> FaceMesh {
-    let domain = face.pieces.domain();
     let mut positions: Vec<DVec3> = Vec::new();
     let mut normals: Vec<DVec3> = Vec::new();
     let mut parameters: Vec<DVec2> = Vec::new();
@@ -367,11 +366,10 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         }
         triangles.push(triangle);
     }
-    let texture = |uv: &DVec2| {
-        let share = (*uv - domain.min) / domain.size();
-        DVec2::new(share.x, 1.0 - share.y)
-    };
-    let uvs = parameters.iter().map(texture).collect();
+    let uvs = parameters
+        .iter()
+        .map(|uv| patch.texture_coordinates(*uv))
+        .collect();
     let made = Mesh::new(positions, normals, uvs, triangles);
     let mut made = made.unwrap_or_else(|_| empty_mesh());
     made.name.clone_from(&patch.name);

@@ -90,8 +90,8 @@ pub struct Tessellation {
 /// The triangles of a patch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FaceMesh {
-    /// Triangles with exact normals, and texture coordinates that run from 0 to 1 over the
-    /// domain with v downwards. Neighbouring patches share positions to the last bit.
+    /// Triangles with exact normals and the texture coordinates of the patch. Neighbouring
+    /// patches share positions to the last bit.
     pub mesh: Mesh,
     /// Parameters of the vertices on the surface.
     pub parameters: Vec<DVec2>,

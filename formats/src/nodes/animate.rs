@@ -12,6 +12,7 @@ use kernel::Scene;
 
 use super::scene::{Converter, turn};
 use super::{Field, Node, Tree};
+use crate::pictures::Pictures;
 use crate::{Error, Limits, NoFiles, ReadOptions, Warnings};
 
 /// A route from a field of a node to a field of another one.
@@ -31,15 +32,18 @@ pub(crate) struct Route {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Animation {
     tree: Tree,
+    /// What has been decoded already.
+    pictures: Pictures,
     limits: Limits,
 }
 
 impl Animation {
     /// The animation of a tree, if a sensor of time has a route to anything.
-    pub(super) fn of(tree: &Tree, limits: &Limits) -> Option<Self> {
+    pub(super) fn of(tree: &Tree, pictures: Pictures, limits: &Limits) -> Option<Self> {
         let moves = |route: &Route| &*tree.nodes[route.from].kind == "TimeSensor";
         tree.routes.iter().any(moves).then(|| Self {
             tree: tree.clone(),
+            pictures,
             limits: limits.clone(),
         })
     }
@@ -58,7 +62,9 @@ impl Animation {
         for change in self.changes(seconds, &options) {
             tree.nodes[change.node].fields.push(change.field);
         }
-        super::scene::convert(&tree, Warnings::default(), &options).map(|import| import.scene)
+        let (warnings, mut pictures) = (Warnings::default(), self.pictures.clone());
+        let import = super::scene::convert(&tree, warnings, &mut pictures, &options)?;
+        Ok(import.scene)
     }
 
     /// The fields that have other values at a time than in the file. Each route is followed

@@ -55,13 +55,16 @@ impl Converter<'_> {
         }
         let turned = !node.flag("ccw", true, &mut self.warnings);
         let side = || {
-            let knots_u = polyline_knots(section.len())?;
-            let side =
-                Surface::from_u_fastest(knots_u, polyline_knots(spine.len())?, &points, None)?;
-            Ok(if turned { side.reversed_u() } else { side })
+            let (u, v) = (polyline_knots(section.len())?, polyline_knots(spine.len())?);
+            let side = Patch::from(Surface::from_u_fastest(u, v, &points, None)?);
+            if turned {
+                self.reversed(side)
+            } else {
+                Ok(side)
+            }
         };
         let mut patches = match side() {
-            Ok(side) => vec![Patch::from(side)],
+            Ok(side) => vec![side],
             Err(problem) => return Ok(Err(problem)),
         };
         for (field, i) in [("beginCap", 0), ("endCap", spine.len() - 1)] {
@@ -69,7 +72,20 @@ impl Converter<'_> {
                 let (axes, scale) = map(i);
                 let section: Vec<_> = section.iter().map(|p| *p * scale).collect();
                 match cap(&section, spine[i], axes, (i == 0) == turned) {
-                    Ok(cap) => patches.extend(cap),
+                    Ok(Some((mut cap, size))) => {
+                        // The larger side of the section is that of the picture.
+                        let size = size / size.max_element();
+                        if self.is_pictured {
+                            let [u, v] = if (i == 0) == turned {
+                                [DVec3::Y * size.y, DVec3::X * size.x]
+                            } else {
+                                [DVec3::X * size.x, DVec3::Y * size.y]
+                            };
+                            cap.texture = plane(DVec3::ZERO, u, v, 0.0..1.0, 0.0..1.0).ok();
+                        }
+                        patches.push(cap);
+                    }
+                    Ok(None) => {}
                     Err(problem) => return Ok(Err(problem)),
                 }
             }
@@ -89,13 +105,13 @@ fn polyline_knots(count: usize) -> Result<KnotVector, GeometryError> {
     KnotVector::clamped_uniform(1, count, 0.0..count.saturating_sub(1) as f64)
 }
 
-/// The flat face inside a section; nothing if it has no area.
+/// The flat face inside a section, and how large that is; nothing if it has no area.
 fn cap(
     section: &[DVec2],
     place: DVec3,
     axes: DMat3,
     upwards: bool,
-) -> Result<Option<Patch>, GeometryError> {
+) -> Result<Option<(Patch, DVec2)>, GeometryError> {
     let Some((low, size, mut border)) = in_frame(section) else {
         return Ok(None);
     };
@@ -110,7 +126,7 @@ fn cap(
     }
     let patch = Patch::from(plane(corner, u, v, 0.0..1.0, 0.0..1.0)?);
     let loops = vec![TrimLoop::new(vec![Curve::polyline(&border)?], 0.0)?];
-    Ok(Some(Patch { loops, ..patch }))
+    Ok(Some((Patch { loops, ..patch }, size)))
 }
 
 /// For each point of a spine the axes of the plane that the section lies in: x, along the

@@ -52,21 +52,10 @@ impl Loader {
     }
 }
 
-impl Builder<'_> {
-    /// Reads the content of a file to its end, or to where it is broken.
-    ///
-    /// # Errors
-    /// If a limit is passed.
-    pub(super) fn read(&mut self, bytes: &[u8]) -> Result<Option<Error>, Error> {
-        self.loader.reading.push(mark(bytes));
-        self.scopes.push(Scope::default());
-        let spelling = self.loader.spelling;
-        spelling(bytes, self)
-    }
-
-    /// The name of a file that is named in the present one, from the folder of the first.
+impl File {
+    /// The name of a file that is named in this one, from the folder of the first.
     pub(super) fn beside(&self, address: &str) -> String {
-        let here = &self.file.name;
+        let here = &self.name;
         let folder = here.rfind('/').map_or("", |end| &here[..=end]);
         if address.contains(':') || address.starts_with(['/', '\\']) {
             return address.to_owned();
@@ -81,6 +70,19 @@ impl Builder<'_> {
             }
         }
         parts.join("/")
+    }
+}
+
+impl Builder<'_> {
+    /// Reads the content of a file to its end, or to where it is broken.
+    ///
+    /// # Errors
+    /// If a limit is passed.
+    pub(super) fn read(&mut self, bytes: &[u8]) -> Result<Option<Error>, Error> {
+        self.loader.reading.push(mark(bytes));
+        self.scopes.push(Scope::default());
+        let spelling = self.loader.spelling;
+        spelling(bytes, self)
     }
 
     /// Puts the scene of the first file that can be read into an `Inline`, in its units.
@@ -97,7 +99,7 @@ impl Builder<'_> {
             return Ok(());
         }
         let addresses = node.strings("url").into_iter();
-        let addresses: Vec<_> = addresses.map(|a| self.beside(&a)).collect();
+        let addresses: Vec<_> = addresses.map(|a| self.file.beside(&a)).collect();
         let scene = |contents: &Contents, _: Option<&str>| {
             Some((contents.scene?, contents.file.length.metres))
         };

@@ -4,22 +4,16 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{DAffine3, DVec3};
 use kernel::{
-    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, Sky,
+    Camera, Channel, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, Sky,
     linear_from_srgb,
 };
 
 use super::Node;
 use super::scene::{Converter, Made, rotation};
+use super::texture::{is_texture, unlit};
 
 /// Factor from the field `shininess` to the exponent of the Phong model.
 pub(super) const SHININESS: f64 = 128.0;
-
-/// Share of the base colour that a physical material reflects of the ambient light, as the
-/// default of Material has it.
-const AMBIENT: f64 = 0.2;
-
-/// Reflectance of dielectrics seen straight on, as glTF has it.
-const DIELECTRIC: f64 = 0.04;
 
 /// Opening angles of a `SpotLight` where the file gives none: full light, and no light.
 const SPOT_3: [f64; 2] = [FRAC_PI_4, FRAC_PI_2];
@@ -30,71 +24,125 @@ const SPOT_4: [f64; 2] = [0.589_049, FRAC_PI_2];
 /// As [`SPOT_3`], in VRML 97.
 const SPOT_97: [f64; 2] = [FRAC_PI_2, FRAC_PI_4];
 
+/// The fields of a material: ambient, diffuse, specular, shininess, emission, transparency.
+const FRONT: [&str; 6] = [
+    "ambientIntensity",
+    "diffuseColor",
+    "specularColor",
+    "shininess",
+    "emissiveColor",
+    "transparency",
+];
+
+/// As [`FRONT`], of the other side of a `TwoSidedMaterial`.
+const BACK: [&str; 6] = [
+    "backAmbientIntensity",
+    "backDiffuseColor",
+    "backSpecularColor",
+    "backShininess",
+    "backEmissiveColor",
+    "backTransparency",
+];
+
 impl Converter<'_> {
-    /// A `Material`, or the front of a `TwoSidedMaterial`.
+    /// A `Material`, or both sides of a `TwoSidedMaterial`.
     pub(super) fn material(&mut self, node: &Node) -> Made {
+        let mut material = self.phong(node, FRONT);
         if node.flag("separateBackColor", false, &mut self.warnings) {
-            let text = "both sides are shown in the material of the front";
-            self.warnings.unsupported(node.place(), text);
+            material.back = Some(Box::new(self.phong(node, BACK)));
         }
-        let ambient = self.share(node, "ambientIntensity", 0.2);
-        let diffuse = self.color(node, "diffuseColor", DVec3::splat(0.8));
-        let material = Material {
+        self.pictured(node, material)
+    }
+
+    /// One side of a material.
+    fn phong(&mut self, node: &Node, fields: [&str; 6]) -> Material {
+        let [
+            ambient,
+            diffuse,
+            specular,
+            shininess,
+            emissive,
+            transparency,
+        ] = fields;
+        let ambient = self.share(node, ambient, 0.2);
+        let diffuse = self.color(node, diffuse, DVec3::splat(0.8));
+        Material {
+            name: self.label(node),
             ambient: diffuse * ambient,
             diffuse,
-            specular: self.color(node, "specularColor", DVec3::ZERO),
-            shininess: self.share(node, "shininess", 0.2) * SHININESS,
-            ..self.plain_material(node, DVec3::ZERO)
-        };
-        Made::Material(self.scene.add_material(material))
+            specular: self.color(node, specular, DVec3::ZERO),
+            shininess: self.share(node, shininess, 0.2) * SHININESS,
+            emissive: self.color(node, emissive, DVec3::ZERO),
+            opacity: 1.0 - self.share(node, transparency, 0.0),
+            ..Material::default()
+        }
     }
 
     pub(super) fn unlit_material(&mut self, node: &Node) -> Made {
         let material = self.plain_material(node, DVec3::ONE);
-        Made::Material(self.scene.add_material(material))
+        let made = self.pictured(node, material);
+        if let Made::Material(id) = made {
+            self.unlit.insert(id);
+        }
+        made
     }
 
-    /// A `PhysicalMaterial`, also read as a Phong material of about the same look: the width
-    /// of the highlight is that of the distribution of normals
-    /// (Walter et al. 2007, section 5.2), `roughness^2` of glTF being that width.
     pub(super) fn physical_material(&mut self, node: &Node) -> Made {
-        let base_color = self.color(node, "baseColor", DVec3::ONE);
-        let metallic = self.share(node, "metallic", 1.0);
-        let roughness = self.share(node, "roughness", 1.0);
-        let width = roughness.max(0.05).powi(4);
-        let material = Material {
-            ambient: base_color * AMBIENT,
-            diffuse: base_color * (1.0 - metallic),
-            specular: DVec3::splat(DIELECTRIC).lerp(base_color, metallic),
-            shininess: (2.0 / width - 2.0).clamp(1.0, 8.0 * SHININESS),
-            metallic_roughness: Some(MetallicRoughness {
-                base_color,
-                metallic,
-                roughness,
-            }),
-            ..self.plain_material(node, DVec3::ZERO)
+        let model = MetallicRoughness {
+            base_color: self.color(node, "baseColor", DVec3::ONE),
+            metallic: self.share(node, "metallic", 1.0),
+            roughness: self.share(node, "roughness", 1.0),
         };
+        let plain = self.plain_material(node, DVec3::ZERO);
+        let material = Material {
+            name: plain.name,
+            emissive: plain.emissive,
+            opacity: plain.opacity,
+            ..Material::physical(model)
+        };
+        self.pictured(node, material)
+    }
+
+    /// Stores a material with the textures that X3D 4 has inside of it.
+    fn pictured(&mut self, node: &Node, mut material: Material) -> Made {
+        let is_unlit = &*node.kind == "UnlitMaterial";
+        for link in &node.children {
+            let inside = &self.tree.nodes[link.node];
+            let made = self.made.get(link.node).copied();
+            let read = match made {
+                Some(Made::Texture(index)) => self.textures[index].clone(),
+                _ if inside.is_metadata() || is_texture(&inside.kind) => continue,
+                _ => {
+                    let text = format!("{} in a material is not read", inside.kind);
+                    self.warnings.unsupported(inside.place(), text);
+                    continue;
+                }
+            };
+            match link.field.as_deref() {
+                Some("emissiveTexture") | None if is_unlit => read.cover(&mut material, true),
+                None | Some("baseTexture" | "diffuseTexture") => read.cover(&mut material, false),
+                Some("emissiveTexture") => material.maps.emissive = Some(read.texture),
+                Some("specularTexture") => material.maps.specular = Some(read.texture),
+                Some("metallicRoughnessTexture") => {
+                    material.maps.roughness = Some(read.share(Channel::Green));
+                    material.maps.metallic = Some(read.share(Channel::Blue));
+                }
+                Some(field) => {
+                    let text = format!("a {field} is not shown");
+                    self.warnings.unsupported(inside.place(), text);
+                }
+            }
+        }
         Made::Material(self.scene.add_material(material))
     }
 
     /// Name, emission and opacity, which all materials have; no reflection.
     fn plain_material(&mut self, node: &Node, emissive: DVec3) -> Material {
-        for link in &node.children {
-            let inside = &self.tree.nodes[link.node];
-            if !inside.is_metadata() {
-                let text = format!("{} in a material is not read", inside.kind);
-                self.warnings.unsupported(inside.place(), text);
-            }
-        }
         Material {
             name: self.label(node),
-            ambient: DVec3::ZERO,
-            diffuse: DVec3::ZERO,
-            specular: DVec3::ZERO,
-            shininess: 1.0,
             emissive: self.color(node, "emissiveColor", emissive),
             opacity: 1.0 - self.share(node, "transparency", 0.0),
-            metallic_roughness: None,
+            ..unlit()
         }
     }
 

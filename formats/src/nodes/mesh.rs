@@ -1,6 +1,8 @@
 //! Polygons of X3D and VRML 97 to triangles.
 
-use glam::DVec3;
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3, DVec4};
 use kernel::{Error as GeometryError, Mesh};
 
 use super::scene::Converter;
@@ -78,14 +80,12 @@ impl Converter<'_> {
             let text = "polygons too tangled to cut up; cut as fans";
             self.warnings.invalid(node.place(), text);
         }
-        match self.normals(node, &points, &polygons)? {
-            None => {
-                let vertices = |t: [usize; 3]| t.map(|i| polygons.corners[i].vertex);
-                let cut = cut.into_iter().map(vertices).collect();
-                Ok(Mesh::new(points, Vec::new(), Vec::new(), cut))
-            }
-            Some(normals) => Ok(shaded(&points, &normals, &polygons.corners, &cut)),
-        }
+        let corners = Corners {
+            normals: self.normals(node, &points, &polygons)?,
+            coordinates: self.coordinates(node, &points, &polygons)?,
+            colors: self.colors(node, &polygons)?,
+        };
+        Ok(corners.mesh(&points, &polygons.corners, &cut))
     }
 
     /// The whole numbers of a field; empty if one of them is malformed.
@@ -164,6 +164,37 @@ impl Converter<'_> {
         Ok(heights.iter().enumerate().map(point).collect())
     }
 
+    /// The entry of a list for each corner, by the indices of the file or in order, one for each
+    /// vertex or for each face; `None` with a warning if the list of `node` is too short.
+    pub(super) fn spread<T: Copy>(
+        &mut self,
+        node: &Node,
+        given: &[T],
+        indices: &[i64],
+        per_vertex: bool,
+        polygons: &Polygons,
+    ) -> Option<Vec<T>> {
+        let found = |corner: &Corner| {
+            let entry = if per_vertex {
+                corner.entry
+            } else {
+                corner.face
+            };
+            let index = match (indices.is_empty(), per_vertex) {
+                (true, true) => Some(corner.vertex as usize),
+                (true, false) => Some(corner.face),
+                (false, _) => indices.get(entry).and_then(|&i| usize::try_from(i).ok()),
+            };
+            index.and_then(|index| given.get(index)).copied()
+        };
+        let all: Option<Vec<_>> = polygons.corners.iter().map(found).collect();
+        if all.is_none() {
+            let text = "there are fewer entries than are needed; none is used";
+            self.warnings.invalid(node.place(), text);
+        }
+        all
+    }
+
     /// A normal for each corner: those of the file, or means over smooth edges; `None` where
     /// the faces are flat.
     fn normals(
@@ -179,25 +210,7 @@ impl Converter<'_> {
             let given = normal.points_3d("vector", &mut self.warnings);
             self.count_points(given.len(), normal)?;
             let indices = self.indices(node, "normalIndex")?;
-            let found = |corner: &Corner| {
-                let entry = if per_vertex {
-                    corner.entry
-                } else {
-                    corner.face
-                };
-                let index = match (indices.is_empty(), per_vertex) {
-                    (true, true) => Some(corner.vertex as usize),
-                    (true, false) => Some(corner.face),
-                    (false, _) => indices.get(entry).and_then(|&i| usize::try_from(i).ok()),
-                };
-                index.and_then(|index| given.get(index)).copied()
-            };
-            let normals: Option<Vec<_>> = polygons.corners.iter().map(found).collect();
-            if normals.is_none() {
-                let text = "there are fewer normals than are needed; none is used";
-                self.warnings.invalid(normal.place(), text);
-            }
-            return Ok(normals);
+            return Ok(self.spread(normal, &given, &indices, per_vertex, polygons));
         }
         // Sets of triangles that share points are smooth unless they say otherwise.
         let shared = matches!(
@@ -343,25 +356,63 @@ fn smooth(points: &[DVec3], polygons: &Polygons, crease: f64) -> Vec<DVec3> {
     normals
 }
 
-/// A mesh in which corners with the same point and the same normal are one vertex.
-fn shaded(
-    points: &[DVec3],
-    normals: &[DVec3],
-    corners: &[Corner],
-    cut: &[[usize; 3]],
-) -> Result<Mesh, GeometryError> {
-    let mut known = std::collections::HashMap::new();
-    let (mut positions, mut directions, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
-    for triangle in cut {
-        triangles.push(triangle.map(|corner| {
-            let (vertex, normal) = (corners[corner].vertex, normals[corner]);
-            let bits = normal.to_array().map(f64::to_bits);
-            *known.entry((vertex, bits)).or_insert_with(|| {
-                positions.push(points[vertex as usize]);
-                directions.push(normal);
-                u32::try_from(positions.len() - 1).unwrap_or(u32::MAX)
-            })
-        }));
+/// What belongs to the corners of polygons rather than to their points, if anything does.
+struct Corners {
+    normals: Option<Vec<DVec3>>,
+    coordinates: Option<Vec<DVec2>>,
+    colors: Option<Vec<DVec4>>,
+}
+
+impl Corners {
+    /// A mesh in which corners that have all in common are one vertex.
+    fn mesh(
+        &self,
+        points: &[DVec3],
+        corners: &[Corner],
+        cut: &[[usize; 3]],
+    ) -> Result<Mesh, GeometryError> {
+        if self.normals.is_none() && self.coordinates.is_none() && self.colors.is_none() {
+            let vertices = |t: &[usize; 3]| t.map(|i| corners[i].vertex);
+            let cut = cut.iter().map(vertices).collect();
+            return Mesh::new(points.to_vec(), Vec::new(), Vec::new(), cut);
+        }
+        let mut known = HashMap::new();
+        let (mut firsts, mut triangles) = (Vec::new(), Vec::new());
+        for triangle in cut {
+            triangles.push(triangle.map(|corner| {
+                *known.entry(self.key(corners, corner)).or_insert_with(|| {
+                    firsts.push(corner);
+                    u32::try_from(firsts.len() - 1).unwrap_or(u32::MAX)
+                })
+            }));
+        }
+        let positions = firsts.iter().map(|&i| points[corners[i].vertex as usize]);
+        let mesh = Mesh::new(
+            positions.collect(),
+            at(self.normals.as_ref(), &firsts),
+            at(self.coordinates.as_ref(), &firsts),
+            triangles,
+        )?;
+        match &self.colors {
+            Some(colors) => mesh.with_colors(at(Some(colors), &firsts)),
+            None => Ok(mesh),
+        }
     }
-    Mesh::new(positions, directions, Vec::new(), triangles)
+
+    /// What tells vertices apart.
+    fn key(&self, corners: &[Corner], corner: usize) -> (u32, [u64; 9]) {
+        let normal = self.normals.as_ref().map_or(DVec3::ZERO, |all| all[corner]);
+        let place = self.coordinates.as_ref();
+        let place = place.map_or(DVec2::ZERO, |all| all[corner]);
+        let color = self.colors.as_ref().map_or(DVec4::ZERO, |all| all[corner]);
+        let ([a, b, c], [d, e], [f, g, h, i]) =
+            (normal.to_array(), place.to_array(), color.to_array());
+        let bits = [a, b, c, d, e, f, g, h, i].map(f64::to_bits);
+        (corners[corner].vertex, bits)
+    }
+}
+
+/// The entries of a list at these places; none without a list.
+fn at<T: Copy>(list: Option<&Vec<T>>, places: &[usize]) -> Vec<T> {
+    list.map_or_else(Vec::new, |list| places.iter().map(|&i| list[i]).collect())
 }

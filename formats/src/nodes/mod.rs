@@ -11,10 +11,12 @@
 
 mod animate;
 mod build;
+mod covering;
 mod curve;
 mod deform;
 mod extrusion;
 mod files;
+mod kinds;
 mod knots;
 mod look;
 mod mesh;
@@ -23,16 +25,20 @@ mod proto;
 mod scene;
 mod solids;
 mod text;
+mod texture;
 mod trim;
 mod write;
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod texture_tests;
 
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
+use crate::pictures::Pictures;
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
 pub use animate::Animation;
@@ -149,11 +155,19 @@ pub(crate) fn read(
             problem: Problem::Invalid(text),
         });
     }
-    let mut import = scene::convert(&tree, warnings, options)?;
-    import.animation = Animation::of(&tree, options.limits);
+    let mut pictures = Pictures::default();
+    let mut import = scene::convert(&tree, warnings, &mut pictures, options)?;
+    import.animation = Animation::of(&tree, pictures, options.limits);
     match broken {
         Some(broken) if import.scene.root().is_none() => Err(broken),
         _ => Ok(import),
+    }
+}
+
+impl Tree {
+    /// The nodes directly inside a node.
+    fn inside<'t>(&'t self, node: &Node) -> impl Iterator<Item = &'t Node> {
+        node.children.iter().map(|link| &self.nodes[link.node])
     }
 }
 

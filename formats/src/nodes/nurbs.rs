@@ -7,6 +7,7 @@
 use glam::{DVec2, DVec3};
 use kernel::{Curve, Error as GeometryError, Patch, Surface, modelling};
 
+use super::covering::over_domain;
 use super::extrusion::frames;
 use super::knots::{Direction, Knots, weights};
 use super::scene::Converter;
@@ -45,15 +46,19 @@ impl<'a> Converter<'a> {
             Err(problem) => return Ok(Err(problem)),
         };
         let loops = self.trim_loops(trims, &surface)?;
-        // Only VRML 97 has this field; its front turns around.
-        let turned = !node.flag("ccw", true, &mut self.warnings) && loops.is_empty();
-        let surface = if turned {
-            surface.reversed_u()
-        } else {
-            surface
+        let texture = self.net_coordinates(node, &surface)?;
+        let patch = Patch {
+            loops,
+            texture,
+            ..Patch::from(surface)
         };
-        let patch = Patch::from(surface);
-        Ok(Ok(Patch { loops, ..patch }))
+        // Only VRML 97 has this field; its front turns around.
+        let turned = !node.flag("ccw", true, &mut self.warnings) && patch.loops.is_empty();
+        Ok(if turned {
+            self.reversed(patch)
+        } else {
+            Ok(patch)
+        })
     }
 
     /// The `TrimmedSurface` of VRML 97: contours around a `NurbsSurface`.
@@ -87,7 +92,7 @@ impl<'a> Converter<'a> {
         let trajectory = self.parameter_curve(trajectory)?;
         Ok(profile.and_then(|profile| {
             let surface = modelling::swung(&profile, &trajectory?);
-            Ok(self.faced(node, vec![surface]))
+            self.faced(node, vec![surface])
         }))
     }
 
@@ -120,7 +125,7 @@ impl<'a> Converter<'a> {
             let swept = modelling::swept(&section, &trajectory, FIT * size)?;
             Ok((swept.surfaces, swept.accuracy, size))
         });
-        Ok(swept.map(|(surfaces, accuracy, size)| {
+        Ok(swept.and_then(|(surfaces, accuracy, size)| {
             if accuracy > FIT * size {
                 let text = format!("the surface is only within {accuracy:.1e} of what is meant");
                 self.warnings.unsupported(node.place(), text);
@@ -130,14 +135,29 @@ impl<'a> Converter<'a> {
     }
 
     /// Faces of which the front turns around where `ccw` is false.
-    fn faced(&mut self, node: &Node, surfaces: Vec<Surface>) -> Vec<Patch> {
+    fn faced(&mut self, node: &Node, surfaces: Vec<Surface>) -> Result<Vec<Patch>, GeometryError> {
         let turned = !node.flag("ccw", true, &mut self.warnings);
-        let face = |s: Surface| if turned { s.reversed_u() } else { s };
-        surfaces.into_iter().map(|s| Patch::from(face(s))).collect()
+        let patches = surfaces.into_iter().map(Patch::from);
+        let face = |p| if turned { self.reversed(p) } else { Ok(p) };
+        patches.map(face).collect()
+    }
+
+    /// An untrimmed patch with its front at the back. What is on it stays where it is.
+    pub(super) fn reversed(&self, patch: Patch) -> Result<Patch, GeometryError> {
+        let texture = match &patch.texture {
+            Some(texture) => Some(texture.reversed_u()),
+            None if self.is_pictured => Some(over_domain(&patch.surface)?.reversed_u()),
+            None => None,
+        };
+        Ok(Patch {
+            surface: patch.surface.reversed_u(),
+            texture,
+            ..patch
+        })
     }
 
     /// The node in a field.
-    fn part(&self, node: &Node, field: &str) -> Option<&'a Node> {
+    pub(super) fn part(&self, node: &Node, field: &str) -> Option<&'a Node> {
         let mut links = node.children.iter();
         let link = links.find(|link| link.field.as_deref() == Some(field))?;
         Some(&self.tree.nodes[link.node])
@@ -164,7 +184,14 @@ impl<'a> Converter<'a> {
 }
 
 /// The surface of a node with these control points.
-fn net(node: &Node, points: &[DVec3], warnings: &mut Warnings) -> Result<Surface, GeometryError> {
+///
+/// # Errors
+/// If there is no such surface.
+pub(super) fn net(
+    node: &Node,
+    points: &[DVec3],
+    warnings: &mut Warnings,
+) -> Result<Surface, GeometryError> {
     let (count_u, count_v) = dimensions(node, points.len(), warnings);
     // Before anything is allocated by these numbers.
     let (found, expected) = (points.len(), count_u.saturating_mul(count_v));

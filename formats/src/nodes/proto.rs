@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::animate::Route;
 use super::build::{Builder, Open};
-use super::scene::is_known;
+use super::kinds::is_known;
 use super::{Field, Link, Node};
 use crate::Error;
 
@@ -210,7 +210,7 @@ impl Builder<'_> {
         let known = std::iter::once(&*name).chain(tails).find(|n| is_known(n));
         let prototype = match known {
             Some(kind) => Prototype::Known(kind.into()),
-            None => Prototype::Elsewhere(addresses.iter().map(|a| self.beside(a)).collect()),
+            None => Prototype::Elsewhere(addresses.iter().map(|a| self.file.beside(a)).collect()),
         };
         self.declare_as(name, prototype);
     }

@@ -4,12 +4,17 @@
 //! find what is shown and where; then from the first node up, so that everything inside a
 //! node exists before the node itself.
 
+use std::collections::{HashMap, HashSet};
+
 use glam::{DAffine3, DQuat, DVec3};
-use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape};
+use kernel::{Child, Item, Material, MaterialId, MetallicRoughness, NodeId, Patch, Scene, Shape};
 
 use super::animate::is_driver;
+use super::kinds::{MESHES, SILENT, TRANSFORMS, is_geometry, is_group, is_material};
+use super::texture::{self, is_texture};
 use super::write::NAME;
 use super::{Node, Tree};
+use crate::pictures::Pictures;
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
 /// Turns a tree into a scene. The warnings already known go first.
@@ -19,9 +24,11 @@ use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 pub(super) fn convert(
     tree: &Tree,
     warnings: Warnings,
+    pictures: &mut Pictures,
     options: &ReadOptions<'_>,
 ) -> Result<Import, Error> {
     let mut converter = Converter::new(tree, warnings, options);
+    converter.pictures = std::mem::take(pictures);
     if let Some(root) = tree.root {
         converter.scene.unit = Some(tree.nodes[root].file.length.clone());
         converter.reach(root);
@@ -40,6 +47,7 @@ pub(super) fn convert(
             })?;
         }
     }
+    *pictures = converter.pictures;
     Ok(Import {
         scene: converter.scene,
         warnings: converter.warnings,
@@ -63,6 +71,17 @@ pub(super) struct Converter<'a> {
     pub(super) made: Vec<Made>,
     /// What geometries consist of, one list for each.
     shapes: Vec<Vec<Shape>>,
+    /// Textures, by their position.
+    pub(super) textures: Vec<texture::Read>,
+    pub(super) pictures: Pictures,
+    /// Geometries that are shown with a picture.
+    pictured: HashSet<usize>,
+    /// Whether the geometry that is being made is one of them.
+    pub(super) is_pictured: bool,
+    /// Materials that reflect nothing whatever pictures and vertices say.
+    pub(super) unlit: HashSet<MaterialId>,
+    /// For materials of meshes with colours: those that leave the colour to them.
+    whitened: HashMap<Option<MaterialId>, MaterialId>,
     pub(super) bound: Bound,
 }
 
@@ -86,6 +105,8 @@ pub(super) enum Made {
     Geometry(usize),
     /// A material or an appearance.
     Material(MaterialId),
+    /// A texture, by its position in the list of textures.
+    Texture(usize),
 }
 
 /// Nodes of which a scene has only one in force: the first.
@@ -108,6 +129,12 @@ impl<'a> Converter<'a> {
             reached: Vec::new(),
             made: Vec::new(),
             shapes: Vec::new(),
+            textures: Vec::new(),
+            pictures: Pictures::default(),
+            pictured: HashSet::new(),
+            is_pictured: false,
+            unlit: HashSet::new(),
+            whitened: HashMap::new(),
             bound: Bound::default(),
         }
     }
@@ -127,6 +154,10 @@ impl<'a> Converter<'a> {
                 if link.defined_here || self.reached[link.node].is_none() {
                     self.mark(link.node, world_from_node);
                 }
+            }
+            if &*node.kind == "Shape" && has_picture(self.tree, node) {
+                let inside = node.children.iter().map(|link| link.node);
+                self.pictured.extend(inside);
             }
         }
     }
@@ -161,7 +192,13 @@ impl<'a> Converter<'a> {
             "Material" | "TwoSidedMaterial" => self.material(node),
             "PhysicalMaterial" => self.physical_material(node),
             "UnlitMaterial" => self.unlit_material(node),
-            kind if is_geometry(kind) => return self.geometry(node),
+            "ImageTexture" => self.image_texture(node),
+            "PixelTexture" => return self.pixel_texture(node),
+            "MultiTexture" => self.multi_texture(node),
+            kind if is_geometry(kind) => {
+                self.is_pictured = self.pictured.contains(&index);
+                return self.geometry(node);
+            }
             "Viewpoint" | "OrthoViewpoint" => self.viewpoint(index, node),
             "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
             "Background" | "TextureBackground" => self.background(index, node),
@@ -216,13 +253,13 @@ impl<'a> Converter<'a> {
     }
 
     /// What the shown children of a node have become.
-    fn made_inside(&self, node: &Node) -> Vec<Made> {
+    pub(super) fn made_inside(&self, node: &Node) -> Vec<Made> {
         // What is wrong with the fields has been told on the way down.
         let shown = shown(self.tree, node, &mut Warnings::default()).into_iter();
         shown.map(|i| self.made[node.children[i].node]).collect()
     }
 
-    fn shape(&self, node: &Node) -> Made {
+    fn shape(&mut self, node: &Node) -> Made {
         let (mut geometry, mut material) = (None, None);
         for made in self.made_inside(node) {
             match made {
@@ -231,22 +268,69 @@ impl<'a> Converter<'a> {
                 _ => {}
             }
         }
-        geometry.map_or(Made::Nothing, |geometry| Made::Shape(geometry, material))
+        let Some(geometry) = geometry else {
+            return Made::Nothing;
+        };
+        let has_colors = |shape: &Shape| match shape {
+            Shape::Mesh(id) => !self.scene.mesh(*id).colors().is_empty(),
+            Shape::Patch(_) => false,
+        };
+        if self.shapes[geometry].iter().any(has_colors) {
+            material = Some(self.whitened(material));
+        }
+        Made::Shape(geometry, material)
     }
 
-    /// An appearance is its material; without one the default of the scene holds.
-    fn appearance(&mut self, node: &Node) -> Made {
-        let fields = node.children.iter().map(|link| link.field.as_deref());
-        if fields
-            .into_iter()
-            .any(|field| field == Some("backMaterial"))
-        {
-            let text = "both sides are shown in the material of the front";
-            self.warnings.unsupported(node.place(), text);
+    /// A material that takes its diffuse colour from the vertices of a mesh; without one there
+    /// is no other light.
+    fn whitened(&mut self, material: Option<MaterialId>) -> MaterialId {
+        if let Some(known) = self.whitened.get(&material) {
+            return *known;
         }
-        let made = self.made_inside(node).into_iter();
-        let mut materials = made.filter(|made| matches!(made, Made::Material(_)));
-        materials.next().unwrap_or(Made::Nothing)
+        let is_unlit = material.is_none_or(|id| self.unlit.contains(&id));
+        let own = material.map_or_else(texture::unlit, |id| self.scene.material(id).clone());
+        let white = if is_unlit {
+            Material {
+                emissive: DVec3::ONE,
+                ..own
+            }
+        } else {
+            Material {
+                ambient: DVec3::splat(share_of(own.ambient, own.diffuse)),
+                diffuse: DVec3::ONE,
+                metallic_roughness: own.metallic_roughness.map(|model| MetallicRoughness {
+                    base_color: DVec3::ONE,
+                    ..model
+                }),
+                ..own
+            }
+        };
+        let white = self.scene.add_material(white);
+        self.whitened.insert(material, white);
+        white
+    }
+
+    /// An appearance is its material with its textures; without either the default of the
+    /// scene holds.
+    fn appearance(&mut self, node: &Node) -> Made {
+        let (mut front, mut back) = (None, None);
+        for link in &node.children {
+            if let Some(&Made::Material(id)) = self.made.get(link.node) {
+                let side = match link.field.as_deref() {
+                    Some("backMaterial") => &mut back,
+                    _ => &mut front,
+                };
+                *side = side.or(Some(id));
+            }
+        }
+        let mut dressed = self.dressed(node, front);
+        if let (Some(own), Some(back)) = (dressed, back) {
+            let back = self.dressed(node, Some(back)).unwrap_or(back);
+            let mut both = self.scene.material(own).clone();
+            both.back = Some(Box::new(self.scene.material(back).clone()));
+            dressed = Some(self.scene.add_material(both));
+        }
+        dressed.map_or(Made::Nothing, Made::Material)
     }
 
     /// A surface or a mesh, stored once however often it is used.
@@ -369,13 +453,15 @@ pub(super) fn turn([x, y, z, angle]: [f64; 4], node: &Node) -> DQuat {
 fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     let is_child = |&i: &usize| {
         let link = &node.children[i];
-        // A material of the back only is told about where its appearance is made.
-        let apart = matches!(link.field.as_deref(), Some("proxy" | "backMaterial"));
+        let apart = link.field.as_deref() == Some("proxy");
         !tree.nodes[link.node].is_metadata() && !apart
     };
     let mut all = (0..node.children.len()).filter(is_child);
     let kind = &*node.kind;
-    let has_shown = is_group(kind) || is_geometry(kind) || matches!(kind, "Shape" | "Appearance");
+    let has_shown = is_group(kind)
+        || is_geometry(kind)
+        || is_material(kind)
+        || matches!(kind, "Shape" | "Appearance" | "MultiTexture");
     if !has_shown || !node.flag("visible", true, warnings) {
         return Vec::new();
     }
@@ -404,89 +490,21 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
 /// Bytes of text that a control point usually takes, for the limit on points.
 const TEXT_OF_POINT: usize = 24;
 
-/// Nodes that show their children, or some of them.
-fn is_group(kind: &str) -> bool {
-    GROUPS.contains(&kind) || TRANSFORMS.contains(&kind)
+/// Whether the appearance of a shape, or its material, has a texture.
+fn has_picture(tree: &Tree, shape: &Node) -> bool {
+    let has_texture = |node: &Node| tree.inside(node).any(|n| is_texture(&n.kind));
+    let is_pictured = |m: &Node| is_material(&m.kind) && has_texture(m);
+    let mut appearances = tree.inside(shape).filter(|n| &*n.kind == "Appearance");
+    appearances.any(|a| has_texture(a) || tree.inside(a).any(is_pictured))
 }
 
-/// Nodes that show their children where they are, or some of them.
-const GROUPS: &[&str] = &[
-    "Anchor",
-    "Billboard",
-    "CADAssembly",
-    "CADFace",
-    "CADLayer",
-    "Collision",
-    "CoordinateDeformer",
-    "Group",
-    "HAnimHumanoid",
-    "HAnimSegment",
-    "LOD",
-    "Layer",
-    "LayerSet",
-    "NurbsGroup",
-    "PickableGroup",
-    "Scene",
-    "StaticGroup",
-    "Switch",
-    "ViewpointGroup",
-];
-
-/// Nodes that show their children somewhere else.
-const TRANSFORMS: &[&str] = &["CADPart", "HAnimJoint", "HAnimSite", "Transform"];
-
-/// What is read as exact surfaces.
-const SURFACES: &[&str] = &[
-    "Box",
-    "Cone",
-    "Cylinder",
-    "Disk2D",
-    "Extrusion",
-    "NurbsPatchSurface",
-    "NurbsSurface",
-    "NurbsSweptSurface",
-    "NurbsSwungSurface",
-    "NurbsTrimmedSurface",
-    "Rectangle2D",
-    "Sphere",
-    "TrimmedSurface",
-];
-
-/// The polygons that are read.
-const MESHES: &[&str] = &[
-    "ElevationGrid",
-    "IndexedFaceSet",
-    "IndexedQuadSet",
-    "IndexedTriangleFanSet",
-    "IndexedTriangleSet",
-    "IndexedTriangleStripSet",
-    "QuadSet",
-    "TriangleFanSet",
-    "TriangleSet",
-    "TriangleSet2D",
-    "TriangleStripSet",
-];
-
-fn is_geometry(kind: &str) -> bool {
-    SURFACES.contains(&kind) || MESHES.contains(&kind)
-}
-
-/// Nodes that show nothing by themselves.
-const SILENT: &[&str] = &[
-    "Contour2D",
-    "Coordinate",
-    "CoordinateDouble",
-    // One of which the file could not be read, as has been said.
-    "Inline",
-    "InlineLoadControl",
-    "Normal",
-    "NurbsSet",
-    "WorldInfo",
-];
-
-/// Nodes that have an area, and need no prototype: programs declare for them what other
-/// viewers may lack.
-pub(super) fn is_known(kind: &str) -> bool {
-    const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "Polyline2D"];
-    is_group(kind) || is_geometry(kind) || SILENT.contains(&kind) || PARTS.contains(&kind)
+/// The share that takes one colour to another, by their brightest parts; a fifth where there is
+/// no light, as the default of materials has it.
+fn share_of(part: DVec3, whole: DVec3) -> f64 {
+    let (part, whole) = (part.max_element(), whole.max_element());
+    if whole > 0.0 {
+        (part / whole).clamp(0.0, 1.0)
+    } else {
+        0.2
+    }
 }

@@ -9,6 +9,7 @@ use kernel::modelling::{Frame, plane, revolve, sphere};
 use kernel::{Curve, Error as GeometryError, Patch, Surface};
 
 use super::Node;
+use super::covering::cover;
 use super::scene::Converter;
 
 impl Converter<'_> {
@@ -52,7 +53,13 @@ impl Converter<'_> {
                 plane(corner, DVec3::X * x, DVec3::Y * y, 0.0..1.0, 0.0..1.0).map(|s| vec![s])
             }
         };
-        Ok(surfaces?.into_iter().map(Patch::from).collect())
+        let mut patches: Vec<_> = surfaces?.into_iter().map(Patch::from).collect();
+        if self.is_pictured {
+            for patch in &mut patches {
+                cover(&node.kind, patch)?;
+            }
+        }
+        Ok(patches)
     }
 
     /// What lines between points (distance from the y axis, height) make in turning around

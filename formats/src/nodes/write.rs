@@ -7,6 +7,7 @@
 mod look;
 mod shapes;
 mod spell;
+mod textures;
 mod tree;
 
 use kernel::{Scene, Unit};

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use glam::DVec3;
-use kernel::{Material, MetallicRoughness, linear_from_srgb};
+use kernel::{Maps, Material, MetallicRoughness, linear_from_srgb};
 
 use super::statements::{Statement, Statements, decode, number, numbers};
 use crate::{Place, ReadOptions, Warnings};
@@ -157,6 +157,8 @@ fn converted(found: &tobj::Material) -> Material {
             metallic: metallic.unwrap_or(0.0).clamp(0.0, 1.0),
             roughness: roughness.unwrap_or(0.5).clamp(0.0, 1.0),
         }),
+        maps: Maps::default(),
+        back: None,
     }
 }
 

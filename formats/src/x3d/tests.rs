@@ -314,7 +314,7 @@ fn units_reach_lengths_and_angles() {
 #[test]
 fn nothing_is_left_out_in_silence() {
     let import = read_scene(
-        "<Shape DEF='S'><Text/><Appearance><ImageTexture/></Appearance></Shape>\n\
+        "<Shape DEF='S'><Text/><Appearance><ImageTexture url='a'/></Appearance></Shape>\n\
          <Inline url='a'/><ROUTE/><ProtoDeclare><ProtoBody><Text DEF='S'/></ProtoBody>\
          </ProtoDeclare>\n<Shape><Text/></Shape><WorldInfo/><MetadataString/>",
     );
@@ -326,7 +326,7 @@ fn nothing_is_left_out_in_silence() {
              a: files named inside are not opened",
             "line 3, ROUTE: a ROUTE between nodes that are not both there",
             "line 2, Text: Text is not read (and 1 more)",
-            "line 2, ImageTexture: ImageTexture is not read",
+            "line 2, ImageTexture: a picture could not be read: a: files named inside are not opened",
         ]
     );
 }

@@ -62,6 +62,20 @@ pub fn arc_parameter(knots: &KnotVector, angle: f64) -> f64 {
     (middle + share * half).max(left).min(right)
 }
 
+/// The angle that an arc with these knots, or a surface with them along an angle, has reached
+/// at a parameter, in radians: the inverse of [`arc_parameter`]. Parameters outside the domain
+/// are clamped.
+pub fn arc_angle(knots: &KnotVector, parameter: f64) -> f64 {
+    let Range { start, end } = knots.domain();
+    let parameter = parameter.max(start).min(end);
+    let span = knots.span(parameter);
+    let (left, right) = (knots.as_slice()[span], knots.as_slice()[span + 1]);
+    let (middle, half) = (f64::midpoint(left, right), (right - left) * 0.5);
+    let share = (parameter - middle) / half;
+    let angle = middle + 2.0 * (share * (half * 0.5).tan()).atan();
+    angle.max(left).min(right)
+}
+
 /// The control points of an arc of the unit circle.
 pub(super) struct UnitArc {
     /// Degree 2, double knots inside.

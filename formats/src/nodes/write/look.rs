@@ -123,8 +123,12 @@ impl Tree<'_> {
         let physical = material
             .metallic_roughness
             .filter(|_| self.dialect != Dialect::Vrml97);
+        let is_unlit = material.is_unlit() && !material.maps.is_empty();
         let mut out;
-        if let Some(model) = physical {
+        if is_unlit && self.dialect != Dialect::Vrml97 {
+            self.is_physical = true;
+            out = Out::new("UnlitMaterial");
+        } else if let Some(model) = physical {
             self.is_physical = true;
             out = Out::new("PhysicalMaterial");
             out.field("baseColor", Value::tuple(&srgb(model.base_color)));
@@ -152,22 +156,17 @@ impl Tree<'_> {
                 self.warnings.unsupported(place, text);
             }
         }
-        if material.emissive != DVec3::ZERO {
+        if material.emissive != DVec3::ZERO || is_unlit {
             out.field("emissiveColor", Value::tuple(&srgb(material.emissive)));
         }
         if material.opacity < 1.0 {
             out.field("transparency", Value::number(1.0 - material.opacity));
         }
-        let kind = if physical.is_some() {
-            "PhysicalMaterial"
-        } else {
-            "Material"
-        };
-        (kind, out)
+        (out.kind, out)
     }
 }
 
 /// A linear colour as files have it.
-fn srgb(color: DVec3) -> [f64; 3] {
+pub(super) fn srgb(color: DVec3) -> [f64; 3] {
     srgb_from_linear(color.clamp(DVec3::ZERO, DVec3::ONE)).to_array()
 }

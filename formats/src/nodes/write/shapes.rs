@@ -4,6 +4,7 @@ use glam::{DVec2, DVec4};
 use kernel::{Curve, Mesh, Patch, Surface, oriented};
 
 use super::Dialect;
+use super::look::srgb;
 use super::spell::{Out, Value};
 use super::tree::Tree;
 use crate::write::has_weights;
@@ -21,10 +22,10 @@ impl Tree<'_> {
         let mut out = Out::new(kind);
         if kind == "TrimmedSurface" {
             let mut surface = Out::new("NurbsSurface");
-            self.net(&mut surface, &patch.surface);
+            self.net(&mut surface, patch);
             out.child("surface", surface);
         } else {
-            self.net(&mut out, &patch.surface);
+            self.net(&mut out, patch);
         }
         for trim in oriented(&patch.loops) {
             let mut contour = Out::new("Contour2D");
@@ -37,21 +38,10 @@ impl Tree<'_> {
     }
 
     /// Adds the fields of a surface.
-    fn net(&self, out: &mut Out, surface: &Surface) {
-        let (u, v) = (surface.knots_u(), surface.knots_v());
+    fn net(&self, out: &mut Out, patch: &Patch) {
+        let surface = &patch.surface;
         out.field("solid", Value::Flag(false));
-        for (names, knots) in [
-            (["uDimension", "uOrder", "uKnot"], u),
-            (["vDimension", "vOrder", "vKnot"], v),
-        ] {
-            out.field(names[0], Value::number(knots.count() as f64));
-            out.field(names[1], Value::number(knots.degree() as f64 + 1.0));
-            out.field(names[2], Value::list(knots.as_slice(), 1));
-        }
-        // Files have u running fastest.
-        let net = surface.homogeneous();
-        let order = (0..v.count()).flat_map(|j| net.iter().skip(j).step_by(v.count()));
-        let order: Vec<DVec4> = order.copied().collect();
+        let order = knots(out, surface);
         if has_weights(surface.weights()) {
             let weights: Vec<_> = order.iter().map(|h| h.w).collect();
             out.field("weight", Value::list(&weights, 1));
@@ -65,6 +55,9 @@ impl Tree<'_> {
                 coordinates.field("point", points);
                 out.child("controlPoint", coordinates);
             }
+        }
+        if let Some(texture) = &patch.texture {
+            out.child("texCoord", self.texture_surface(texture));
         }
     }
 
@@ -99,8 +92,41 @@ impl Tree<'_> {
             inside.field("point", Value::list(&numbers, 2));
             out.child("texCoord", inside);
         }
+        if !mesh.colors().is_empty() {
+            let opaque = mesh.colors().iter().all(|c| c.w >= 1.0);
+            let width = if opaque || self.dialect == Dialect::Vrml97 {
+                3
+            } else {
+                4
+            };
+            let color = |c: &DVec4| {
+                let [r, g, b] = srgb(c.truncate());
+                [r, g, b, c.w].into_iter().take(width)
+            };
+            let numbers: Vec<_> = mesh.colors().iter().flat_map(color).collect();
+            let mut inside = Out::new(if width == 3 { "Color" } else { "ColorRGBA" });
+            inside.field("color", Value::list(&numbers, width));
+            out.child("color", inside);
+        }
         (kind, out)
     }
+}
+
+/// Adds the dimensions, orders and knots of a surface; the result is its homogeneous control
+/// points in the order of files, which have u running fastest.
+pub(super) fn knots(out: &mut Out, surface: &Surface) -> Vec<DVec4> {
+    let (u, v) = (surface.knots_u(), surface.knots_v());
+    for (names, knots) in [
+        (["uDimension", "uOrder", "uKnot"], u),
+        (["vDimension", "vOrder", "vKnot"], v),
+    ] {
+        out.field(names[0], Value::number(knots.count() as f64));
+        out.field(names[1], Value::number(knots.degree() as f64 + 1.0));
+        out.field(names[2], Value::list(knots.as_slice(), 1));
+    }
+    let net = surface.homogeneous();
+    let order = (0..v.count()).flat_map(|j| net.iter().skip(j).step_by(v.count()));
+    order.copied().collect()
 }
 
 /// A curve of the parameter domain.

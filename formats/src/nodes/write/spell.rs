@@ -7,7 +7,8 @@ use crate::write::push_number;
 /// A node to be written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Out {
-    kind: &'static str,
+    /// Its type.
+    pub(super) kind: &'static str,
     /// The name given to it, or empty.
     pub(super) def: String,
     /// Whether it stands for the node with that name.
@@ -77,14 +78,22 @@ fn numbers(values: &[f64], width: usize) -> String {
 /// Fields that hold one node; all others hold lists of nodes.
 const SINGLE: &[&str] = &[
     "appearance",
+    "backMaterial",
+    "color",
     "controlPoint",
     "coord",
+    "emissiveTexture",
     "geometry",
     "material",
     "metadata",
+    "metallicRoughnessTexture",
     "normal",
+    "specularTexture",
     "surface",
     "texCoord",
+    "texture",
+    "textureProperties",
+    "textureTransform",
 ];
 
 /// The field that a node is taken to belong to in XML if it does not say so, where that is not
@@ -92,6 +101,12 @@ const SINGLE: &[&str] = &[
 fn usual_field(kind: &str) -> &'static str {
     match kind {
         "Appearance" => "appearance",
+        "Color" | "ColorRGBA" => "color",
+        "ImageTexture" | "PixelTexture" => "texture",
+        "NurbsTextureCoordinate" | "NurbsTextureSurface" => "texCoord",
+        "TextureProperties" => "textureProperties",
+        "TextureTransform" => "textureTransform",
+        "UnlitMaterial" => "material",
         "Contour2D" => "trimmingContour",
         "CoordinateDouble" | "Coordinate" => "coord",
         "IndexedTriangleSet" | "NurbsPatchSurface" | "NurbsTrimmedSurface" => "geometry",

@@ -25,6 +25,8 @@ pub(super) struct Tree<'a> {
     nodes: HashMap<NodeId, (&'static str, String)>,
     shapes: HashMap<Shape, (&'static str, String)>,
     materials: HashMap<MaterialId, (&'static str, String)>,
+    /// Materials with pictures, by the names of what is around them.
+    appearances: HashMap<MaterialId, String>,
 }
 
 /// The metadata that holds a name which no node may have.
@@ -42,6 +44,7 @@ impl<'a> Tree<'a> {
             nodes: HashMap::new(),
             shapes: HashMap::new(),
             materials: HashMap::new(),
+            appearances: HashMap::new(),
         }
     }
 
@@ -116,21 +119,7 @@ impl<'a> Tree<'a> {
     fn item(&mut self, item: &Item) -> Out {
         let mut shape = Out::new("Shape");
         if let Some(id) = self.scene.item_material(item) {
-            let mut appearance = Out::new("Appearance");
-            let material = match self.materials.get(&id) {
-                Some((kind, def)) => Out::reference(kind, def),
-                None => {
-                    let (kind, mut out) = self.material(self.scene.material(id));
-                    let name = &self.scene.material(id).name;
-                    let is_used = self.uses.materials.get(&id).copied() > Some(1);
-                    if let Some(def) = self.define(&mut out, name, is_used.then_some("material")) {
-                        self.materials.insert(id, (kind, def));
-                    }
-                    out
-                }
-            };
-            appearance.child("material", material);
-            shape.child("appearance", appearance);
+            shape.child("appearance", self.appearance(id));
         }
         let geometry = match self.shapes.get(&item.shape) {
             Some((kind, def)) => Out::reference(kind, def),
@@ -156,6 +145,47 @@ impl<'a> Tree<'a> {
         };
         shape.child("geometry", geometry);
         shape
+    }
+
+    /// A material with its pictures, or a reference to what has been written of them.
+    fn appearance(&mut self, id: MaterialId) -> Out {
+        if let Some(def) = self.appearances.get(&id) {
+            return Out::reference("Appearance", def);
+        }
+        let mut appearance = Out::new("Appearance");
+        if let Some((kind, def)) = self.materials.get(&id) {
+            appearance.child("material", Out::reference(kind, def));
+            return appearance;
+        }
+        let source = self.scene.material(id);
+        let is_used = self.uses.materials.get(&id).copied() > Some(1);
+        let (kind, mut out) = self.material(source);
+        if source.maps.is_empty() {
+            if let Some(def) = self.define(&mut out, &source.name, is_used.then_some("material")) {
+                self.materials.insert(id, (kind, def));
+            }
+        } else {
+            self.pictures(source, &mut out, &mut appearance);
+            self.define(&mut out, &source.name, None);
+            let around = is_used.then_some("appearance");
+            if let Some(def) = self.define(&mut appearance, "", around) {
+                self.appearances.insert(id, def);
+            }
+        }
+        if let Some(back) = &source.back {
+            if self.dialect == Dialect::Vrml97 {
+                self.lost(source, "another look from behind");
+            } else {
+                self.is_physical = true;
+                let back = self.material(back).1;
+                appearance.child("backMaterial", back);
+            }
+        }
+        // VRML 97 has no other materials without reflection than none.
+        if self.dialect != Dialect::Vrml97 || source.maps.is_empty() || !source.is_unlit() {
+            appearance.child("material", out);
+        }
+        appearance
     }
 
     /// Gives a node a name of its own, made of `name`, or of `fallback` if that is empty. Where

@@ -1,0 +1,106 @@
+//! Types of nodes, by what becomes of them.
+
+/// Nodes that show their children, or some of them.
+pub(super) fn is_group(kind: &str) -> bool {
+    GROUPS.contains(&kind) || TRANSFORMS.contains(&kind)
+}
+
+/// Nodes that show their children where they are, or some of them.
+const GROUPS: &[&str] = &[
+    "Anchor",
+    "Billboard",
+    "CADAssembly",
+    "CADFace",
+    "CADLayer",
+    "Collision",
+    "CoordinateDeformer",
+    "Group",
+    "HAnimHumanoid",
+    "HAnimSegment",
+    "LOD",
+    "Layer",
+    "LayerSet",
+    "NurbsGroup",
+    "PickableGroup",
+    "Scene",
+    "StaticGroup",
+    "Switch",
+    "ViewpointGroup",
+];
+
+/// Nodes that show their children somewhere else.
+pub(super) const TRANSFORMS: &[&str] = &["CADPart", "HAnimJoint", "HAnimSite", "Transform"];
+
+/// What is read as exact surfaces.
+const SURFACES: &[&str] = &[
+    "Box",
+    "Cone",
+    "Cylinder",
+    "Disk2D",
+    "Extrusion",
+    "NurbsPatchSurface",
+    "NurbsSurface",
+    "NurbsSweptSurface",
+    "NurbsSwungSurface",
+    "NurbsTrimmedSurface",
+    "Rectangle2D",
+    "Sphere",
+    "TrimmedSurface",
+];
+
+/// The polygons that are read.
+pub(super) const MESHES: &[&str] = &[
+    "ElevationGrid",
+    "IndexedFaceSet",
+    "IndexedQuadSet",
+    "IndexedTriangleFanSet",
+    "IndexedTriangleSet",
+    "IndexedTriangleStripSet",
+    "QuadSet",
+    "TriangleFanSet",
+    "TriangleSet",
+    "TriangleSet2D",
+    "TriangleStripSet",
+];
+
+pub(super) fn is_material(kind: &str) -> bool {
+    matches!(
+        kind,
+        "Material" | "PhysicalMaterial" | "TwoSidedMaterial" | "UnlitMaterial"
+    )
+}
+
+pub(super) fn is_geometry(kind: &str) -> bool {
+    SURFACES.contains(&kind) || MESHES.contains(&kind)
+}
+
+/// Nodes that show nothing by themselves.
+pub(super) const SILENT: &[&str] = &[
+    "Color",
+    "ColorRGBA",
+    "Contour2D",
+    "Coordinate",
+    "CoordinateDouble",
+    // One of which the file could not be read, as has been said.
+    "Inline",
+    "InlineLoadControl",
+    // These three are told about where they are used.
+    "MultiTextureCoordinate",
+    "MultiTextureTransform",
+    "TextureCoordinateGenerator",
+    "Normal",
+    "NurbsSet",
+    "NurbsTextureCoordinate",
+    "NurbsTextureSurface",
+    "TextureCoordinate",
+    "TextureProperties",
+    "TextureTransform",
+    "WorldInfo",
+];
+
+/// Nodes that have an area, and need no prototype: programs declare for them what other
+/// viewers may lack.
+pub(super) fn is_known(kind: &str) -> bool {
+    const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "Polyline2D"];
+    is_group(kind) || is_geometry(kind) || SILENT.contains(&kind) || PARTS.contains(&kind)
+}

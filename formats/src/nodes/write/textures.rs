@@ -1,0 +1,196 @@
+//! Pictures of materials, and where they lie on surfaces and meshes.
+
+use glam::{DAffine2, DVec2, DVec3};
+use kernel::{
+    Channel, Filter, Image, Maps, Material, ShareTexture, Surface, Texels, Texture, Wrap,
+};
+
+use super::Dialect;
+use super::spell::{Out, Value};
+use super::tree::Tree;
+use crate::Place;
+use crate::write::has_weights;
+
+impl Tree<'_> {
+    /// Adds the pictures of a material to its appearance, and those that only X3D 4 has to the
+    /// material itself.
+    pub(super) fn pictures(&mut self, material: &Material, inside: &mut Out, around: &mut Out) {
+        let maps = &material.maps;
+        let main = if material.is_unlit() {
+            &maps.emissive
+        } else {
+            &maps.color
+        };
+        if let Some(texture) = main {
+            // Before X3D 4 the colours of a picture take the place of those of the material.
+            let white = material.is_unlit() || material.diffuse == DVec3::ONE;
+            match self.dialect {
+                Dialect::Vrml97 if !white => {
+                    self.lost(material, "a colour that a picture is multiplied by");
+                }
+                Dialect::Vrml97 => {}
+                Dialect::Xml | Dialect::Classic => self.is_physical |= !white,
+            }
+            around.child("texture", self.texture(texture));
+            if let Some(out) = self.texture_transform(material, texture) {
+                around.child("textureTransform", out);
+            }
+        }
+        let mut others = Vec::new();
+        if !material.is_unlit() {
+            others.extend(maps.emissive.iter().map(|t| ("emissiveTexture", t)));
+        }
+        others.extend(maps.specular.iter().map(|t| ("specularTexture", t)));
+        if let Some(both) = metallic_roughness(maps) {
+            others.push(("metallicRoughnessTexture", both));
+        } else if maps.metallic.is_some() || maps.roughness.is_some() {
+            self.lost(
+                material,
+                "pictures of roughness and metalness that are not one",
+            );
+        }
+        let is_alpha = |share: &ShareTexture| {
+            let main = main.as_ref();
+            share.channel == Channel::Alpha && main.is_some_and(|main| *main == share.texture)
+        };
+        if maps.opacity.as_ref().is_some_and(|share| !is_alpha(share)) {
+            self.lost(
+                material,
+                "a picture of opacity that is not the alpha of another",
+            );
+        }
+        for (field, texture) in others {
+            if self.dialect == Dialect::Vrml97 {
+                self.lost(material, "pictures of other things than colour");
+            } else {
+                self.is_physical = true;
+                inside.child(field, self.texture(texture));
+            }
+        }
+    }
+
+    /// Notes what the format cannot hold of a material.
+    pub(super) fn lost(&mut self, material: &Material, what: &str) {
+        let place = Place::item(0, format!("material \"{}\"", material.name));
+        let text = format!("{what}: there is no such thing in the format; left out");
+        self.warnings.unsupported(place, text);
+    }
+
+    /// A picture: by the name of its file, or as pixels where it has none.
+    fn texture(&mut self, texture: &Texture) -> Out {
+        let image = &texture.image;
+        let mut out;
+        if image.name().is_empty() {
+            out = Out::new("PixelTexture");
+            out.field("image", Value::One(pixels(image)));
+        } else {
+            out = Out::new("ImageTexture");
+            out.field("url", Value::Texts(vec![image.name().to_owned()]));
+            let place = Place::item(0, format!("picture \"{}\"", image.name()));
+            let text = "pictures are named and not copied; put the file beside what is written";
+            self.warnings.unsupported(place, text);
+        }
+        for (field, wrap) in ["repeatS", "repeatT"].into_iter().zip(texture.wrap) {
+            if wrap != Wrap::Repeat {
+                out.field(field, Value::Flag(false));
+            }
+        }
+        let is_special = texture.wrap.contains(&Wrap::Mirror) || texture.filter == Filter::Nearest;
+        if is_special && self.dialect != Dialect::Vrml97 {
+            let mut properties = Out::new("TextureProperties");
+            let fields = ["boundaryModeS", "boundaryModeT"];
+            for (field, wrap) in fields.into_iter().zip(texture.wrap) {
+                let mode = match wrap {
+                    Wrap::Repeat => "REPEAT",
+                    Wrap::Mirror => "MIRRORED_REPEAT",
+                    Wrap::Clamp => "CLAMP_TO_EDGE",
+                };
+                properties.field(field, Value::Text(mode.to_owned()));
+            }
+            if texture.filter == Filter::Nearest {
+                let nearest = Value::Text("NEAREST_PIXEL".to_owned());
+                properties.field("magnificationFilter", nearest);
+            }
+            out.child("textureProperties", properties);
+        }
+        out
+    }
+
+    /// The map of a texture as `S R T`, if it does anything.
+    fn texture_transform(&mut self, material: &Material, texture: &Texture) -> Option<Out> {
+        let map = texture.picture_from_shape;
+        if map == DAffine2::IDENTITY {
+            return None;
+        }
+        let rows = map.matrix2.transpose();
+        let (s, t) = (rows.x_axis, rows.y_axis);
+        let (size, cross) = (s.length(), s.perp_dot(t));
+        if s.dot(t).abs() > 1e-9 * size * t.length() || cross == 0.0 {
+            self.lost(material, "a picture that is moved askew");
+            return None;
+        }
+        let mut out = Out::new("TextureTransform");
+        out.field("scale", Value::tuple(&[size, cross / size]));
+        out.field("rotation", Value::number((-s.y).atan2(s.x)));
+        let moved = map.matrix2.inverse() * map.translation;
+        out.field("translation", Value::tuple(&moved.to_array()));
+        Some(out)
+    }
+
+    /// The texture coordinates of a surface.
+    pub(super) fn texture_surface(&self, surface: &Surface) -> Out {
+        let mut out = Out::new(match self.dialect {
+            Dialect::Vrml97 => "NurbsTextureSurface",
+            Dialect::Xml | Dialect::Classic => "NurbsTextureCoordinate",
+        });
+        let order = super::shapes::knots(&mut out, surface);
+        if has_weights(surface.weights()) {
+            let weights: Vec<_> = order.iter().map(|h| h.w).collect();
+            out.field("weight", Value::list(&weights, 1));
+        }
+        let points: Vec<_> = order.iter().flat_map(|h| [h.x, h.y]).collect();
+        out.field("controlPoint", Value::list(&points, 2));
+        out
+    }
+}
+
+/// The picture that has roughness in green and metalness in blue.
+fn metallic_roughness(maps: &Maps) -> Option<&Texture> {
+    let (metallic, roughness) = (maps.metallic.as_ref()?, maps.roughness.as_ref()?);
+    let fits = metallic.channel == Channel::Blue
+        && roughness.channel == Channel::Green
+        && metallic.texture == roughness.texture;
+    fits.then_some(&metallic.texture)
+}
+
+/// The content of a `PixelTexture`: the lowest row first.
+fn pixels(image: &Image) -> String {
+    let bytes: Vec<[u8; 4]> = match image.texels() {
+        Texels::Bytes(texels) => texels.clone(),
+        Texels::Floats(_) => {
+            let (width, height) = (image.width(), image.height());
+            let texture = Texture {
+                filter: Filter::Nearest,
+                ..Texture::from(std::sync::Arc::new(image.clone()))
+            };
+            let middle = |i: usize| {
+                let s = ((i % width) as f64 + 0.5) / width as f64;
+                DVec2::new(s, 1.0 - ((i / width) as f64 + 0.5) / height as f64)
+            };
+            let all = 0..width * height;
+            all.map(|i| kernel::bytes_from_linear(texture.color(middle(i))))
+                .collect()
+        }
+    };
+    let components = if image.has_alpha() { 4 } else { 3 };
+    let mut text = format!("{} {} {components}", image.width(), image.height());
+    for row in bytes.chunks(image.width()).rev() {
+        for [r, g, b, a] in row {
+            text += &match components {
+                3 => format!(" 0x{r:02X}{g:02X}{b:02X}"),
+                _ => format!(" 0x{r:02X}{g:02X}{b:02X}{a:02X}"),
+            };
+        }
+    }
+    text
+}
