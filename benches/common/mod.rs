@@ -84,37 +84,37 @@ impl View {
         }
     }
 
-    /// One ray for each pixel, in packets of 8 by 8 pixels, those in parts of 4 by 4.
+    /// One ray for each pixel, in the order of [`Self::packets`].
     pub(crate) fn rays(&self, width: usize, height: usize) -> Vec<Ray> {
-        let mut rays = Vec::new();
+        let mut all = Vec::new();
+        self.packets(width, height, &mut |rays| all.extend_from_slice(rays));
+        all
+    }
+
+    /// Visits the rays of 8 by 8 pixels, those in parts of 4 by 4, square by square.
+    pub(crate) fn packets(&self, width: usize, height: usize, visit: &mut dyn FnMut(&[Ray])) {
         let aspect = width as f64 / height as f64;
-        let mut ray = |x: usize, y: usize| {
-            let a = (2.0 * (x as f64 + 0.5) / width as f64 - 1.0) * aspect;
-            let b = 1.0 - 2.0 * (y as f64 + 0.5) / height as f64;
-            rays.push(Ray {
-                origin: self.eye,
-                direction: self.forward + self.right * a + self.up * b,
-            });
-        };
+        let mut rays = Vec::new();
         squares(width, height, 32, &mut |x, y| {
-            squares(
-                width.min(x + 32) - x,
-                height.min(y + 32) - y,
-                8,
-                &mut |i, j| {
-                    let (x, y) = (x + i, y + j);
-                    for part in 0..4 {
-                        for k in 0..16 {
-                            let (x, y) = (x + part % 2 * 4 + k % 4, y + part / 2 * 4 + k / 4);
-                            if x < width && y < height {
-                                ray(x, y);
-                            }
-                        }
+            let (w, h) = (width.min(x + 32) - x, height.min(y + 32) - y);
+            squares(w, h, 8, &mut |i, j| {
+                rays.clear();
+                for k in 0..64 {
+                    let (part, k) = (k / 16, k % 16);
+                    let x = x + i + part % 2 * 4 + k % 4;
+                    let y = y + j + part / 2 * 4 + k / 4;
+                    if x < width && y < height {
+                        let a = (2.0 * (x as f64 + 0.5) / width as f64 - 1.0) * aspect;
+                        let b = 1.0 - 2.0 * (y as f64 + 0.5) / height as f64;
+                        rays.push(Ray {
+                            origin: self.eye,
+                            direction: self.forward + self.right * a + self.up * b,
+                        });
                     }
-                },
-            );
+                }
+                visit(&rays);
+            });
         });
-        rays
     }
 }
 

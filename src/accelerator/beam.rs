@@ -93,6 +93,23 @@ impl Rays {
         }
     }
 
+    /// Whether the origin is finite and the direction has a length.
+    #[inline(always)]
+    pub(super) fn usable(&self) -> [bool; RAYS] {
+        let mut usable = [false; RAYS];
+        for lane in 0..RAYS {
+            let (mut way, mut place) = (0.0, 0.0);
+            for axis in 0..3 {
+                let (o, d) = (self.origin[axis][lane], self.direction[axis][lane]);
+                way += d * d;
+                // Zero, unless it is not finite.
+                place += o * 0.0;
+            }
+            usable[lane] = (way > 0.0) & (way < f64::INFINITY) & (place == 0.0);
+        }
+        usable
+    }
+
     /// The rays in other coordinates.
     #[inline(always)]
     fn transformed(&self, map: &DAffine3, into: &mut Self) {

@@ -25,6 +25,7 @@ const GROWTH: f32 = 1.0 + 1e-4;
 pub(crate) struct Block {
     center: [[f32; WIDTH]; 3],
     rows: [[[f32; WIDTH]; 3]; 3],
+    bulge: [[f32; WIDTH]; 3],
     stray: [[f32; WIDTH]; 4],
     pub(crate) cells: [Cell; WIDTH],
     count: u32,
@@ -51,6 +52,7 @@ impl Block {
         let mut block = Self {
             center: [[0.0; WIDTH]; 3],
             rows: [[[0.0; WIDTH]; 3]; 3],
+            bulge: [[f32::INFINITY; WIDTH]; 3],
             stray: [[f32::INFINITY; WIDTH]; 4],
             cells: [Cell::whole(0); WIDTH],
             count: u32::try_from(cells.len()).expect("a leaf has at most eight cells"),
@@ -63,6 +65,9 @@ impl Block {
                     let value = new.frame.rows[row][axis] / tree.scale();
                     block.rows[row][axis][slot] = value as f32;
                 }
+            }
+            for (bulge, value) in block.bulge.iter_mut().zip(new.frame.half) {
+                bulge[slot] = value as f32 * GROWTH + FRAME_ERROR;
             }
             for (stray, value) in block.stray.iter_mut().zip(new.frame.stray) {
                 stray[slot] = value as f32 * GROWTH + FRAME_ERROR;
@@ -130,9 +135,9 @@ impl Block {
         let (s, t) = (p[0] - g1 * p[2], p[1] - g2 * p[2]);
         let [k1, k2, k3, k4] = [0, 1, 2, 3].map(|r| self.stray[r][k]);
         let (size1, size2) = (g1.abs(), g2.abs());
-        // What is of second order strays half as much as its derivatives.
-        let side1 = 0.5 * (k1 + size1 * k3) + s.abs() * k4 + error[0] + size1 * error[2];
-        let side2 = 0.5 * (k2 + size2 * k3) + t.abs() * k4 + error[1] + size2 * error[2];
+        let [h1, h2, h3] = [0, 1, 2].map(|r| self.bulge[r][k]);
+        let side1 = h1 + size1 * h3 + s.abs() * k4 + error[0] + size1 * error[2];
+        let side2 = h2 + size2 * h3 + t.abs() * k4 + error[1] + size2 * error[2];
         let q1 = k1 + size1 * k3 + s.abs() * k4 + error[0] + size1 * error[2];
         let q2 = k2 + size2 * k3 + t.abs() * k4 + error[1] + size2 * error[2];
         // Where the plane and the rest of the cell are met along the ray.
@@ -142,13 +147,13 @@ impl Block {
         } else {
             f32::INFINITY
         };
-        let height = 0.5 * k3 * room + error[2];
+        let height = h3 * room + error[2];
         let spread = height * inverse[2].abs() * GROWTH;
         // All of the cell lies in a box along its frame.
         let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
         for axis in 0..3 {
             let half = if axis < 2 {
-                (1.0 + 0.5 * self.stray[axis][k]) * room + error[axis]
+                (1.0 + self.bulge[axis][k]) * room + error[axis]
             } else {
                 height
             };
@@ -209,20 +214,20 @@ impl Block {
     /// A cell as a beam sees it, but for what only its pieces know.
     #[inline(always)]
     pub(super) fn view(&self, slot: usize, beam: &Beam) -> View {
-        let (mut center, mut rows, mut stray) = ([0.0; 3], [[0.0; 3]; 3], [0.0; 4]);
+        let (mut center, mut rows, mut bulge) = ([0.0; 3], [[0.0; 3]; 3], [0.0; 3]);
         for axis in 0..3 {
             center[axis] = f64::from(self.center[axis][slot]);
             for (row, from) in rows.iter_mut().zip(&self.rows) {
                 row[axis] = from[axis][slot];
             }
         }
-        for (to, from) in stray.iter_mut().zip(&self.stray) {
+        for (to, from) in bulge.iter_mut().zip(&self.bulge) {
             *to = from[slot];
         }
         // The center, too, is rounded.
         let size = |row: &[f32; 3]| row[0].abs() + row[1].abs() + row[2].abs();
         let blur = size(&rows[0]).max(size(&rows[1])).max(size(&rows[2])) * f32::EPSILON;
-        View::new(center, rows, stray, blur, beam)
+        View::new(center, rows, (bulge, self.stray[3][slot]), blur, beam)
     }
 
     /// As [`Self::lane`] for all rays of a beam: what may be different from ray to ray is kept
@@ -247,12 +252,7 @@ impl Block {
         }
         let ([_, _, p3], [_, _, p3r]) = (p, pr);
         let ([_, _, d3], [_, _, d3r]) = (d, dr);
-        let [k1, k2, k3, k4] = [
-            self.stray[0][k],
-            self.stray[1][k],
-            self.stray[2][k],
-            self.stray[3][k],
-        ];
+        let ([h1, h2, h3], k4) = ([0, 1, 2].map(|r| self.bulge[r][k]), self.stray[3][k]);
         let room = if k4 < 1.0 {
             (1.0 - k4).recip()
         } else {
@@ -262,16 +262,16 @@ impl Block {
         // Not a number or negative where some ray may run along the cell.
         let least = if least > 0.0 { least } else { f32::INFINITY };
         let mut beside = false;
-        for (r, stray) in [(0, k1), (1, k2)] {
+        for (r, bulge) in [(0, h1), (1, h2)] {
             let g = d[r] * inverse;
             let gr = (dr[r] + g.abs() * d3r) * least;
             let s = p[r] - g * p3;
             let sr = pr[r] + g.abs() * p3r + gr * (p3.abs() + p3r);
-            let reach = 1.0 + 0.5 * (stray + (g.abs() + gr) * k3) + (s.abs() + sr) * k4;
+            let reach = 1.0 + bulge + (g.abs() + gr) * h3 + (s.abs() + sr) * k4;
             beside |= s.abs() - sr * GROWTH > reach * GROWTH;
         }
         let time = -p3 * inverse;
-        let spread = (p3r + 0.5 * k3 * room + time.abs() * d3r) * least * GROWTH;
+        let spread = (p3r + h3 * room + time.abs() * d3r) * least * GROWTH;
         let near = zeta + time - spread;
         let beside = beside | (near > far) | (zeta + time + spread < beam.least_near);
         (

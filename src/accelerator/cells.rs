@@ -101,12 +101,13 @@ impl Cell {
 /// The surface of a cell seen from its middle: `S(s, t) = center + a s + b t + rest` with `s`
 /// and `t` from -1 to 1, in the coordinates of the cluster.
 ///
-/// `rows` invert the matrix of `a`, `b` and a normal; `stray` bounds the sums of the
-/// derivatives of the rest along each of these three, and of the weight ([`Expansion`]).
+/// `rows` invert the matrix of `a`, `b` and a normal; along these `half` bounds the rest and
+/// `stray` the sums of its derivatives, and of those of the weight ([`Expansion`]).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellFrame {
     pub(crate) center: DVec3,
     pub(crate) rows: [DVec3; 3],
+    pub(crate) half: [f64; 3],
     pub(crate) stray: [f64; 4],
 }
 
@@ -283,17 +284,19 @@ impl Divider<'_> {
 
     /// A cell in the coordinates of the cluster.
     fn finished(&self, cell: Cell, local: &Expansion) -> NewCell {
-        let center = local.center * self.radius + self.center;
+        let place = |local: DVec3| local * self.radius + self.center;
+        let middle = place(local.middle);
         let half = local.half_size * self.radius;
         let bounds = Aabb {
-            min: (center - half).max(self.hull.min),
-            max: (center + half).min(self.hull.max),
+            min: (middle - half).max(self.hull.min),
+            max: (middle + half).min(self.hull.max),
         };
         NewCell {
             cell,
             frame: CellFrame {
-                center,
+                center: place(local.center),
                 rows: local.rows.map(|row| row / self.radius),
+                half: local.half,
                 stray: local.stray,
             },
             bounds,

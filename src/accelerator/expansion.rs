@@ -1,8 +1,9 @@
 //! A part of a piece as a polynomial about its middle, seen from its own frame.
 //!
-//! With `x` and `y` from -1 to 1 over the part, `S = center + a x + b y + rest`. In the
+//! With `x` and `y` from -1 to 1 over the part, `S = origin + a x + b y + rest`. In the
 //! coordinates that invert the matrix of `a`, `b` and a normal, what is not linear is small
-//! once the part is, and sums of its coefficients bound values and derivatives.
+//! once the part is, and sums of its coefficients bound values and derivatives. What bulges to
+//! one side is centred: `center` lies in the middle of what the rest can be.
 
 use glam::{DVec3, DVec4};
 use kernel::MAX_DEGREE;
@@ -18,7 +19,7 @@ pub(super) const TERMS: usize = ORDER * ORDER;
 
 /// Bounds hold for `x` and `y` up to this size, so that a root next to a cell can be told
 /// from one in it.
-pub(super) const WIDE: f64 = 1.25;
+pub(super) const WIDE: f64 = 1.0 + 1e-3;
 
 /// Below this sine two derivatives give no frame.
 const DEGENERATE: f64 = 1e-6;
@@ -29,18 +30,24 @@ const LEAST_WEIGHT: f64 = 0.25;
 /// A part of a piece, in the units of the piece.
 #[derive(Clone, Debug)]
 pub(super) struct Expansion {
+    /// The point of the surface in the middle.
+    pub(super) middle: DVec3,
     pub(super) center: DVec3,
     /// The inverse of the frame; rounded to single precision.
     pub(super) rows: [DVec3; 3],
-    /// Coefficients of `x^i y^j` at `i * ORDER + j`: the three coordinates of the frame times
-    /// the weight, and the weight, which is one in the middle.
+    /// Coefficients of `x^i y^j` at `i * ORDER + j`: the three coordinates of the frame, from
+    /// the center, times the weight, and the weight, which is one in the middle.
     pub(super) terms: [[f64; 4]; TERMS],
+    /// Along the three rows what is not linear is no greater than this.
+    pub(super) half: [f64; 3],
     /// For each of the four: bounds the sum of both derivatives of what is not linear, for `x`
     /// and `y` up to [`WIDE`].
     pub(super) stray: [f64; 4],
+    /// Bounds on the second derivatives of the four: by `x` twice, by both, by `y` twice.
+    pub(super) second: [[f64; 4]; 3],
     /// For each of the four: bounds what higher powers than those kept contribute.
     pub(super) dropped: [f64; 4],
-    /// The part lies within this of its center along each axis; infinite if unknown.
+    /// The part lies within this of its middle along each axis; infinite if unknown.
     pub(super) half_size: DVec3,
     /// Whether a cut along v would make it more even than one along u.
     pub(super) cut_v: bool,
@@ -119,15 +126,40 @@ impl Expansion {
 
     /// Frame and bounds from the sums over all terms.
     #[inline(always)]
-    fn from_sums(frame: &Frame, sums: &Sums, terms: [[f64; 4]; TERMS], dropped: [f64; 4]) -> Self {
+    fn from_sums(
+        frame: &Frame,
+        sums: &Sums,
+        mut terms: [[f64; 4]; TERMS],
+        dropped: [f64; 4],
+    ) -> Self {
         let least = 1.0 - sums.weight;
         let bounded = least >= LEAST_WEIGHT;
         let sure = frame.is_regular && bounded;
         let [a, b] = frame.lengths;
+        // Weights would make the change of the center one of the derivatives.
+        let is_polynomial = sums.weight == 0.0;
+        let (mut half, mut center) = ([0.0; 3], frame.center);
+        for r in 0..3 {
+            half[r] = sums.half[r] + sums.linear[r];
+            if is_polynomial {
+                center += frame.axes[r] * sums.bulge[r];
+            } else {
+                half[r] += sums.bulge[r].abs();
+            }
+        }
+        if is_polynomial {
+            let shift = center - frame.center;
+            for (value, row) in terms[0].iter_mut().zip(&frame.rows) {
+                *value = -row.dot(shift);
+            }
+        }
         Self {
-            center: frame.center,
+            middle: frame.center,
+            center,
             rows: frame.rows,
             terms,
+            half: if sure { half } else { [f64::INFINITY; 3] },
+            second: sums.second,
             stray: if sure { sums.stray } else { [f64::INFINITY; 4] },
             dropped,
             half_size: if bounded {
@@ -154,6 +186,8 @@ impl Expansion {
 struct Frame {
     center: DVec3,
     inverse_weight: f64,
+    /// What `rows` invert: `a`, `b` and the normal.
+    axes: [DVec3; 3],
     rows: [DVec3; 3],
     lengths: [f64; 2],
     is_regular: bool,
@@ -175,7 +209,7 @@ impl Frame {
         let area = normal.length();
         // Not a number, too, is degenerate.
         let is_regular = area > DEGENERATE * lengths[0] * lengths[1];
-        let mut rows = [DVec3::ZERO; 3];
+        let (mut rows, mut axes) = ([DVec3::ZERO; 3], [DVec3::ZERO; 3]);
         if is_regular {
             // The inverse of the matrix of `a`, `b` and a normal half as long as both.
             let n = normal / area;
@@ -185,10 +219,12 @@ impl Frame {
             rows[0] = (b.cross(n) * inverse).as_vec3().as_dvec3();
             rows[1] = (n.cross(a) * inverse).as_vec3().as_dvec3();
             rows[2] = (n / length).as_vec3().as_dvec3();
+            axes = [a, b, n * length];
         }
         Self {
             center,
             inverse_weight,
+            axes,
             rows,
             lengths,
             is_regular,
@@ -213,6 +249,12 @@ fn excess(stray: &[f64; 4]) -> f64 {
 #[derive(Default)]
 struct Sums {
     stray: [f64; 4],
+    second: [[f64; 4]; 3],
+    /// Middle of what even powers can be, and half of what all can span.
+    bulge: [f64; 4],
+    half: [f64; 4],
+    /// How far the linear terms are from those expected, by rounding.
+    linear: [f64; 4],
     /// After a cut along u and along v.
     cut: [[f64; 4]; 2],
     weight: f64,
@@ -222,6 +264,9 @@ struct Sums {
 /// How much a term counts in derivatives, and in these after a cut along u or v.
 struct Counts {
     derivative: [f64; TERMS],
+    second: [[f64; TERMS]; 3],
+    bulge: [f64; TERMS],
+    half: [f64; TERMS],
     cut: [[f64; TERMS]; 2],
 }
 
@@ -236,6 +281,9 @@ const LINEAR: f64 = f32::EPSILON as f64;
 const COUNTS: Counts = {
     let mut counts = Counts {
         derivative: [0.0; TERMS],
+        second: [[0.0; TERMS]; 3],
+        bulge: [0.0; TERMS],
+        half: [0.0; TERMS],
         cut: [[0.0; TERMS]; 2],
     };
     let (half, wide) = (powers_of::<ORDER>(0.5), powers_of::<{ 2 * ORDER }>(WIDE));
@@ -247,6 +295,13 @@ const COUNTS: Counts = {
             counts.derivative[t] = count;
             counts.cut[0][t] = count * half[k];
             counts.cut[1][t] = count * half[l];
+            let (power, second) = (wide[k + l], wide[k + l - 2]);
+            let is_even = k % 2 == 0 && l % 2 == 0;
+            counts.half[t] = if is_even { 0.5 * power } else { power };
+            counts.bulge[t] = if is_even { 0.5 * power } else { 0.0 };
+            counts.second[0][t] = (k * k.saturating_sub(1)) as f64 * second;
+            counts.second[1][t] = (k * l) as f64 * second;
+            counts.second[2][t] = (l * l.saturating_sub(1)) as f64 * second;
         }
         t += 1;
     }
@@ -290,18 +345,25 @@ impl Sums {
                 sums[1][r] += size * COUNTS.derivative[t];
                 sums[2][r] += size * COUNTS.cut[0][t];
                 sums[3][r] += size * COUNTS.cut[1][t];
+                self.second[0][r] += size * COUNTS.second[0][t];
+                self.second[1][r] += size * COUNTS.second[1][t];
+                self.second[2][r] += size * COUNTS.second[2][t];
+                self.half[r] += size * COUNTS.half[t];
+                self.bulge[r] += own[t][r] * COUNTS.bulge[t];
             }
         }
         let [x, y, z, weight] = sums[0];
         self.half_size = [x, y, z];
         self.weight = weight;
+        // The derivatives of the weight are not expected.
+        let expected = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
         for r in 0..4 {
-            self.stray[r] = sums[1][r] + LINEAR;
+            let (x, y) = (own[ORDER][r], own[1][r]);
+            self.linear[r] = (x - expected[0][r]).abs() + (y - expected[1][r]).abs() + LINEAR;
+            self.stray[r] = sums[1][r] + self.linear[r];
             self.cut[0][r] = sums[2][r] * GROWTH[0][r];
             self.cut[1][r] = sums[3][r] * GROWTH[1][r];
         }
-        // The derivatives of the weight are not expected.
-        self.stray[3] += own[1][3].abs() + own[ORDER][3].abs();
     }
 
     /// Adds a term of powers `k` and `l` that is not kept.
@@ -325,6 +387,11 @@ impl Sums {
         for r in 0..4 {
             let count = own[r] * (k + l) as f64 * POWERS[k + l - 1];
             dropped[r] += own[r] * POWERS[k + l];
+            self.half[r] += own[r] * POWERS[k + l];
+            let second = own[r] * POWERS[(k + l).saturating_sub(2)];
+            self.second[0][r] += second * (k * k.saturating_sub(1)) as f64;
+            self.second[1][r] += second * (k * l) as f64;
+            self.second[2][r] += second * (l * l.saturating_sub(1)) as f64;
             self.stray[r] += count;
             self.cut[0][r] += count * HALF[k] * GROWTH[0][r];
             self.cut[1][r] += count * HALF[l] * GROWTH[1][r];

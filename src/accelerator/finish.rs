@@ -59,6 +59,12 @@ const LAST_STEPS: usize = 4;
 /// Newton's step squares the error: from a step below this the next is beyond rounding.
 const LAST: f64 = 1e-10;
 
+/// From a step below this the next is beyond what counts, unless a border is near.
+const LAST_INSIDE: f64 = 1e-6;
+
+/// Near a border of the piece: parameters decide there to which of two it belongs.
+const BORDER: f64 = 1e-8;
+
 /// Finishes roots from `u`, `v` with Newton's iteration on the piece itself.
 #[inline(always)]
 pub(super) fn finish<S: Simd, const RATIONAL: bool>(
@@ -105,8 +111,14 @@ pub(super) fn finish<S: Simd, const RATIONAL: bool>(
         let dv = s.mul_d(s.fnma_d(f2u, f1, s.mul_d(f1u, f2)), scale);
         u = s.sub_d(u, du);
         v = s.sub_d(v, dv);
-        let limit = s.splat_d(LAST);
-        let small = s.lt_d(s.abs_d(du), limit) & s.lt_d(s.abs_d(dv), limit);
+        let (half, inside) = (s.splat_d(0.5), s.splat_d(0.5 - BORDER));
+        let (last, last_inside) = (s.splat_d(LAST), s.splat_d(LAST_INSIDE));
+        let (size_u, size_v) = (s.abs_d(du), s.abs_d(dv));
+        let done = s.lt_d(size_u, last) & s.lt_d(size_v, last);
+        let nearly = s.lt_d(size_u, last_inside) & s.lt_d(size_v, last_inside);
+        let within =
+            s.lt_d(s.abs_d(s.sub_d(u, half)), inside) & s.lt_d(s.abs_d(s.sub_d(v, half)), inside);
+        let small = done | nearly & within;
         if small & used == used || step == LAST_STEPS - 1 {
             roots.found = small & used;
             s.store_d(u, &mut roots.u);

@@ -20,8 +20,12 @@ pub(super) struct Model {
     /// See [`Expansion::terms`].
     pub(super) terms: [[f32; 4]; TERMS],
     pub(super) rows: [[f32; 3]; 3],
-    /// See [`Expansion::stray`]; infinite where there is no frame.
-    pub(super) stray: [f32; 4],
+    /// See [`Expansion::half`]; infinite where there is no frame.
+    pub(super) bulge: [f32; 3],
+    /// See [`Expansion::stray`]: of the weight.
+    pub(super) weight_stray: f32,
+    /// See [`Expansion::second`].
+    pub(super) second: [[f32; 4]; 3],
     /// The largest of what higher powers contribute.
     pub(super) dropped: f32,
     pub(super) center: DVec3,
@@ -36,7 +40,9 @@ impl Model {
     const NONE: Self = Self {
         terms: [[0.0; 4]; TERMS],
         rows: [[0.0; 3]; 3],
-        stray: [f32::INFINITY; 4],
+        bulge: [f32::INFINITY; 3],
+        weight_stray: 0.0,
+        second: [[0.0; 4]; 3],
         dropped: 0.0,
         center: DVec3::ZERO,
         middle: [0.0; 2],
@@ -57,11 +63,15 @@ impl Model {
         self.center = cluster
             .tree
             .to_local(piece.center + local.center * piece.radius);
+        self.weight_stray = (local.stray[3] * GROWTH) as f32;
         self.dropped = 0.0;
         for r in 0..4 {
-            self.stray[r] = (local.stray[r] * GROWTH) as f32;
+            for (to, from) in self.second.iter_mut().zip(&local.second) {
+                to[r] = (from[r] * GROWTH) as f32;
+            }
             self.dropped = self.dropped.max((local.dropped[r] * GROWTH) as f32);
             if r < 3 {
+                self.bulge[r] = (local.half[r] * GROWTH) as f32;
                 self.rows[r] = (local.rows[r] / size).as_vec3().to_array();
             }
         }

@@ -48,13 +48,15 @@ impl Accelerator<'_> {
                 workspace,
             };
             self.instructions.run(task);
-            for (lane, ray) in rays.iter().enumerate() {
+            let first = hits.len();
+            hits.resize(first + rays.len(), None);
+            let hits = &mut hits[first..];
+            for lane in Bits(workspace.packet.met) {
                 let found = &workspace.packet.found[lane];
-                let met = workspace.packet.met >> lane & 1 == 1;
-                hits.push(met.then(|| match &found.place {
+                hits[lane] = Some(match &found.place {
                     Some(place) => self.surface_hit(&found.candidate, place),
-                    None => self.work_out(ray, &found.candidate),
-                }));
+                    None => self.work_out(&rays[lane], &found.candidate),
+                });
             }
         }
     }
@@ -111,17 +113,17 @@ impl Task for Trace<'_, '_> {
         packet.found.resize(RAYS, Found::NONE);
         packet.met = 0;
         let mut alive = 0_u64;
-        for (lane, (ray, range)) in rays.iter().zip(ranges).enumerate() {
-            let way = ray.direction.length_squared();
-            let usable = way > 0.0 && way.is_finite() && ray.origin.is_finite();
-            alive |= u64::from(usable && range.start < range.end) << lane;
+        for lane in 0..RAYS {
+            let range = &ranges[lane.min(rays.len() - 1)];
             (packet.from[lane], packet.until[lane]) = (range.start, range.end);
         }
-        for lane in rays.len()..RAYS {
-            (packet.from[lane], packet.until[lane]) =
-                (packet.from[rays.len() - 1], packet.until[rays.len() - 1]);
-        }
         packet.rays.gather(rays);
+        let usable = packet.rays.usable();
+        for lane in 0..RAYS {
+            let is_open = usable[lane] & (packet.from[lane] < packet.until[lane]);
+            alive |= u64::from(is_open) << lane;
+        }
+        alive &= u64::MAX >> (RAYS - rays.len());
         let mut tracer = Tracer {
             s,
             accelerator,
@@ -360,7 +362,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let number = self.accelerator.instances[self.instance as usize].cluster;
         let PacketRoom { models, beam, .. } = &mut *self.packet;
         let model = models.of(number, cluster, cell);
-        if !model.stray[0].is_finite() {
+        if !model.bulge[0].is_finite() {
             return (lanes, None);
         }
         let view = View::of_model(model, beam);
