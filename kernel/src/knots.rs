@@ -119,6 +119,14 @@ impl KnotVector {
         self.knots.len() - self.degree - 1
     }
 
+    /// Whether there is one span and all knots are at its ends, as for a Bézier curve.
+    pub fn is_bezier(&self) -> bool {
+        let Range { start, end } = self.domain();
+        self.count() == self.degree + 1
+            && self.knots[..=self.degree].iter().all(|&k| k >= start)
+            && self.knots[self.degree + 1..].iter().all(|&k| k <= end)
+    }
+
     /// The parameters for which a curve is defined; both ends belong to it.
     pub fn domain(&self) -> Range<f64> {
         self.knots[self.degree]..self.knots[self.count()]

@@ -6,11 +6,14 @@ use kernel::{Aabb, Child, NodeId, Scene, Shape, TrimRegion};
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::cells::Pieces;
-use super::tree::{Tree, WIDTH};
+use super::cells::{Parts, Pieces};
+use super::tree::Tree;
 use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
 use crate::intersect::Method;
 use crate::simd::Instructions;
+
+/// Patches that one thread divides in one go.
+const PATCHES_OF_A_TASK: usize = 64;
 
 /// Triangles that are not divided further.
 const TRIANGLES_OF_A_LEAF: usize = 4;
@@ -175,34 +178,38 @@ impl Plan {
             });
         });
         let halvings = Pieces::halvings(scene.patches().len());
+        // Many patches at a time, so that little memory is asked for often.
         let parts: Vec<_> = placed
-            .par_iter()
-            .map(|(number, surface, cluster_from_object, region)| {
-                let (mut pieces, mut cells) = (Pieces::default(), Vec::new());
-                let trims = region.map(|k| &regions[k]);
-                for piece in surface.transformed(cluster_from_object).bezier_pieces() {
-                    pieces.add(&piece, (*number, halvings), trims, &mut cells);
+            .par_chunks(PATCHES_OF_A_TASK)
+            .map(|placed| {
+                let mut parts = Parts::default();
+                for (number, surface, cluster_from_object, region) in placed {
+                    let trims = region.map(|k| &regions[k]);
+                    for piece in surface.transformed(cluster_from_object).bezier_pieces() {
+                        parts.add(&piece, (*number, halvings), trims);
+                    }
                 }
-                (pieces, cells)
+                parts
             })
             .collect();
-        let (mut pieces, mut cells) = (Pieces::default(), Vec::new());
+        let mut all = Parts::default();
         for part in parts {
-            pieces.append(part, &mut cells);
+            all.append(part);
         }
-        let boxes: Vec<_> = cells.iter().map(|cell| cell.bounds).collect();
-        let (tree, order) = Tree::build(&boxes, WIDTH);
-        let cells: Vec<_> = order.iter().map(|&k| cells[k as usize]).collect();
-        let blocks = (0..tree.leaf_count())
-            .map(|leaf| Block::new(&cells[tree.leaf(leaf)], &tree))
-            .collect();
+        let (tree, order) = Tree::build(&all.boxes(), 1);
+        let block = |leaf: usize| {
+            let group = order[tree.leaf(leaf).start] as usize;
+            Block::new(&all.cells[all.groups[group].clone()], &tree)
+        };
+        let blocks = (0..tree.leaf_count()).into_par_iter().map(block).collect();
+        let (pieces, cell_count) = (all.pieces, all.cells.len());
         let boxes: Vec<_> = triangles.iter().map(|t| Aabb::around(t.corners)).collect();
         let (triangle_tree, order) = Tree::build(&boxes, TRIANGLES_OF_A_LEAF);
         let triangles = order.iter().map(|&k| triangles[k as usize]).collect();
         Cluster {
             pieces,
             blocks,
-            cell_count: cells.len(),
+            cell_count,
             tree,
             triangles,
             triangle_tree,

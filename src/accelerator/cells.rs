@@ -6,6 +6,7 @@ use glam::{DVec3, DVec4};
 use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
 use super::expansion::Expansion;
+use super::tree::WIDTH;
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
 use crate::intersect::net::Degrees;
@@ -111,6 +112,9 @@ pub(crate) struct CellFrame {
     pub(crate) stray: [f64; 4],
 }
 
+/// Cells that are kept together at most: those of a block.
+pub(crate) const GROUP: usize = WIDTH;
+
 /// All pieces and cells of a cluster.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
@@ -126,34 +130,17 @@ pub(crate) struct NewCell {
     pub(crate) bounds: Aabb,
 }
 
-impl Pieces {
-    /// How often a piece is halved at most in a scene of so many patches.
-    pub(crate) fn halvings(patches: usize) -> u8 {
-        if patches > MANY {
-            FEW_HALVINGS
-        } else {
-            HALVINGS
-        }
-    }
+/// Pieces and cells of a part of a cluster, while the hierarchy is built.
+#[derive(Debug, Default)]
+pub(crate) struct Parts {
+    pub(crate) pieces: Pieces,
+    pub(crate) cells: Vec<NewCell>,
+    /// Places among `cells` of neighbours in one piece, all of which are in one group.
+    pub(crate) groups: Vec<Range<usize>>,
+}
 
-    /// Appends other pieces, and their cells to `cells`.
-    pub(crate) fn append(&mut self, (other, new): (Self, Vec<NewCell>), cells: &mut Vec<NewCell>) {
-        let (first, number) = (self.nets.len(), self.pieces.len());
-        self.nets.extend(other.nets);
-        self.pieces
-            .extend(other.pieces.into_iter().map(|piece| Piece {
-                first: piece.first + first,
-                ..piece
-            }));
-        let number = u32::try_from(number).expect("fewer pieces than fit");
-        cells.extend(new.into_iter().map(|mut new| {
-            new.cell.piece += number;
-            new
-        }));
-    }
-
-    /// Adds a piece of item number `item`, and its cells to `cells`; it is halved `halvings`
-    /// times at most.
+impl Parts {
+    /// Adds a piece of item number `item`, and its cells; it is halved `halvings` times at most.
     ///
     /// A piece that is no more than a point has nothing to hit and is left out, and so are
     /// cells outside of `trims`.
@@ -162,7 +149,6 @@ impl Pieces {
         piece: &BezierSurface,
         (item, halvings): (u32, u8),
         trims: Option<&TrimRegion>,
-        cells: &mut Vec<NewCell>,
     ) {
         let hull = piece.hull_bounds();
         let (center, radius) = (hull.center(), hull.diagonal() * 0.5);
@@ -178,15 +164,16 @@ impl Pieces {
             .iter()
             .fold(0.0, |max: f64, h| max.max(h.w));
         // Into the units of the piece.
+        let (scale, weight) = ((radius * heaviest).recip(), heaviest.recip());
         let own = |h: &DVec4| {
-            let numerator = (h.truncate() - center * h.w) / radius;
-            (numerator.extend(h.w) / heaviest).to_array()
+            let numerator = (h.truncate() - center * h.w) * scale;
+            numerator.extend(h.w * weight).to_array()
         };
-        let first = self.nets.len();
-        self.nets.extend(piece.homogeneous().iter().map(own));
-        let number = u32::try_from(self.pieces.len()).expect("fewer pieces than fit");
+        let first = self.pieces.nets.len();
+        self.pieces.nets.extend(piece.homogeneous().iter().map(own));
+        let number = u32::try_from(self.pieces.pieces.len()).expect("fewer pieces than fit");
         let (u, v) = (piece.u(), piece.v());
-        self.pieces.push(Piece {
+        self.pieces.pieces.push(Piece {
             first,
             degrees,
             is_rational: piece.homogeneous().iter().any(|h| h.w < heaviest),
@@ -200,7 +187,7 @@ impl Pieces {
         let divider = Divider {
             net: PieceNet {
                 degrees,
-                points: &self.nets[first..],
+                points: &self.pieces.nets[first..],
             },
             center,
             radius,
@@ -209,7 +196,48 @@ impl Pieces {
             v: piece.v(),
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
-        divider.divide(cell, halvings, trims, cells);
+        let (cells, groups) = (&mut self.cells, &mut self.groups);
+        let open = divider.divide(cell, halvings, trims, (cells, groups));
+        groups.push(cells.len() - open..cells.len());
+    }
+
+    /// Appends what belongs to other patches.
+    pub(crate) fn append(&mut self, other: Self) {
+        let (first, before) = (self.pieces.nets.len(), self.cells.len());
+        let number = u32::try_from(self.pieces.pieces.len()).expect("fewer pieces than fit");
+        self.pieces.nets.extend(other.pieces.nets);
+        let pieces = other.pieces.pieces.into_iter();
+        self.pieces.pieces.extend(pieces.map(|piece| Piece {
+            first: piece.first + first,
+            ..piece
+        }));
+        self.cells.extend(other.cells.into_iter().map(|mut new| {
+            new.cell.piece += number;
+            new
+        }));
+        let groups = other.groups.into_iter();
+        let moved = groups.map(|group| group.start + before..group.end + before);
+        self.groups.extend(moved.filter(|group| !group.is_empty()));
+    }
+
+    /// The box around each group.
+    pub(crate) fn boxes(&self) -> Vec<Aabb> {
+        let around = |group: &Range<usize>| {
+            let boxes = self.cells[group.clone()].iter().map(|cell| cell.bounds);
+            boxes.fold(Aabb::EMPTY, Aabb::union)
+        };
+        self.groups.iter().map(around).collect()
+    }
+}
+
+impl Pieces {
+    /// How often a piece is halved at most in a scene of so many patches.
+    pub(crate) fn halvings(patches: usize) -> u8 {
+        if patches > MANY {
+            FEW_HALVINGS
+        } else {
+            HALVINGS
+        }
     }
 
     /// The net of a piece.
@@ -242,13 +270,16 @@ struct Divider<'a> {
 impl Divider<'_> {
     /// Divides a cell until it is nearly flat and evenly parametrised or `halvings` are used
     /// up, and further, by the number beside `trims`, where a loop passes.
+    ///
+    /// Neighbours are grouped as long as a group has room. The result is the number of cells at
+    /// the end that belong to no group yet.
     fn divide(
         &self,
         mut cell: Cell,
         halvings: u8,
         trims: Option<(&TrimRegion, u8)>,
-        cells: &mut Vec<NewCell>,
-    ) {
+        (cells, groups): (&mut Vec<NewCell>, &mut Vec<Range<usize>>),
+    ) -> usize {
         let rect = cell.rect();
         let cover = trims.map_or(Cover::Inside, |(region, _)| {
             let part = |domain: &Range<f64>, (a, b): (f64, f64)| {
@@ -258,7 +289,7 @@ impl Divider<'_> {
             region.classify(part(&self.u, rect.u), part(&self.v, rect.v))
         });
         if cover == Cover::Outside {
-            return;
+            return 0;
         }
         let trims = trims.filter(|_| cover == Cover::Mixed);
         cell.is_trimmed = trims.is_some();
@@ -274,12 +305,19 @@ impl Divider<'_> {
             ),
             _ => {
                 cells.push(self.finished(cell, &local));
-                return;
+                return 1;
             }
         };
-        for child in cell.halves(axis) {
-            self.divide(child, halvings, trims, cells);
+        let [left, right] = cell.halves(axis);
+        let first = self.divide(left, halvings, trims, (cells, groups));
+        let border = cells.len();
+        let second = self.divide(right, halvings, trims, (cells, groups));
+        let end = cells.len();
+        if first == 0 || first + second <= GROUP && border + second == end {
+            return first + second;
         }
+        groups.push(border - first..border);
+        second
     }
 
     /// A cell in the coordinates of the cluster.

@@ -181,6 +181,11 @@ impl Surface {
     ///
     /// Neighbouring pieces share their border control points to the last bit.
     pub fn bezier_pieces(&self) -> Vec<BezierSurface> {
+        if self.knots_u.is_bezier() && self.knots_v.is_bezier() {
+            let degrees = [self.knots_u.degree(), self.knots_v.degree()];
+            let (u, v) = (self.knots_u.domain(), self.knots_v.domain());
+            return vec![BezierSurface::trusted(degrees, self.points.clone(), u, v)];
+        }
         let strips = self.bezier_strips_u();
         let pieces = strips.iter().flat_map(|strip| {
             let turned = strip.transposed();
