@@ -97,7 +97,7 @@ impl Rays {
     #[inline(always)]
     pub(super) fn usable(&self) -> [bool; RAYS] {
         let mut usable = [false; RAYS];
-        for lane in 0..RAYS {
+        for (lane, usable) in usable.iter_mut().enumerate() {
             let (mut way, mut place) = (0.0, 0.0);
             for axis in 0..3 {
                 let (o, d) = (self.origin[axis][lane], self.direction[axis][lane]);
@@ -105,7 +105,7 @@ impl Rays {
                 // Zero, unless it is not finite.
                 place += o * 0.0;
             }
-            usable[lane] = (way > 0.0) & (way < f64::INFINITY) & (place == 0.0);
+            *usable = (way > 0.0) & (way < f64::INFINITY) & (place == 0.0);
         }
         usable
     }

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::approach::View;
 use super::beam::{Beam, BeamBounds};
 use super::cells::{Cell, NewCell};
-use super::leaf::View;
 use super::tree::{LocalRay, Tree, WIDTH};
 
 /// Rounding errors of positions in a tree of size one.

@@ -1,7 +1,7 @@
 //! From a scene to clusters and instances.
 
 use glam::DAffine3;
-use kernel::{Aabb, Child, NodeId, Scene, Shape, TrimRegion};
+use kernel::{Aabb, Child, NodeId, Scene, Shape, Surface, TrimRegion};
 
 use rayon::prelude::*;
 
@@ -177,25 +177,7 @@ impl Plan {
                 origin: item.shape,
             });
         });
-        let halvings = Pieces::halvings(scene.patches().len());
-        // Many patches at a time, so that little memory is asked for often.
-        let parts: Vec<_> = placed
-            .par_chunks(PATCHES_OF_A_TASK)
-            .map(|placed| {
-                let mut parts = Parts::default();
-                for (number, surface, cluster_from_object, region) in placed {
-                    let trims = region.map(|k| &regions[k]);
-                    for piece in surface.transformed(cluster_from_object).bezier_pieces() {
-                        parts.add(&piece, (*number, halvings), trims);
-                    }
-                }
-                parts
-            })
-            .collect();
-        let mut all = Parts::default();
-        for part in parts {
-            all.append(part);
-        }
+        let all = divided(scene, &placed, &regions);
         let (tree, order) = Tree::build(&all.boxes(), 1);
         let block = |leaf: usize| {
             let group = order[tree.leaf(leaf).start] as usize;
@@ -251,6 +233,31 @@ impl Plan {
         }
         self.counts[start.0.index()]
     }
+}
+
+/// A patch of a cluster: number of the item, surface, place, and trim region if it has one.
+type Placed<'a> = (u32, &'a Surface, DAffine3, Option<usize>);
+
+/// The pieces and cells of all patches of a cluster.
+fn divided(scene: &Scene, placed: &[Placed<'_>], regions: &[TrimRegion]) -> Parts {
+    let halvings = Pieces::halvings(scene.patches().len());
+    // Many patches at a time, so that little memory is asked for often.
+    let tasks = placed.par_chunks(PATCHES_OF_A_TASK).map(|placed| {
+        let mut parts = Parts::default();
+        for (number, surface, cluster_from_object, region) in placed {
+            let trims = region.map(|k| &regions[k]);
+            for piece in surface.transformed(cluster_from_object).bezier_pieces() {
+                parts.add(&piece, (*number, halvings), trims);
+            }
+        }
+        parts
+    });
+    let tasks: Vec<_> = tasks.collect();
+    let mut all = Parts::default();
+    for parts in tasks {
+        all.append(parts);
+    }
+    all
 }
 
 impl Counts {

@@ -138,13 +138,15 @@ impl Expansion {
         let [a, b] = frame.lengths;
         // Weights would make the change of the center one of the derivatives.
         let is_polynomial = sums.weight == 0.0;
-        let (mut half, mut center) = ([0.0; 3], frame.center);
-        for r in 0..3 {
-            half[r] = sums.half[r] + sums.linear[r];
+        let mut center = frame.center;
+        let [h1, h2, h3, _] = sums.half;
+        let mut half = [h1, h2, h3];
+        for (r, half) in half.iter_mut().enumerate() {
+            *half += sums.linear[r];
             if is_polynomial {
                 center += frame.axes[r] * sums.bulge[r];
             } else {
-                half[r] += sums.bulge[r].abs();
+                *half += sums.bulge[r].abs();
             }
         }
         if is_polynomial {

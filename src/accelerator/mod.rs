@@ -5,6 +5,7 @@
 //! hierarchy of boxes. Instances place clusters in the world; over them stands another
 //! hierarchy. Shapes shown many times are so stored once.
 
+mod approach;
 mod beam;
 mod block;
 mod build;

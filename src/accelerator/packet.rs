@@ -5,10 +5,11 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::Ray;
 
+use super::approach::{self, View};
 use super::beam::{Beam, BeamBounds, RAYS};
 use super::cells::Cell;
 use super::finish::{self, Lines};
-use super::leaf::{self, Bits, Verdict, View};
+use super::leaf::{self, Bits, Verdict};
 use super::model::Model;
 use super::room::{Found, Met, PacketRoom};
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps};
@@ -119,8 +120,8 @@ impl Task for Trace<'_, '_> {
         }
         packet.rays.gather(rays);
         let usable = packet.rays.usable();
-        for lane in 0..RAYS {
-            let is_open = usable[lane] & (packet.from[lane] < packet.until[lane]);
+        for (lane, usable) in usable.into_iter().enumerate() {
+            let is_open = usable & (packet.from[lane] < packet.until[lane]);
             alive |= u64::from(is_open) << lane;
         }
         alive &= u64::MAX >> (RAYS - rays.len());
@@ -313,7 +314,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             let mut lanes = 0;
             for group in 0..RAYS / LANES {
                 if group_of(self.alive, group) != 0 {
-                    let pass = leaf::pass(self.s, &view, &self.packet.beam, group, rational);
+                    let pass = approach::pass(self.s, &view, &self.packet.beam, group, rational);
                     lanes |= u64::from(pass & 0xffff) << (group * LANES);
                 }
             }

@@ -1,0 +1,242 @@
+//! How rays come to a cell: where they meet its tangent plane, which of them pass it by, and in
+//! what part of it their roots are.
+
+use super::beam::{Beam, RAYS};
+use super::model::Model;
+use crate::simd::{LANES, Simd};
+
+/// Rounding errors of positions and values in single precision, several wide.
+const ROUNDING: f32 = 8.0 / (1 << 24) as f32;
+
+/// A cell as the rays of a beam see it: axes in the order of the beam, signs along its way.
+pub(super) struct View {
+    pub(super) bulge: [f32; 3],
+    weight_stray: f32,
+    dropped: f32,
+    /// Middle of the cell along the beam, and the beam's middle there relative to it.
+    zeta: f32,
+    way: f32,
+    place: [f32; 2],
+    slope: [f32; 2],
+    /// Rows over the two axes across and the main one.
+    rows: [[f32; 3]; 3],
+    /// Rounding errors of the three directions, and the size of the rows across.
+    direction_size: f32,
+    sizes: [f32; 3],
+}
+
+impl View {
+    #[inline(always)]
+    pub(super) fn of_model(model: &Model, beam: &Beam) -> Self {
+        Self::new(
+            model.center.to_array(),
+            model.rows,
+            (model.bulge, model.weight_stray),
+            model.dropped,
+            beam,
+        )
+    }
+
+    /// As seen by a beam: the frame of a cell.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "differences are formed before; errors are allowed for"
+    )]
+    pub(super) fn new(
+        center: [f64; 3],
+        rows: [[f32; 3]; 3],
+        (bulge, weight_stray): ([f32; 3], f32),
+        dropped: f32,
+        beam: &Beam,
+    ) -> Self {
+        let [i, j] = beam.across;
+        let zeta = center[beam.main] * beam.sign;
+        let way = zeta - beam.start;
+        let (mut place, mut slope) = ([0.0; 2], [0.0; 2]);
+        for (axis, side) in [(0, i), (1, j)] {
+            let at = beam.middle_origin[axis] + beam.middle_slope[axis] * way;
+            place[axis] = (at - center[side]) as f32;
+            slope[axis] = beam.middle_slope[axis] as f32;
+        }
+        let sign = beam.sign as f32;
+        let (mut own, mut sizes, mut direction_size) = ([[0.0; 3]; 3], [0.0; 3], 0.0_f32);
+        for r in 0..3 {
+            own[r] = [rows[r][i], rows[r][j], rows[r][beam.main] * sign];
+            sizes[r] = own[r][0].abs() + own[r][1].abs();
+            direction_size = direction_size.max(4.0 * sizes[r] + own[r][2].abs());
+        }
+        Self {
+            bulge,
+            weight_stray,
+            dropped,
+            zeta: zeta as f32,
+            way: way as f32,
+            place,
+            slope,
+            rows: own,
+            direction_size,
+            sizes,
+        }
+    }
+}
+
+/// The product of a row over the axes across with positions.
+#[inline(always)]
+fn across<S: Simd>(s: S, row: [f32; 3], y: [S::F; 2]) -> S::F {
+    s.fma(s.splat(row[0]), y[0], s.mul(s.splat(row[1]), y[1]))
+}
+
+/// The product of a row with directions, which advance by one along the main axis.
+#[inline(always)]
+fn along<S: Simd>(s: S, row: [f32; 3], m: [S::F; 2]) -> S::F {
+    let rest = s.fma(s.splat(row[1]), m[1], s.splat(row[2]));
+    s.fma(s.splat(row[0]), m[0], rest)
+}
+
+/// The lanes of a group of what a beam has for each ray.
+#[inline(always)]
+fn load<S: Simd>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
+    s.load(&values.as_chunks::<LANES>().0[group])
+}
+
+/// How sixteen rays come to a cell.
+pub(super) struct Approach<F> {
+    /// A bit for each that certainly misses it.
+    pub(super) beside: u32,
+    /// Where the tangent plane is met, in the cell's coordinates, and the tilt against it.
+    pub(super) place: [F; 2],
+    pub(super) tilt: [F; 2],
+    /// Roots are no further from there.
+    pub(super) radius: [F; 2],
+    /// What is uncertain of the place.
+    pub(super) error: F,
+}
+
+/// Whether one of the rays `16 group ..` of the beam may meet a cell: a bit for each.
+#[inline(always)]
+pub(super) fn pass<S: Simd>(s: S, view: &View, beam: &Beam, group: usize, rational: bool) -> u32 {
+    if rational {
+        !approach::<S, true>(s, view, beam, group).beside
+    } else {
+        !approach::<S, false>(s, view, beam, group).beside
+    }
+}
+
+/// Sixteen rays in the frame of a cell.
+struct Sight<F> {
+    /// Where they pass the middle along the main axis, across it.
+    offset: [F; 2],
+    /// The third coordinate there, and the way of one unit of it along the ray.
+    depth: F,
+    inverse: F,
+    /// Advance of the first two coordinates with the third.
+    tilt: [F; 2],
+    /// The first two where the third is zero.
+    place: [F; 2],
+}
+
+#[inline(always)]
+fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
+    let [row1, row2, row3] = view.rows;
+    let way = s.splat(view.way);
+    let turn = [load(s, &beam.turn[0], group), load(s, &beam.turn[1], group)];
+    let offset1 = s.fma(turn[0], way, load(s, &beam.offset[0], group));
+    let offset2 = s.fma(turn[1], way, load(s, &beam.offset[1], group));
+    let y = [
+        s.add(offset1, s.splat(view.place[0])),
+        s.add(offset2, s.splat(view.place[1])),
+    ];
+    let m = [
+        s.add(turn[0], s.splat(view.slope[0])),
+        s.add(turn[1], s.splat(view.slope[1])),
+    ];
+    let (p1, p2, p3) = (across(s, row1, y), across(s, row2, y), across(s, row3, y));
+    let inverse = s.div(s.splat(1.0), along(s, row3, m));
+    let g1 = s.mul(along(s, row1, m), inverse);
+    let g2 = s.mul(along(s, row2, m), inverse);
+    Sight {
+        offset: y,
+        depth: p3,
+        inverse,
+        tilt: [g1, g2],
+        place: [s.fnma(g1, p3, p1), s.fnma(g2, p3, p2)],
+    }
+}
+
+#[inline(always)]
+pub(super) fn approach<S: Simd, const RATIONAL: bool>(
+    s: S,
+    view: &View,
+    beam: &Beam,
+    group: usize,
+) -> Approach<S::F> {
+    let Sight {
+        offset: y,
+        depth: p3,
+        inverse,
+        tilt: [g1, g2],
+        place: [x0, y0],
+    } = sight(s, view, beam, group);
+    // How well it is known where the tangent plane is met.
+    let one = s.splat(1.0);
+    let (size1, size2) = (s.abs(g1), s.abs(g2));
+    let distance = s.max(s.abs(y[0]), s.abs(y[1]));
+    let blur = s.fma(s.splat(view.direction_size), s.abs(inverse), one);
+    let depth = s.fma(distance, s.splat(view.sizes[2]), one);
+    let width = s.fma(distance, s.splat(view.sizes[0] + view.sizes[1]), one);
+    let tilt = s.add(one, s.max(size1, size2));
+    let rounding = s.fma(s.mul(tilt, depth), blur, width);
+    let dropped = s.mul(s.splat(view.dropped), tilt);
+    let mut error = s.fma(s.splat(ROUNDING), rounding, dropped);
+    if RATIONAL {
+        error = s.fma(dropped, s.max(s.abs(x0), s.abs(y0)), error);
+    }
+    // What is not linear moves roots along the cell, and along the tilt by what stands across.
+    let [b1, b2, b3] = view.bulge;
+    let (b1, b2, b3) = (s.splat(b1), s.splat(b2), s.splat(b3));
+    let (mut flat1, mut flat2) = (s.add(b1, error), s.add(b2, error));
+    if RATIONAL {
+        let weight = s.splat(view.weight_stray);
+        flat1 = s.fma(s.abs(x0), weight, flat1);
+        flat2 = s.fma(s.abs(y0), weight, flat2);
+    }
+    let (radius1, radius2) = (s.fma(size1, b3, flat1), s.fma(size2, b3, flat2));
+    // In the plane of the ray and the normal nothing stands across.
+    let plane = s.abs(s.fnma(y0, g1, s.mul(x0, g2)));
+    let reach = s.fma(size2, s.add(one, flat1), s.mul(size1, s.add(one, flat2)));
+    // Where the cell is met along the beam, at the least and at the most.
+    let room = if RATIONAL && view.weight_stray < 1.0 {
+        (1.0 - view.weight_stray).recip()
+    } else if RATIONAL {
+        f32::INFINITY
+    } else {
+        1.0
+    };
+    let height = view.bulge[2] * room;
+    let time = s.fnma(p3, inverse, s.splat(view.zeta));
+    let spread = s.fma(
+        s.fma(depth, s.splat(2.0 * ROUNDING), s.splat(height * 1.001)),
+        s.mul(s.abs(inverse), blur_of(s, blur)),
+        s.splat(4.0 * ROUNDING),
+    );
+    // What is not a number passes.
+    let beside = s.bits(s.lt(s.add(one, radius1), s.abs(x0)))
+        | s.bits(s.lt(s.add(one, radius2), s.abs(y0)))
+        | s.bits(s.lt(reach, plane))
+        | s.bits(s.lt(load(s, &beam.far, group), s.sub(time, spread)))
+        | s.bits(s.lt(s.add(time, spread), load(s, &beam.near, group)));
+    Approach {
+        beside,
+        place: [x0, y0],
+        tilt: [g1, g2],
+        radius: [radius1, radius2],
+        error,
+    }
+}
+
+/// A growth for times from the blur of directions, at most a half more.
+#[inline(always)]
+fn blur_of<S: Simd>(s: S, blur: S::F) -> S::F {
+    s.fma(blur, s.splat(ROUNDING), s.splat(1.0))
+}
