@@ -223,7 +223,9 @@ fn read_plain(
         format: format.name,
         ..(format.read)(bytes, options)?
     };
-    let (placed, limit) = (import.scene.placement_count(), options.limits.placements);
+    let (scene, limit) = (&import.scene, options.limits.placements);
+    let placed = scene.placement_count();
+    let placed = placed.saturating_add(scene.wire_placement_count());
     if placed > limit {
         let text = format!("{placed} shapes after instancing; the limit is {limit}");
         return Err(Error {

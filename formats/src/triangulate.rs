@@ -39,6 +39,13 @@ pub(crate) fn triangles(points: &[DVec3], tests: &mut usize) -> Option<Vec<[usiz
     Some(cut)
 }
 
+/// Whether four corners turn one way all around, seen across their area; then a fan fills them.
+pub(crate) fn is_convex_quad([a, b, c, d]: [DVec3; 4]) -> bool {
+    let area = (c - a).cross(d - b);
+    let sides = [b - a, c - b, d - c, a - d];
+    (0..4).all(|i| sides[i].cross(sides[(i + 1) % 4]).dot(area) > 0.0)
+}
+
 /// The polygon in the plane across its area vector, where it runs counter-clockwise.
 fn flattened(points: &[DVec3]) -> Vec<DVec2> {
     let size = points

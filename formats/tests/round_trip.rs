@@ -8,7 +8,7 @@ use kernel::{Curve, Material, Patch, Scene, Shape, TrimLoop, UpAxis, nesting};
 use nurbray_formats::{Export, Limits, ReadOptions, Resolver, WRITERS, Writer, open, read};
 
 /// How far numbers may be off, relative to the size of the scene.
-const ACCURACY: f64 = 1e-13;
+const ACCURACY: f64 = 1e-14;
 
 /// Resolves the files that were written beside another.
 struct Beside<'a>(&'a Export);
@@ -344,18 +344,74 @@ fn files_come_back_from_other_formats() {
     }
 }
 
-#[test]
-fn curves_without_a_surface_are_reported() {
+/// A scene of one curve, points, and two squares with a seam between them.
+fn wires_and_a_seam() -> Scene {
     let mut scene = Scene::default();
     let line = Curve::line(DVec3::ZERO, DVec3::X, 0.0..1.0).expect("a line");
-    let wire = kernel::Wire {
-        name: "axis".to_owned(),
-        source: "line 1".to_owned(),
-        shape: kernel::WireShape::Curve(line),
-        material: None,
-    };
-    scene.add_wire(wire).expect("a wire");
-    for writer in WRITERS {
+    let arc = kernel::modelling::circle(&kernel::modelling::Frame::WORLD, 2.0).expect("a circle");
+    let points = vec![DVec3::Y, DVec3::Z];
+    let shapes = [
+        kernel::WireShape::Curve(line),
+        kernel::WireShape::Curve(arc),
+        kernel::WireShape::Points(points),
+    ];
+    let mut root = kernel::Node::default();
+    for shape in shapes {
+        let wire = kernel::Wire {
+            name: "axis".to_owned(),
+            source: "line 1".to_owned(),
+            shape,
+            material: None,
+        };
+        root.wires.push(scene.add_wire(wire).expect("a wire"));
+    }
+    let mut sides = Vec::new();
+    for (x, u) in [(0.0, 1.0), (1.0, 0.0)] {
+        let knots = || kernel::KnotVector::bezier(1, 0.0..1.0).expect("knots");
+        let corners = [DVec3::ZERO, DVec3::Y, DVec3::X, DVec3::X + DVec3::Y];
+        let corners = corners.map(|p| p + DVec3::X * x);
+        let square = kernel::Surface::new(knots(), knots(), &corners, None).expect("a square");
+        let patch = scene.add_patch(square.into()).expect("a patch");
+        root.children.push(kernel::Child::Item(kernel::Item {
+            shape: Shape::Patch(patch),
+            material: None,
+        }));
+        let curve = Curve::line([u, 0.0].into(), [u, 1.0].into(), 0.0..1.0).expect("a line");
+        sides.push(kernel::SeamSide { patch, curve });
+    }
+    let sides = sides.try_into().expect("two sides");
+    scene
+        .add_seam(kernel::Seam { sides, gap: 0.0 })
+        .expect("a seam");
+    let root = scene.add_node(root).expect("a node");
+    scene.set_root(root).expect("a root");
+    scene
+}
+
+#[test]
+fn curves_points_and_seams_come_back_from_obj() {
+    let scene = wires_and_a_seam();
+    let writer = WRITERS.iter().find(|w| w.name == "OBJ").expect("a writer");
+    let again = through(&scene, writer, "wires");
+    assert_eq!(again.wires().len(), 3);
+    for (before, after) in scene.wires().iter().zip(again.wires()) {
+        assert_eq!(before.name, after.name);
+        match (&before.shape, &after.shape) {
+            (kernel::WireShape::Curve(p), kernel::WireShape::Curve(q)) => {
+                assert_eq!(p.knots(), q.knots());
+                let pairs = p.homogeneous().iter().zip(q.homogeneous());
+                assert!(pairs.into_iter().all(|(p, q)| p.distance(*q) < 1e-15));
+            }
+            (before, after) => assert_eq!(before, after),
+        }
+    }
+    assert_eq!(scene.seams(), again.seams());
+}
+
+#[test]
+fn curves_without_a_surface_are_reported() {
+    let scene = wires_and_a_seam();
+    for writer in WRITERS.iter().filter(|w| w.name != "OBJ") {
         let export = (writer.write)(&scene, "wires").expect("a file");
         let mut places = export.warnings.as_slice().iter().flat_map(|w| &w.places);
         let is_told = places.any(|place| place.what == "\"axis\", line 1");

@@ -54,8 +54,8 @@ pub use normal::regular as regular_normal;
 pub use patch::Patch;
 pub use ray::Ray;
 pub use scene::{
-    Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Shape, Unit, UpAxis,
-    Wire, WireId, WireShape,
+    Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Seam, SeamSide,
+    Shape, Unit, UpAxis, Wire, WireId, WirePlacement, WireShape,
 };
 pub use sky::Sky;
 pub use spline::{Linear, Point};

@@ -1,6 +1,6 @@
 //! A scene: what a file holds, whatever its format.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 
 use crate::{Aabb, Camera, Curve, Error, Light, Material, Mesh, Patch, Sky};
 
@@ -44,6 +44,26 @@ pub enum WireShape {
     Curve(Curve<DVec3>),
     /// Points.
     Points(Vec<DVec3>),
+}
+
+/// Two curves on patches that the file says are one in space.
+///
+/// The patches stand in the same coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seam {
+    /// The curve on either patch; they may run in opposite directions.
+    pub sides: [SeamSide; 2],
+    /// How far one strays from the other at most, in the coordinates of the patches.
+    pub gap: f64,
+}
+
+/// One side of a [`Seam`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeamSide {
+    /// The patch.
+    pub patch: PatchId,
+    /// The curve in its parameter domain.
+    pub curve: Curve<DVec2>,
 }
 
 /// Geometry by reference.
@@ -136,6 +156,7 @@ pub struct Scene {
     meshes: Vec<Mesh>,
     materials: Vec<Material>,
     wires: Vec<Wire>,
+    seams: Vec<Seam>,
     nodes: Vec<Node>,
     root: Option<NodeId>,
     /// Cameras in world coordinates, the first one being the preferred one.
@@ -161,6 +182,7 @@ impl Default for Scene {
             meshes: Vec::new(),
             materials: Vec::new(),
             wires: Vec::new(),
+            seams: Vec::new(),
             nodes: Vec::new(),
             root: None,
             cameras: Vec::new(),
@@ -181,6 +203,17 @@ pub struct Placement {
     pub shape: Shape,
     /// Its material, if any.
     pub material: Option<MaterialId>,
+    /// Where it stands.
+    pub world_from_object: DAffine3,
+    /// The nodes from the root down to it.
+    pub path: Vec<NodeId>,
+}
+
+/// One curve, or points, at one place of the flattened tree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WirePlacement {
+    /// What stands there.
+    pub wire: WireId,
     /// Where it stands.
     pub world_from_object: DAffine3,
     /// The nodes from the root down to it.
@@ -222,6 +255,21 @@ impl Scene {
         self.check_material(wire.material)?;
         self.wires.push(wire);
         Ok(WireId(self.wires.len() - 1))
+    }
+
+    /// Adds a seam between patches that have been added before.
+    ///
+    /// # Errors
+    /// If a patch is not one of this scene.
+    pub fn add_seam(&mut self, seam: Seam) -> Result<(), Error> {
+        let count = self.patches.len();
+        for index in seam.sides.each_ref().map(|side| side.patch.0) {
+            if index >= count {
+                return Err(Error::Reference { index, count });
+            }
+        }
+        self.seams.push(seam);
+        Ok(())
     }
 
     /// Adds a node whose children have been added before.
@@ -306,6 +354,11 @@ impl Scene {
         &self.wires
     }
 
+    /// Where the file says that patches meet.
+    pub fn seams(&self) -> &[Seam] {
+        &self.seams
+    }
+
     /// All nodes, children before parents.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes
@@ -356,15 +409,53 @@ impl Scene {
 
     /// How many shapes the flattened tree shows, without flattening it.
     pub fn placement_count(&self) -> u64 {
+        let is_item = |child: &&Child| matches!(child, Child::Item(_));
+        let counts = self.counts(|node| node.children.iter().filter(is_item).count());
+        self.root.map_or(0, |root| counts[root.0])
+    }
+
+    /// How many curves and sets of points the flattened tree has, without flattening it.
+    pub fn wire_placement_count(&self) -> u64 {
+        let counts = self.counts(|node| node.wires.len());
+        self.root.map_or(0, |root| counts[root.0])
+    }
+
+    /// For every node what `own` counts in it and below, once for each place.
+    fn counts(&self, own: impl Fn(&Node) -> usize) -> Vec<u64> {
         let mut counts: Vec<u64> = Vec::new();
         for node in &self.nodes {
-            let count = node.children.iter().fold(0_u64, |sum, child| match child {
-                Child::Item(_) => sum.saturating_add(1),
-                Child::Node(id) => sum.saturating_add(counts[id.0]),
+            let count = node.children.iter().fold(own(node) as u64, |sum, child| {
+                sum.saturating_add(match child {
+                    Child::Item(_) => 0,
+                    Child::Node(id) => counts[id.0],
+                })
             });
             counts.push(count);
         }
-        self.root.map_or(0, |root| counts[root.0])
+        counts
+    }
+
+    /// All curves and points that stand for themselves, once for each place, parents first.
+    pub fn wire_placements(&self) -> Vec<WirePlacement> {
+        let counts = self.counts(|node| node.wires.len());
+        let mut placements = Vec::new();
+        let mut stack: Vec<(NodeId, DAffine3, Vec<NodeId>)> = Vec::new();
+        stack.extend(self.root.map(|root| (root, DAffine3::IDENTITY, Vec::new())));
+        while let Some((id, world_from_parent, mut path)) = stack.pop() {
+            let node = self.node(id);
+            let world_from_object = world_from_parent * node.parent_from_node;
+            path.push(id);
+            placements.extend(node.wires.iter().map(|&wire| WirePlacement {
+                wire,
+                world_from_object,
+                path: path.clone(),
+            }));
+            stack.extend(node.children.iter().rev().filter_map(|child| match child {
+                Child::Node(id) if counts[id.0] > 0 => Some((*id, world_from_object, path.clone())),
+                _ => None,
+            }));
+        }
+        placements
     }
 
     /// Everything shown, in the order of the file; a shape stands there once for each place.

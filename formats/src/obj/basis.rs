@@ -59,8 +59,8 @@ pub(super) struct Direction<'a> {
     pub(super) parm: &'a [f64],
     /// The values of `bmat`, for matrix pieces.
     pub(super) matrix: &'a [f64],
-    /// Points from one matrix segment to the next.
-    pub(super) step: usize,
+    /// Points from one matrix segment to the next, if that is said.
+    pub(super) step: Option<usize>,
 }
 
 /// Lines of control points over one knot vector.
@@ -123,17 +123,23 @@ impl Direction<'_> {
                         "bmat {name} has {found} values; degree {n} needs {expected}"
                     )));
                 }
-                if self.step == 0 {
-                    return Err(invalid(format!("no step along {name}; bmatrix needs one")));
-                }
-                let steps = (segments - 1).checked_mul(self.step);
+                let step = match self.step {
+                    None => {
+                        return Err(invalid(format!("no step along {name}; bmatrix needs one")));
+                    }
+                    Some(0) => {
+                        return Err(invalid(format!("step 0 along {name}; steps begin at 1")));
+                    }
+                    Some(step) => step,
+                };
+                let steps = (segments - 1).checked_mul(step);
                 steps.and_then(|m| m.checked_add(n + 1))
             }
             Basis::Taylor => segments.checked_mul(n + 1),
             Basis::Cardinal => Some(segments + 3),
             Basis::Bezier | Basis::Bspline => segments.checked_mul(n).map(|m| m + 1),
         };
-        count.ok_or_else(|| invalid(format!("step {} along {name} is too large", self.step)))
+        count.ok_or_else(|| invalid(format!("the step along {name} is too large")))
     }
 
     /// The parameters for which the pieces are defined; [`Direction::count`] has passed.
@@ -208,7 +214,8 @@ impl Direction<'_> {
                 .collect(),
             Basis::Matrix => {
                 let segment = |i: usize| {
-                    let points = &line[i * self.step..=i * self.step + n];
+                    let first = i * self.step.unwrap_or(1);
+                    let points = &line[first..=first + n];
                     let power = |j: usize| {
                         let terms = points.iter().enumerate();
                         terms.map(|(i, &p)| p * self.matrix[i * (n + 1) + j]).sum()
@@ -264,7 +271,7 @@ mod tests {
             degree,
             parm,
             matrix: &[],
-            step: 0,
+            step: None,
         }
     }
 
@@ -285,7 +292,7 @@ mod tests {
         assert_eq!(direction(Basis::Bspline, 1, &parm[..4]).count(), Ok(2));
         let hermite = Direction {
             matrix: &[0.0; 16],
-            step: 2,
+            step: Some(2),
             ..direction(Basis::Matrix, 3, &parm[..3])
         };
         assert_eq!(hermite.count(), Ok(6));
@@ -293,7 +300,7 @@ mod tests {
         assert!(direction(Basis::Bezier, 0, &parm).count().is_err());
         assert!(direction(Basis::Bezier, 31, &parm).count().is_err());
         let huge = Direction {
-            step: usize::MAX,
+            step: Some(usize::MAX),
             ..hermite
         };
         assert!(huge.count().is_err());
@@ -337,7 +344,7 @@ mod tests {
         ];
         let cubic = Direction {
             matrix: &matrix,
-            step: 3,
+            step: Some(3),
             ..direction(Basis::Matrix, 3, &[0.0, 1.0, 2.0])
         };
         let given = [0.0, 1.0, -2.0, 4.0, 3.0, 2.0, 8.0];

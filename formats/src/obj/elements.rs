@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use glam::DVec4;
-use kernel::TrimLoop;
+use kernel::{TrimLoop, WireShape};
 
 use super::basis::Basis;
 use super::freeform::{Attributes, Element, Kind};
+use super::specials::{Specials, TrimCurve};
 use super::statements::{Statement, number, reference};
 use super::trims::{LoopText, domain, lifted};
 use super::{Reader, SurfacePart, invalid};
@@ -51,6 +52,11 @@ impl Open {
         }
         Ok(())
     }
+
+    /// The special curves and points of its body; `None` if it cannot be used.
+    pub(super) fn specials(&mut self) -> Option<&mut Specials> {
+        self.element.as_mut().ok().map(|e| &mut e.specials)
+    }
 }
 
 impl Reader<'_> {
@@ -62,10 +68,7 @@ impl Reader<'_> {
             element.parms = early;
         }
         let number = match statement.keyword() {
-            "surf" => {
-                self.surface_count += 1;
-                self.surface_count
-            }
+            "surf" => self.surface_parts.len() + 1,
             "curv2" => self.trim_curves.len() + 1,
             _ => {
                 self.curve_count += 1;
@@ -126,6 +129,7 @@ impl Reader<'_> {
             points,
             parms: Default::default(),
             loops: Vec::new(),
+            specials: Specials::default(),
         })
     }
 
@@ -146,8 +150,11 @@ impl Reader<'_> {
         };
         self.attributes = attributes;
         if let Err(problem) = result {
+            // What could not be read keeps its number.
             if open.what.starts_with("curv2") {
                 self.trim_curves.push(None);
+            } else if open.what.starts_with("surf") {
+                self.surface_parts.push(0..0);
             }
             self.fail(place, problem);
         }
@@ -164,15 +171,19 @@ impl Reader<'_> {
         let place = || Place::item(open.line, open.what.as_str());
         let repairs = match &element.kind {
             Kind::Curve(_) => {
-                let built = element.space_curve(attributes, limit)?;
-                self.not_shown += 1;
-                self.warnings
-                    .unsupported(place(), "free curves are not shown");
+                let built = element.space_curves(attributes, limit)?;
+                self.points_on_curve(&built.shape, &element.specials);
+                for curve in built.shape {
+                    self.add_wire(WireShape::Curve(curve), open.line, &open.what);
+                }
                 built.repairs
             }
             Kind::TrimCurve => {
                 let built = element.trim_curve(attributes, limit)?;
-                self.trim_curves.push(Some(built.shape));
+                let curve = built.shape;
+                let points = element.specials.points.iter();
+                let points = points.flat_map(|(_, list)| list).map(|p| p.x).collect();
+                self.trim_curves.push(Some(TrimCurve { curve, points }));
                 built.repairs
             }
             Kind::Surface(_) => {
@@ -181,11 +192,15 @@ impl Reader<'_> {
                     Some(domain) => self.loops(element, open, built.shape.len(), &domain),
                     None => Vec::new(),
                 };
+                self.specials_on_surface(&built.shape, &element.specials, &element.loops);
+                let first = self.surfaces.len();
+                self.surface_parts.push(first..first + built.shape.len());
                 for surface in built.shape {
                     self.surfaces.push(SurfacePart {
                         surface,
                         loops: loops.clone(),
                         tag: self.tag,
+                        merging: self.merging,
                         line: open.line,
                         what: open.what.clone(),
                     });
@@ -285,8 +300,8 @@ impl Reader<'_> {
             points,
             parms,
             loops: Vec::new(),
+            specials: Specials::default(),
         };
-        self.surface_count += usize::from(keyword != "cdc");
         let open = Open {
             line: statement.line,
             what: keyword.to_owned(),

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, DVec4};
 use kernel::{Curve, KnotVector, MAX_DEGREE, Surface};
 
 use super::basis::{Basis, Direction, Run};
+use super::specials::Specials;
 use super::statements::{Statement, numbers, shown};
 use super::trims::LoopText;
 use crate::Problem;
@@ -101,7 +102,7 @@ impl Attributes {
             degree,
             parm,
             matrix: &self.matrices[index],
-            step: self.steps.get(index).copied().unwrap_or(0),
+            step: self.steps.get(index).copied(),
         })
     }
 }
@@ -140,6 +141,8 @@ pub(super) struct Element {
     pub(super) parms: [Vec<f64>; 2],
     /// Its `trim` and `hole` statements.
     pub(super) loops: Vec<LoopText>,
+    /// Its `scrv` and `sp` statements.
+    pub(super) specials: Specials,
 }
 
 /// What an element became, and what had to be repaired for it.
@@ -183,8 +186,8 @@ impl Element {
             u.converted_count().saturating_mul(v.converted_count()),
             limit,
         )?;
-        let range_u = used_range(&u, &ranges[0], &mut repairs);
-        let range_v = used_range(&v, &ranges[1], &mut repairs);
+        let range_u = used_range(u.name, &u.domain(), &ranges[0], &mut repairs);
+        let range_v = used_range(v.name, &v.domain(), &ranges[1], &mut repairs);
 
         let points = prepared(&self.points, attributes);
         let rows = points.chunks(count_u).map(<[DVec4]>::to_vec).collect();
@@ -204,28 +207,56 @@ impl Element {
         attributes: &Attributes,
         limit: usize,
     ) -> Result<Built<Curve<DVec2>>, Problem> {
-        self.curve(attributes, limit, |p| p.truncate().truncate())
-    }
-
-    /// The curve of a `curv`, over all its parameters.
-    pub(super) fn space_curve(
-        &self,
-        attributes: &Attributes,
-        limit: usize,
-    ) -> Result<Built<Curve<DVec3>>, Problem> {
-        self.curve(attributes, limit, DVec4::truncate)
-    }
-
-    fn curve<P: kernel::Point>(
-        &self,
-        attributes: &Attributes,
-        limit: usize,
-        place: impl Fn(DVec4) -> P,
-    ) -> Result<Built<Curve<P>>, Problem> {
-        let range = match &self.kind {
-            Kind::Curve(range) => range.clone(),
-            _ => 0.0..1.0,
+        let mut built = self.curves(attributes, limit, 0.0..1.0, |p| p.truncate().truncate())?;
+        let Some(shape) = built.shape.pop().filter(|_| built.shape.is_empty()) else {
+            let text = "a curve in pieces that do not meet";
+            return Err(Problem::Unsupported(text.to_owned()));
         };
+        let repairs = built.repairs;
+        Ok(Built { shape, repairs })
+    }
+
+    /// The curves of a `curv`: one, or several where polynomial segments do not meet.
+    pub(super) fn space_curves(
+        &self,
+        attributes: &Attributes,
+        limit: usize,
+    ) -> Result<Built<Vec<Curve<DVec3>>>, Problem> {
+        let Kind::Curve(asked) = &self.kind else {
+            return Err(invalid("not a curve"));
+        };
+        let mut built = self.curves(attributes, limit, asked.clone(), DVec4::truncate)?;
+        let domain = |curves: &[Curve<DVec3>]| {
+            let [first, .., last] = curves else {
+                return curves.first().map(Curve::domain);
+            };
+            Some(first.domain().start..last.domain().end)
+        };
+        if let Some(domain) = domain(&built.shape) {
+            let range = used_range("u", &domain, asked, &mut built.repairs);
+            let mut shape = Vec::new();
+            for curve in built.shape {
+                let part = common(curve.domain(), &range);
+                match part {
+                    part if part == curve.domain() => shape.push(curve),
+                    part if part.start < part.end => shape.push(curve.restricted(part)?),
+                    _ => {}
+                }
+            }
+            built.shape = shape;
+        }
+        Ok(built)
+    }
+
+    /// The curves of a one-dimensional element over all its parameters; `range` is where it is
+    /// used, if its knots say nothing.
+    fn curves<P: kernel::Point>(
+        &self,
+        attributes: &Attributes,
+        limit: usize,
+        range: Range<f64>,
+        place: impl Fn(DVec4) -> P,
+    ) -> Result<Built<Vec<Curve<P>>>, Problem> {
         let mut parm = self.parms[0].clone();
         let direction = attributes.direction(0, &self.parms[0])?;
         let repairs = with_span(&direction, &mut parm, &range)
@@ -239,14 +270,12 @@ impl Element {
             )));
         }
         check_size(direction.converted_count(), limit)?;
-        let mut runs = direction.runs(vec![prepared(&self.points, attributes)])?;
-        let Some(run) = runs.pop().filter(|_| runs.is_empty()) else {
-            let text = "a curve in pieces that do not meet";
-            return Err(Problem::Unsupported(text.to_owned()));
-        };
-        let (points, weights) = finished(&run.lines, attributes);
-        let points: Vec<P> = points.into_iter().map(place).collect();
-        let shape = Curve::new(run.knots, &points, weights.as_deref())?;
+        let mut shape = Vec::new();
+        for run in direction.runs(vec![prepared(&self.points, attributes)])? {
+            let (points, weights) = finished(&run.lines, attributes);
+            let points: Vec<P> = points.into_iter().map(&place).collect();
+            shape.push(Curve::new(run.knots, &points, weights.as_deref())?);
+        }
         Ok(Built { shape, repairs })
     }
 }
@@ -274,11 +303,11 @@ fn with_span(direction: &Direction<'_>, parm: &mut Vec<f64>, range: &Range<f64>)
 
 /// The part of the domain that an element is to be shown on: `asked`, cut to the domain.
 fn used_range(
-    direction: &Direction<'_>,
+    name: &str,
+    domain: &Range<f64>,
     asked: &Range<f64>,
     repairs: &mut Vec<String>,
 ) -> Range<f64> {
-    let (domain, name) = (direction.domain(), direction.name);
     // Written numbers are rounded: an end this close to that of the domain means that end.
     let near = 1e-9 * (domain.end - domain.start);
     let (mut start, mut end) = (asked.start, asked.end);
@@ -352,13 +381,17 @@ fn surface(knots_u: &KnotVector, run_v: &Run, attributes: &Attributes) -> Result
     Ok(Surface::new(knots_u, knots_v, &points, weights.as_deref())?)
 }
 
+/// What two ranges have in common; may be empty.
+fn common(a: Range<f64>, b: &Range<f64>) -> Range<f64> {
+    a.start.max(b.start)..a.end.min(b.end)
+}
+
 /// The part of a surface inside the ranges; `None` if there is none.
 fn restricted(
     mut surface: Surface,
     range_u: &Range<f64>,
     range_v: &Range<f64>,
 ) -> Result<Option<Surface>, Problem> {
-    let common = |a: Range<f64>, b: &Range<f64>| a.start.max(b.start)..a.end.min(b.end);
     let (domain_u, domain_v) = (surface.knots_u().domain(), surface.knots_v().domain());
     let (u, v) = (
         common(domain_u.clone(), range_u),

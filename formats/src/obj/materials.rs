@@ -1,16 +1,15 @@
-//! `.mtl` files: checked line by line here, read by `tobj`, turned into our materials.
+//! `.mtl` files, with the physically based extension that many programs write.
 //!
-//! `tobj` stops at the first statement it cannot read, and panics at colours of one number,
-//! which are allowed. So each statement is checked before, and colours are written out.
+//! A statement that cannot be read costs only itself.
 
 use std::collections::HashMap;
-use std::fmt::Write as _;
 
-use glam::DVec3;
-use kernel::{Maps, Material, MetallicRoughness, linear_from_srgb};
+use glam::{DMat3, DVec3};
+use kernel::{Material, MetallicRoughness, linear_from_srgb};
 
+use super::invalid;
 use super::statements::{Statement, Statements, decode, number, numbers};
-use crate::{Place, ReadOptions, Warnings};
+use crate::{Place, Problem, ReadOptions, Warnings};
 
 /// Reads the files that an `mtllib` statement names. The whole rest of the line is tried as
 /// one name first, since names with blanks occur.
@@ -46,121 +45,170 @@ fn read(
     warnings: &mut Warnings,
     materials: &mut HashMap<String, Material>,
 ) {
-    let mut clean = String::new();
+    let mut draft: Option<Draft> = None;
+    let mut finish = |draft: Option<Draft>| {
+        if let Some(draft) = draft {
+            let entry = materials.entry(draft.name.clone());
+            entry.or_insert_with(|| draft.finish());
+        }
+    };
     for statement in Statements::new(text) {
-        let what = || format!("{name} line {}, {}", statement.line, statement.keyword());
-        match cleaned(&statement) {
-            Ok(Line::Text(line)) => {
-                clean.push_str(&line);
-                clean.push('\n');
+        let result = match (statement.keyword(), statement.rest(), &mut draft) {
+            ("newmtl", "", _) => {
+                finish(draft.take());
+                Err(invalid("a material without name"))
             }
-            Ok(Line::Nothing) => {}
-            Ok(Line::Unsupported(text)) => warnings.unsupported(Place::item(line, what()), text),
-            Err(text) => warnings.invalid(Place::item(line, what()), text),
+            ("newmtl", name, _) => {
+                finish(draft.replace(Draft::new(name)));
+                Ok(())
+            }
+            (_, _, Some(draft)) => draft.take(&statement),
+            (_, _, None) => Err(invalid("no material with a name before it")),
+        };
+        if let Err(problem) = result {
+            let what = format!("{name} line {}, {}", statement.line, statement.keyword());
+            warnings.add(Place::item(line, what), problem);
         }
     }
-    match tobj::load_mtl_buf(&mut clean.as_bytes()) {
-        Ok((list, _)) => {
-            for material in list {
-                let entry = materials.entry(material.name.clone());
-                entry.or_insert_with(|| converted(&material));
-            }
+    finish(draft);
+}
+
+/// A material while its statements are read.
+#[derive(Clone, Debug, Default)]
+struct Draft {
+    name: String,
+    /// Linear colours.
+    ambient: Option<DVec3>,
+    diffuse: Option<DVec3>,
+    specular: Option<DVec3>,
+    emissive: Option<DVec3>,
+    shininess: Option<f64>,
+    dissolve: Option<f64>,
+    transparency: Option<f64>,
+    /// The illumination model, 0 to 10.
+    model: Option<u8>,
+    roughness: Option<f64>,
+    metallic: Option<f64>,
+}
+
+impl Draft {
+    fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            ..Self::default()
         }
-        Err(error) => warnings.invalid(Place::item(line, name), error.to_string()),
     }
-}
 
-/// What becomes of a statement.
-enum Line {
-    /// It goes to `tobj` like this.
-    Text(String),
-    /// It does not matter to us.
-    Nothing,
-    /// It would matter.
-    Unsupported(&'static str),
-}
+    /// Takes a statement.
+    fn take(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
+        let keyword = statement.keyword();
+        match keyword {
+            "Ka" => self.ambient = Some(color(statement, 1.0)?),
+            "Kd" => self.diffuse = Some(color(statement, 1.0)?),
+            "Ks" => self.specular = Some(color(statement, 1.0)?),
+            "Ke" => self.emissive = Some(color(statement, 1e3)?),
+            "Ns" => self.shininess = Some(value(statement)?.clamp(0.0, 1e4)),
+            "d" if statement.arguments().next() == Some("-halo") => {
+                return unsupported("opacity that depends on the angle is not used");
+            }
+            "d" => self.dissolve = Some(value(statement)?.clamp(0.0, 1.0)),
+            "Tr" => self.transparency = Some(value(statement)?.clamp(0.0, 1.0)),
+            "Pr" => self.roughness = Some(value(statement)?.clamp(0.0, 1.0)),
+            "Pm" => self.metallic = Some(value(statement)?.clamp(0.0, 1.0)),
+            "illum" => {
+                let word = statement.arguments().next().unwrap_or("");
+                let model = word.parse().ok().filter(|model| *model <= 10);
+                let message = || invalid("the illumination model is a number from 0 to 10");
+                self.model = Some(model.ok_or_else(message)?);
+            }
+            // What light does behind and between surfaces is not followed.
+            "Tf" => drop(color(statement, f64::INFINITY)?),
+            "Ni" | "sharpness" => drop(value(statement)?),
+            "Ps" | "Pc" | "Pcr" | "aniso" | "anisor" => {
+                if value(statement)? > 0.0 {
+                    return unsupported("sheen, clear coat and anisotropy are not used");
+                }
+            }
+            "bump" | "disp" | "decal" | "refl" | "norm" => return unsupported(TEXTURES),
+            map if map.starts_with("map_") => return unsupported(TEXTURES),
+            _ => return unsupported("statements of this kind are not known"),
+        }
+        Ok(())
+    }
 
-/// Checks a statement of a material file.
-fn cleaned(statement: &Statement<'_>) -> Result<Line, String> {
-    let keyword = statement.keyword();
-    let words: Vec<&str> = statement.arguments().collect();
-    Ok(match keyword {
-        "newmtl" if statement.rest().is_empty() => return Err("a material without name".into()),
-        "newmtl" => Line::Text(format!("newmtl {}", statement.rest())),
-        "Ka" | "Kd" | "Ks" | "Ke" => {
-            if matches!(words.first(), Some(&("spectral" | "xyz"))) {
-                return Ok(Line::Unsupported("spectral and xyz colours are not used"));
-            }
-            let color = numbers(words.iter().copied())?;
-            let [r, g, b] = match color[..] {
-                [r] => [r, r, r],
-                [r, g, b, ..] => [r, g, b],
-                _ => return Err(format!("{} numbers; a colour has 1 or 3", color.len())),
-            };
-            let mut line = keyword.to_owned();
-            for c in [r, g, b] {
-                // Writing to a string cannot fail.
-                let _ = write!(line, " {c:e}");
-            }
-            Line::Text(line)
+    /// Our material.
+    fn finish(self) -> Material {
+        let default = Material::default();
+        let diffuse = self.diffuse.unwrap_or(default.diffuse);
+        // Models 0 and 1 have no highlights.
+        let is_shiny = self.model.is_none_or(|model| model > 1);
+        let (roughness, metallic) = (self.roughness, self.metallic);
+        let is_physical = roughness.is_some() || metallic.is_some();
+        let opacity = self.dissolve;
+        let mut material = Material {
+            name: self.name,
+            ambient: self.ambient.unwrap_or(diffuse),
+            diffuse,
+            specular: self.specular.filter(|_| is_shiny).unwrap_or(DVec3::ZERO),
+            shininess: self.shininess.unwrap_or(default.shininess),
+            emissive: self.emissive.unwrap_or(DVec3::ZERO),
+            opacity: opacity.unwrap_or(1.0 - self.transparency.unwrap_or(0.0)),
+            metallic_roughness: is_physical.then(|| MetallicRoughness {
+                base_color: diffuse,
+                metallic: metallic.unwrap_or(0.0),
+                roughness: roughness.unwrap_or(0.5),
+            }),
+        };
+        if self.model == Some(0) {
+            // A colour that no light changes.
+            material.emissive += diffuse;
+            material.ambient = DVec3::ZERO;
+            material.diffuse = DVec3::ZERO;
+            material.metallic_roughness = None;
         }
-        "Ns" | "d" | "Tr" | "Pr" | "Pm" => {
-            if words.first() == Some(&"-halo") {
-                return Ok(Line::Unsupported(
-                    "opacity that depends on the angle is not used",
-                ));
-            }
-            let value = number(words.first().unwrap_or(&""))?;
-            Line::Text(format!("{keyword} {value:e}"))
-        }
-        "illum" => match words.first().and_then(|word| word.parse::<u8>().ok()) {
-            Some(model) => Line::Text(format!("illum {model}")),
-            None => return Err("the illumination model is a number from 0 to 10".into()),
-        },
-        "Tf" | "Ni" | "sharpness" => Line::Nothing,
-        "bump" | "disp" | "decal" | "refl" | "norm" => Line::Unsupported(TEXTURES),
-        map if map.starts_with("map_") => Line::Unsupported(TEXTURES),
-        "Ps" | "Pc" | "Pcr" | "aniso" | "anisor" => {
-            Line::Unsupported("sheen, clear coat and anisotropy are not used")
-        }
-        _ => Line::Unsupported("statements of this kind are not known"),
-    })
+        material
+    }
 }
 
 const TEXTURES: &str = "textures are not used";
 
-/// Our material for one of `tobj`, all of whose numbers are finite.
-fn converted(found: &tobj::Material) -> Material {
-    let default = Material::default();
-    let color = |c: [f64; 3], most: f64| {
-        linear_from_srgb(DVec3::from(c).clamp(DVec3::ZERO, DVec3::splat(most)))
-    };
-    let extra = |key: &str| found.unknown_param.get(key)?.parse::<f64>().ok();
-    let diffuse = found.diffuse.map_or(default.diffuse, |c| color(c, 1.0));
-    // Models 0 and 1 have no highlights.
-    let shiny = found.illumination_model.is_none_or(|model| model > 1);
-    let specular = found.specular.filter(|_| shiny).unwrap_or([0.0; 3]);
-    let transparency = extra("Tr").unwrap_or(0.0);
-    let opacity = found.dissolve.unwrap_or(1.0 - transparency);
-    let (roughness, metallic) = (extra("Pr"), extra("Pm"));
-    let physical = roughness.is_some() || metallic.is_some();
-    Material {
-        name: found.name.clone(),
-        ambient: found.ambient.map_or(diffuse, |c| color(c, 1.0)),
-        diffuse,
-        specular: color(specular, 1.0),
-        shininess: found.shininess.unwrap_or(default.shininess).clamp(0.0, 1e4),
-        emissive: found.emissive.map_or(DVec3::ZERO, |c| color(c, 1e3)),
-        opacity: opacity.clamp(0.0, 1.0),
-        metallic_roughness: physical.then(|| MetallicRoughness {
-            base_color: diffuse,
-            metallic: metallic.unwrap_or(0.0).clamp(0.0, 1.0),
-            roughness: roughness.unwrap_or(0.5).clamp(0.0, 1.0),
-        }),
-        maps: Maps::default(),
-        back: None,
-    }
+fn unsupported(text: &str) -> Result<(), Problem> {
+    Err(Problem::Unsupported(text.to_owned()))
 }
+
+/// The first number of a statement.
+fn value(statement: &Statement<'_>) -> Result<f64, Problem> {
+    number(statement.arguments().next().unwrap_or("")).map_err(invalid)
+}
+
+/// The linear colour of a statement: sRGB values up to `most`, or CIE XYZ; one number stands
+/// for all three.
+fn color(statement: &Statement<'_>, most: f64) -> Result<DVec3, Problem> {
+    let mut words = statement.arguments().peekable();
+    if words.peek() == Some(&"spectral") {
+        let text = "colours by their spectrum are not used".to_owned();
+        return Err(Problem::Unsupported(text));
+    }
+    let is_xyz = words.next_if_eq(&"xyz").is_some();
+    let found = numbers(words).map_err(invalid)?;
+    let color = match found[..] {
+        [r] => DVec3::splat(r),
+        [r, g, b, ..] => DVec3::new(r, g, b),
+        _ => {
+            let found = found.len();
+            return Err(invalid(format!("{found} numbers; a colour has 1 or 3")));
+        }
+    };
+    Ok(match is_xyz {
+        true => (RGB_FROM_XYZ * color).clamp(DVec3::ZERO, DVec3::splat(most)),
+        false => linear_from_srgb(color.clamp(DVec3::ZERO, DVec3::splat(most))),
+    })
+}
+
+/// Linear light with the primaries of sRGB from CIE XYZ (IEC 61966-2-1).
+const RGB_FROM_XYZ: DMat3 = DMat3::from_cols_array(&[
+    3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570,
+]);
 
 #[cfg(test)]
 mod tests {
@@ -196,8 +244,10 @@ mod tests {
         let count: usize = warnings.as_slice().iter().map(|w| w.count).sum();
         assert_eq!(count, 13);
         let first = warnings.as_slice()[0].to_string();
-        let expected = "line 7, a.mtl line 1, Ka: 0 numbers; a colour has 1 or 3 (and 1 more)";
-        assert_eq!(first, expected);
+        assert_eq!(
+            first,
+            "line 7, a.mtl line 1, Ka: no material with a name before it"
+        );
     }
 
     #[test]
@@ -205,5 +255,18 @@ mod tests {
         let (materials, _) = parse("newmtl a\nKs 1 1 1\nillum 1\nnewmtl a\nKd 0 0 0\n");
         assert_eq!(materials["a"].specular, DVec3::ZERO);
         assert_eq!(materials["a"].diffuse, Material::default().diffuse);
+    }
+
+    #[test]
+    fn colours_without_light_and_by_their_stimulus_are_understood() {
+        let text = "newmtl a\nKd 0 1 0\nillum 0\nnewmtl b\nKd xyz 0.9505 1 1.089\nPs 0\naniso 0\n";
+        let (materials, warnings) = parse(text);
+        assert!(warnings.as_slice().is_empty());
+        let flat = &materials["a"];
+        assert_eq!(
+            (flat.emissive, flat.diffuse, flat.ambient),
+            (DVec3::Y, DVec3::ZERO, DVec3::ZERO)
+        );
+        assert!(materials["b"].diffuse.distance(DVec3::ONE) < 1e-3);
     }
 }

@@ -1,23 +1,24 @@
 //! Wavefront OBJ: free-form surfaces, polygons and their materials.
 //!
-//! Free-form statements are read here, polygons are gathered by `tobj`; no crate reads the
-//! former. Hints that change no shape (smoothing, level of detail, approximation techniques,
-//! merging groups) are passed over. References are resolved where they stand, so a statement
-//! may only name what comes before it.
+//! Every statement of Appendix B1 of the Advanced Visualizer manual is known. References are
+//! resolved where they stand, so a statement may only name what comes before it.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::{Curve, Surface};
+use kernel::Surface;
 
 mod basis;
 mod elements;
 mod freeform;
+mod hints;
 mod materials;
 mod polygons;
 mod scene;
+mod seams;
+mod specials;
 mod statements;
-
 mod trims;
 mod write;
 
@@ -25,6 +26,8 @@ use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 use elements::Open;
 use freeform::{Attributes, direction_index};
 use polygons::{Faces, Tag};
+use seams::{Merging, SeamPart};
+use specials::{TrimCurve, WirePart};
 pub(crate) use write::WRITER;
 
 use statements::{Statement, Statements, decode, number, numbers, some_numbers};
@@ -192,6 +195,7 @@ struct SurfacePart {
     surface: Surface,
     loops: Vec<kernel::TrimLoop>,
     tag: Tag,
+    merging: Merging,
     line: usize,
     what: String,
 }
@@ -209,21 +213,26 @@ struct Reader<'a> {
     /// `parm` values that stood before their element.
     early_parms: [Vec<f64>; 2],
     /// All `curv2` elements; `None` for those that could not be read.
-    trim_curves: Vec<Option<Curve<DVec2>>>,
-    surface_count: usize,
+    trim_curves: Vec<Option<TrimCurve>>,
+    /// For every `surf` the surfaces that it became.
+    surface_parts: Vec<Range<usize>>,
     curve_count: usize,
-    /// Control points of all trim loops so far.
+    /// Control points of all trim loops, and of all special curves, so far.
     loop_points: usize,
-    /// Curves, points and lines, which are read but not shown.
-    not_shown: usize,
+    special_cost: usize,
     groups: Names,
     material_names: Names,
     material_files: Names,
     /// The lines of the material files.
     material_lines: Vec<usize>,
     tag: Tag,
+    /// The smoothing group; 0 for none.
+    smoothing: u32,
+    merging: Merging,
     surfaces: Vec<SurfacePart>,
     faces: Faces,
+    wires: Vec<WirePart>,
+    seams: Vec<SeamPart>,
 }
 
 impl<'a> Reader<'a> {
@@ -237,17 +246,21 @@ impl<'a> Reader<'a> {
             open: None,
             early_parms: Default::default(),
             trim_curves: Vec::new(),
-            surface_count: 0,
+            surface_parts: Vec::new(),
             curve_count: 0,
             loop_points: 0,
-            not_shown: 0,
+            special_cost: 0,
             groups: Names::default(),
             material_names: Names::default(),
             material_files: Names::default(),
             material_lines: Vec::new(),
             tag: (None, None),
+            smoothing: 0,
+            merging: Merging::default(),
             surfaces: Vec::new(),
             faces: Faces::default(),
+            wires: Vec::new(),
+            seams: Vec::new(),
         }
     }
 
@@ -274,16 +287,11 @@ impl<'a> Reader<'a> {
         let keyword = statement.keyword();
         match keyword {
             "parm" | "trim" | "hole" | "scrv" | "sp" => return self.body(statement),
+            "end" if self.open.is_none() => return Err(invalid("no element is open")),
             "end" => {
-                return if self.open.is_some() {
-                    self.close_element(Some(statement.line));
-                    Ok(())
-                } else {
-                    Err(invalid("no element is open"))
-                };
+                self.close_element(Some(statement.line));
+                return Ok(());
             }
-            "s" | "mg" | "lod" | "ctech" | "stech" | "bevel" | "c_interp" | "d_interp"
-            | "shadow_obj" | "trace_obj" | "res" | "con" => return Ok(()),
             _ => {}
         }
         if self.open.is_some() && KEYWORDS.contains(&keyword) {
@@ -291,48 +299,55 @@ impl<'a> Reader<'a> {
         }
         match keyword {
             "v" | "vt" | "vn" | "vp" => self.vertex(statement),
-            "f" | "fo" => self
-                .faces
-                .add(statement, &self.lists, self.tag, &mut self.warnings),
-            "g" | "o" => {
-                let name = statement.rest();
-                self.tag.0 = (!name.is_empty()).then(|| self.groups.position(name));
-                Ok(())
+            "f" | "fo" => {
+                let (tag, smoothing) = (self.tag, self.smoothing);
+                self.faces
+                    .add(statement, &self.lists, tag, smoothing, &mut self.warnings)
             }
-            "usemtl" => {
-                let name = statement.rest();
-                self.tag.1 = (!name.is_empty()).then(|| self.material_names.position(name));
-                Ok(())
-            }
-            "mtllib" => {
-                let file = self.material_files.position(statement.rest());
-                if file == self.material_lines.len() {
-                    self.material_lines.push(statement.line);
-                }
-                Ok(())
-            }
+            "p" | "l" => self.points_or_line(statement),
             "cstype" | "deg" | "bmat" | "step" => self.attributes.set(statement),
             "surf" | "curv" | "curv2" => {
                 self.open_element(statement);
                 Ok(())
             }
+            "con" => self.connect(statement),
             "bzp" | "bsp" | "cdp" | "cdc" => self.superseded(statement),
-            "p" | "l" => {
-                self.not_shown += 1;
-                Err(Problem::Unsupported(
-                    "points and lines are not shown".into(),
-                ))
+            _ => self.state(statement),
+        }
+    }
+
+    /// Takes a statement about what follows it.
+    fn state(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
+        let (keyword, name) = (statement.keyword(), statement.rest());
+        let unsupported = |text: &str| Err(Problem::Unsupported(text.to_owned()));
+        match keyword {
+            "g" | "o" => {
+                self.tag.0 = (!name.is_empty()).then(|| self.groups.position(name));
             }
-            "usemap" | "maplib" => Err(Problem::Unsupported("textures are not used".into())),
-            "call" | "csh" => {
-                let text = "other files and programs are never called";
-                Err(Problem::Unsupported(text.into()))
+            "usemtl" => {
+                self.tag.1 = (!name.is_empty()).then(|| self.material_names.position(name));
             }
+            "mtllib" => {
+                let file = self.material_files.position(name);
+                if file == self.material_lines.len() {
+                    self.material_lines.push(statement.line);
+                }
+            }
+            "s" => self.smoothing = hints::smoothing(statement)?,
+            "mg" => self.merging = hints::merging(statement)?,
+            "usemap" if name == "off" => {}
+            "usemap" | "maplib" => {
+                return unsupported("texture libraries are not used; maps of materials are");
+            }
+            "call" => return unsupported("other files are never read in place of a line"),
+            "csh" => return unsupported("programs are never run"),
+            _ if KEYWORDS.contains(&keyword) => return hints::check(statement),
             _ => {
                 let word = statements::shown(keyword);
-                Err(invalid(format!("\"{word}\" is not a statement of OBJ")))
+                return Err(invalid(format!("\"{word}\" is not a statement of OBJ")));
             }
         }
+        Ok(())
     }
 
     /// Takes a `v`, `vt`, `vn` or `vp`. A wrong one keeps its number in its list.
@@ -402,9 +417,20 @@ impl<'a> Reader<'a> {
         };
         match statement.keyword() {
             "trim" | "hole" => open.add_loop(statement, self.trim_curves.len()),
-            _ => Err(Problem::Unsupported(
-                "special curves and points are not shown".into(),
-            )),
+            "scrv" => {
+                let curve = trims::LoopText::parse(statement, self.trim_curves.len())?;
+                if let Some(specials) = open.specials() {
+                    specials.curves.push(curve);
+                }
+                Ok(())
+            }
+            _ => {
+                let points = self.special_points(statement)?;
+                if let Some(specials) = self.open.as_mut().and_then(Open::specials) {
+                    specials.points.push((statement.line, points));
+                }
+                Ok(())
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use kernel::{Child, Item, Material, MaterialId, Node, Patch, Scene, Shape};
+use kernel::{Child, Item, Material, MaterialId, Node, Patch, Scene, Seam, SeamSide, Shape, Wire};
 
 use super::polygons::MeshPart;
 use super::{FORMAT, Reader, materials};
@@ -13,14 +13,17 @@ impl Reader<'_> {
     /// The scene, or the first problem if nothing useful was found.
     pub(super) fn finish(mut self) -> Result<Import, Error> {
         let faces = std::mem::take(&mut self.faces);
-        let meshes = if faces.is_empty() {
-            Vec::new()
-        } else {
-            faces.meshes(&self.lists, &mut self.warnings)
-        };
+        let lists = std::mem::take(&mut self.lists);
+        let points = lists.positions.len();
+        let meshes = faces.meshes(lists, &mut self.warnings);
         if self.surfaces.is_empty() && meshes.is_empty() {
-            return self.without_shapes();
+            if self.wires.is_empty() {
+                return self.without_shapes(points);
+            }
+            let text = "there is no surface to show, only curves and points";
+            self.warnings.unsupported(Place::default(), text);
         }
+        self.merge();
         let scene = self.scene(meshes).map_err(|problem| Error {
             format: FORMAT.name,
             place: Place::default(),
@@ -35,9 +38,8 @@ impl Reader<'_> {
     }
 
     /// Nothing can be shown: fine if the file just holds nothing else than curves or points.
-    fn without_shapes(self) -> Result<Import, Error> {
-        let curves = self.not_shown + self.trim_curves.iter().flatten().count();
-        let points = self.lists.positions.len();
+    fn without_shapes(self, points: usize) -> Result<Import, Error> {
+        let curves = self.trim_curves.iter().flatten().count();
         let error = |place, problem| Error {
             format: FORMAT.name,
             place,
@@ -69,7 +71,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Puts surfaces and meshes under a node for each group, in the order of the file.
+    /// Puts surfaces, meshes and wires under a node for each group, in the order of the file.
     fn scene(&mut self, meshes: Vec<MeshPart>) -> Result<Scene, kernel::Error> {
         let mut scene = Scene::default();
         let materials = self.used_materials(&meshes, &mut scene);
@@ -79,6 +81,7 @@ impl Reader<'_> {
             None => String::new(),
         };
         let mut shapes: Vec<(usize, Option<usize>, Shape)> = Vec::new();
+        let mut patches = Vec::new();
         for part in std::mem::take(&mut self.surfaces) {
             let mut patch = Patch::from(part.surface);
             patch.name = name(part.tag.0);
@@ -86,6 +89,7 @@ impl Reader<'_> {
             patch.loops = part.loops;
             patch.material = material(part.tag.1);
             let id = scene.add_patch(patch)?;
+            patches.push(id);
             shapes.push((part.line, part.tag.0, Shape::Patch(id)));
         }
         for part in meshes {
@@ -97,31 +101,56 @@ impl Reader<'_> {
             shapes.push((part.line, part.tag.0, Shape::Mesh(id)));
         }
         shapes.sort_by_key(|shape| shape.0);
+        for part in std::mem::take(&mut self.seams) {
+            let [a, b] = part.sides;
+            let side = |(part, curve): (usize, _)| SeamSide {
+                patch: patches[part],
+                curve,
+            };
+            scene.add_seam(Seam {
+                sides: [side(a), side(b)],
+                gap: part.gap,
+            })?;
+        }
 
-        // Children of each group, and of the root: groups as their number, until they exist.
-        let mut groups: Vec<Vec<Child>> = vec![Vec::new(); self.groups.list.len()];
-        let mut top: Vec<Result<Child, usize>> = Vec::new();
+        // What is in each group and in none; then the children of the root, groups by number.
+        let mut groups = vec![Node::default(); self.groups.list.len()];
+        let mut root = Node::default();
+        let mut order: Vec<Result<Child, usize>> = Vec::new();
+        for part in std::mem::take(&mut self.wires) {
+            let id = scene.add_wire(Wire {
+                name: name(part.tag.0),
+                source: format!("line {}, {}", part.line, part.what),
+                shape: part.shape,
+                material: material(part.tag.1),
+            })?;
+            let node = part.tag.0.map_or(&mut root, |group| &mut groups[group]);
+            node.wires.push(id);
+        }
         for (_, group, shape) in shapes {
-            let material = None;
-            let item = Child::Item(Item { shape, material });
+            let item = Child::Item(Item {
+                shape,
+                material: None,
+            });
             match group {
-                None => top.push(Ok(item)),
+                None => order.push(Ok(item)),
                 Some(group) => {
-                    if groups[group].is_empty() {
-                        top.push(Err(group));
+                    if groups[group].children.is_empty() {
+                        order.push(Err(group));
                     }
-                    groups[group].push(item);
+                    groups[group].children.push(item);
                 }
             }
         }
-        let mut root = Node::default();
-        for child in top {
+        let only_wires = |node: &Node| node.children.is_empty() && !node.wires.is_empty();
+        let rest = (0..groups.len()).filter(|&group| only_wires(&groups[group]));
+        order.extend(rest.map(Err));
+        for child in order {
             root.children.push(match child {
                 Ok(item) => item,
                 Err(group) => Child::Node(scene.add_node(Node {
                     name: self.groups.list[group].clone(),
-                    children: std::mem::take(&mut groups[group]),
-                    ..Node::default()
+                    ..std::mem::take(&mut groups[group])
                 })?),
             });
         }
@@ -142,8 +171,9 @@ impl Reader<'_> {
         }
         let surfaces = self.surfaces.iter().map(|part| (part.tag.1, part.line));
         let meshes = meshes.iter().map(|part| (part.tag.1, part.line));
+        let wires = self.wires.iter().map(|part| (part.tag.1, part.line));
         let mut ids = HashMap::new();
-        for (material, line) in surfaces.chain(meshes) {
+        for (material, line) in surfaces.chain(meshes).chain(wires) {
             let Some(position) = material.filter(|m| !ids.contains_key(m)) else {
                 continue;
             };

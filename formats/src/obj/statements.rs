@@ -4,8 +4,8 @@
 
 use std::borrow::Cow;
 
-/// The text of a file: UTF-16 with a byte order mark, or UTF-8; damaged characters are
-/// replaced.
+/// The text of a file: UTF-16, with a byte order mark or told by the zeros of its first two
+/// characters, or UTF-8; damaged characters are replaced.
 pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     let wide = |rest: &[u8], unit: fn([u8; 2]) -> u16| -> Cow<'_, str> {
         let units = rest.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
@@ -15,6 +15,8 @@ pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     match bytes {
         [0xff, 0xfe, rest @ ..] => wide(rest, u16::from_le_bytes),
         [0xfe, 0xff, rest @ ..] => wide(rest, u16::from_be_bytes),
+        [1..=255, 0, 1..=255, 0, ..] => wide(bytes, u16::from_le_bytes),
+        [0, 1..=255, 0, 1..=255, ..] => wide(bytes, u16::from_be_bytes),
         [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest),
         _ => String::from_utf8_lossy(bytes),
     }
@@ -28,23 +30,35 @@ pub(super) struct Statement<'a> {
     /// Whether a `\` stood in the middle of a line.
     pub(super) misprinted: bool,
     text: Cow<'a, str>,
+    /// Where the keyword ends.
+    split: usize,
 }
 
-impl Statement<'_> {
+impl<'a> Statement<'a> {
+    fn new(line: usize, text: Cow<'a, str>) -> Self {
+        let split = text.bytes().position(|b| b.is_ascii_whitespace());
+        Self {
+            line,
+            misprinted: false,
+            split: split.unwrap_or(text.len()),
+            text,
+        }
+    }
+
     /// The first word.
     pub(super) fn keyword(&self) -> &str {
-        self.text.split_whitespace().next().unwrap_or("")
+        &self.text[..self.split]
     }
 
     /// The words after the keyword, up to a comment.
     pub(super) fn arguments(&self) -> impl Iterator<Item = &str> + Clone {
-        let words = self.text.split_whitespace().skip(1);
+        let words = self.text[self.split..].split_ascii_whitespace();
         words.take_while(|word| !word.starts_with('#'))
     }
 
     /// All that follows the keyword, for names with blanks.
     pub(super) fn rest(&self) -> &str {
-        self.text[self.keyword().len()..].trim()
+        self.text[self.split..].trim()
     }
 }
 
@@ -103,10 +117,11 @@ impl<'a> Statements<'a> {
             text = text.replace('\\', " ");
             self.join_numbers(&mut text);
         }
+        // The first line may hold nothing but the sign that it goes on.
+        let text = text.trim().to_owned();
         Statement {
-            line,
             misprinted,
-            text: Cow::Owned(text),
+            ..Statement::new(line, Cow::Owned(text))
         }
     }
 
@@ -138,11 +153,7 @@ impl<'a> Iterator for Statements<'a> {
             if text.contains('\\') {
                 return Some(self.joined(text));
             }
-            return Some(Statement {
-                line: self.line,
-                misprinted: false,
-                text: Cow::Borrowed(text),
-            });
+            return Some(Statement::new(self.line, Cow::Borrowed(text)));
         }
     }
 }
@@ -239,6 +250,8 @@ mod tests {
         assert_eq!(decode(b"\xef\xbb\xbfv 1"), "v 1");
         assert_eq!(decode(b"\xff\xfev\0 \x001\0\x30"), "v 1");
         assert_eq!(decode(b"\xfe\xff\0v\0 \x001"), "v 1");
+        assert_eq!(decode(b"v\0 \x001\0"), "v 1");
+        assert_eq!(decode(b"\0v\0 \x001"), "v 1");
         assert_eq!(decode(b"o \xe4"), "o \u{fffd}");
     }
 

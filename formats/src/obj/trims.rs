@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 use kernel::{Curve, Surface, TrimLoop};
 
+use super::specials::TrimCurve;
 use super::statements::{Statement, number, reference};
 use crate::Problem;
 
@@ -48,14 +49,8 @@ impl LoopText {
                 words.len()
             )));
         }
-        let piece = |words: &[&str]| -> Result<Piece, String> {
-            Ok(Piece {
-                start: number(words[0])?,
-                end: number(words[1])?,
-                curve: reference(words[2], curves, "trim curves")?,
-            })
-        };
-        let pieces = words.chunks(3).map(piece).collect::<Result<_, _>>();
+        let pieces = words.chunks(3).map(|words| Piece::parse(words, curves));
+        let pieces = pieces.collect::<Result<_, _>>();
         Ok(Self {
             line: statement.line,
             hole: statement.keyword() == "hole",
@@ -64,17 +59,31 @@ impl LoopText {
     }
 
     /// How many control points the curves of the loop have together.
-    pub(super) fn size(&self, curves: &[Option<Curve<DVec2>>]) -> usize {
+    pub(super) fn size(&self, curves: &[Option<TrimCurve>]) -> usize {
         let curve = |piece: &Piece| curves.get(piece.curve)?.as_ref();
         let curves = self.pieces.iter().filter_map(curve);
-        curves.map(|curve| curve.homogeneous().len()).sum()
+        curves.map(|found| found.curve.homogeneous().len()).sum()
+    }
+
+    /// The special points of its curves, as far as they are on its pieces.
+    pub(super) fn special_points(&self, curves: &[Option<TrimCurve>]) -> Vec<DVec2> {
+        let mut points = Vec::new();
+        for piece in &self.pieces {
+            let Some(Some(found)) = curves.get(piece.curve) else {
+                continue;
+            };
+            let range = piece.start.min(piece.end)..=piece.start.max(piece.end);
+            let on = found.points.iter().filter(|t| range.contains(t));
+            points.extend(on.map(|&t| found.curve.evaluate(t)));
+        }
+        points
     }
 
     /// The closed loop, and whether all of it is on the surface; `curves` holds `None` for those
     /// that could not be read.
     pub(super) fn close(
         &self,
-        curves: &[Option<Curve<DVec2>>],
+        curves: &[Option<TrimCurve>],
         domain: &[Range<f64>; 2],
     ) -> Result<(TrimLoop, bool), Problem> {
         let pieces = self.pieces.iter().map(|piece| piece.cut(curves));
@@ -86,10 +95,22 @@ impl LoopText {
 }
 
 impl Piece {
+    /// Reads start, end and curve; `curves` is the number of `curv2` elements so far.
+    pub(super) fn parse(words: &[&str], curves: usize) -> Result<Self, String> {
+        let [start, end, curve] = words else {
+            return Err(format!("{} words where 3 are needed", words.len()));
+        };
+        Ok(Self {
+            start: number(start)?,
+            end: number(end)?,
+            curve: reference(curve, curves, "trim curves")?,
+        })
+    }
+
     /// The part of the curve, in the direction asked for.
-    fn cut(&self, curves: &[Option<Curve<DVec2>>]) -> Result<Curve<DVec2>, Problem> {
+    pub(super) fn cut(&self, curves: &[Option<TrimCurve>]) -> Result<Curve<DVec2>, Problem> {
         let number = self.curve + 1;
-        let Some(Some(curve)) = curves.get(self.curve) else {
+        let Some(Some(TrimCurve { curve, .. })) = curves.get(self.curve) else {
             return Err(invalid(format!("trim curve {number} could not be read")));
         };
         let Range { start, end } = curve.domain();

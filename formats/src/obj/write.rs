@@ -7,12 +7,12 @@ use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use kernel::{
-    Curve, KnotVector, MaterialId, Mesh, Patch, Placement, Scene, Shape, TrimLoop, UpAxis, nesting,
-    srgb_from_linear,
+    Curve, KnotVector, MaterialId, Mesh, NodeId, Patch, Placement, Scene, Seam, SeamSide, Shape,
+    TrimLoop, UpAxis, WirePlacement, WireShape, nesting, srgb_from_linear,
 };
 
 use super::FORMAT;
-use crate::write::{Export, Writer, has_weights, push_number, tell_wires, turn};
+use crate::write::{Export, Writer, has_weights, push_number, turn};
 use crate::{Error, Place, Warnings};
 
 /// The row of this format.
@@ -29,28 +29,46 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     };
     let library = format!("{}.mtl", legal(stem));
     let placements = scene.placements();
-    let materials = material_names(scene, &placements);
+    let wires = scene.wire_placements();
+    let materials = material_names(scene, &placements, &wires);
     if !materials.is_empty() {
         writer.text += &format!("mtllib {library}\n");
     }
+    let turn = DAffine3::from_mat3(turn(scene.up, UpAxis::Y));
     let mut state = (String::new(), None);
+    let mut surfaces = HashMap::new();
     for placement in &placements {
-        let name = name(scene, placement, &mut writer.warnings);
-        if state.0 != name {
-            writer.text += format!("g {name}").trim_end();
-            writer.text.push('\n');
-            state.0 = name;
-        }
-        if state.1 != placement.material {
-            let name = placement.material.map_or("", |id| materials[&id].as_str());
-            writer.text += format!("usemtl {name}").trim_end();
-            writer.text.push('\n');
-            state.1 = placement.material;
-        }
-        let world = DAffine3::from_mat3(turn(scene.up, UpAxis::Y)) * placement.world_from_object;
+        let own = match placement.shape {
+            Shape::Patch(id) => &scene.patch(id).name,
+            Shape::Mesh(id) => &scene.mesh(id).name,
+        };
+        let name = name(scene, &placement.path, own, &mut writer.warnings);
+        let material = placement.material.map_or("", |id| materials[&id].as_str());
+        writer.state(&mut state, name, placement.material, material);
+        let world = turn * placement.world_from_object;
         match placement.shape {
-            Shape::Patch(id) => writer.patch(scene.patch(id), &world),
+            Shape::Patch(id) => {
+                writer.patch(scene.patch(id), &world);
+                // What stands twice cannot be named by one number.
+                let known = surfaces.insert(id, Some(writer.surfaces));
+                if known.is_some() {
+                    surfaces.insert(id, None);
+                }
+            }
             Shape::Mesh(id) => writer.mesh(scene.mesh(id), &world),
+        }
+    }
+    for placement in &wires {
+        let wire = scene.wire(placement.wire);
+        let name = name(scene, &placement.path, &wire.name, &mut writer.warnings);
+        let material = wire.material.map_or("", |id| materials[&id].as_str());
+        writer.state(&mut state, name, wire.material, material);
+        writer.wire(&wire.shape, &(turn * placement.world_from_object));
+    }
+    for seam in scene.seams() {
+        let number = |side: &SeamSide| surfaces.get(&side.patch).copied().flatten();
+        if let [Some(a), Some(b)] = seam.sides.each_ref().map(number) {
+            writer.seam(seam, [a, b]);
         }
     }
     tell_losses(scene, &placements, &mut writer.warnings);
@@ -81,7 +99,6 @@ fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings)
         let text = "OBJ files have no unit of length; their numbers stay as they are";
         warnings.unsupported(Place::item(0, format!("the unit {}", unit.name)), text);
     }
-    tell_wires(scene, warnings);
     let mut shown = HashSet::new();
     for placement in placements.iter().filter(|p| !shown.insert(p.shape)) {
         let name = match placement.shape {
@@ -94,15 +111,8 @@ fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings)
 }
 
 /// The name of a shape, or of the innermost node around it that has one.
-fn name(scene: &Scene, placement: &Placement, warnings: &mut Warnings) -> String {
-    let own = match placement.shape {
-        Shape::Patch(id) => scene.patch(id).name.as_str(),
-        Shape::Mesh(id) => scene.mesh(id).name.as_str(),
-    };
-    let nodes = placement
-        .path
-        .iter()
-        .map(|&id| scene.node(id).name.as_str());
+fn name(scene: &Scene, path: &[NodeId], own: &str, warnings: &mut Warnings) -> String {
+    let nodes = path.iter().map(|&id| scene.node(id).name.as_str());
     let mut names: Vec<_> = nodes.chain([own]).filter(|name| !name.is_empty()).collect();
     names.dedup();
     if let [.., outer, _] = names[..] {
@@ -120,10 +130,16 @@ fn legal(name: &str) -> String {
 }
 
 /// The materials that something is shown with, each with a name of its own.
-fn material_names(scene: &Scene, placements: &[Placement]) -> HashMap<MaterialId, String> {
+fn material_names(
+    scene: &Scene,
+    placements: &[Placement],
+    wires: &[WirePlacement],
+) -> HashMap<MaterialId, String> {
     let mut names = HashMap::new();
     let mut taken = HashSet::new();
-    for id in placements.iter().filter_map(|placement| placement.material) {
+    let wires = wires.iter().map(|placement| scene.wire(placement.wire));
+    let shown = placements.iter().map(|placement| placement.material);
+    for id in shown.chain(wires.map(|wire| wire.material)).flatten() {
         names.entry(id).or_insert_with(|| {
             let plain = match legal(&scene.material(id).name) {
                 name if name.is_empty() => "material".to_owned(),
@@ -194,6 +210,7 @@ struct Text {
     texture: usize,
     normals: usize,
     curves: usize,
+    surfaces: usize,
 }
 
 impl Text {
@@ -208,6 +225,26 @@ impl Text {
             self.text += word;
         }
         self.text.push('\n');
+    }
+
+    /// Appends group and material where they are not those of what came before.
+    fn state(
+        &mut self,
+        before: &mut (String, Option<MaterialId>),
+        group: String,
+        id: Option<MaterialId>,
+        material: &str,
+    ) {
+        if before.0 != group {
+            self.text += format!("g {group}").trim_end();
+            self.text.push('\n');
+            before.0 = group;
+        }
+        if before.1 != id {
+            self.text += format!("usemtl {material}").trim_end();
+            self.text.push('\n');
+            before.1 = id;
+        }
     }
 
     /// Appends type and degrees of what follows.
@@ -247,13 +284,7 @@ impl Text {
         ]);
         for j in 0..v.count() {
             for k in (j..points.len()).step_by(v.count()) {
-                let weight = is_rational.then_some(weights[k]);
-                push_line(
-                    &mut self.text,
-                    "v",
-                    points[k].to_array().into_iter().chain(weight),
-                );
-                self.vertices += 1;
+                self.vertex(points[k], is_rational.then_some(weights[k]));
                 words.push(self.vertices.to_string());
             }
         }
@@ -265,6 +296,56 @@ impl Text {
             self.statement(keyword, &words);
         }
         self.text += "end\n";
+        self.surfaces += 1;
+    }
+
+    /// A curve of space, or points.
+    fn wire(&mut self, shape: &WireShape, world: &DAffine3) {
+        let first = self.vertices;
+        let curve = match shape {
+            WireShape::Points(points) => {
+                for point in points {
+                    self.vertex(world.transform_point3(*point), None);
+                }
+                let words: Vec<_> = (first + 1..=self.vertices).collect();
+                return self.statement("p", &texts(&words));
+            }
+            WireShape::Curve(curve) => curve.transformed(world),
+        };
+        let is_rational = has_weights(curve.weights());
+        for (point, weight) in curve.points().zip(curve.weights()) {
+            self.vertex(point, is_rational.then_some(weight));
+        }
+        let domain = curve.domain();
+        let mut words = numbers(&[domain.start, domain.end]);
+        words.extend((first + 1..=self.vertices).map(|k| k.to_string()));
+        self.kind(is_rational, &[curve.degree()]);
+        self.statement("curv", &words);
+        self.knots("u", curve.knots());
+        self.text += "end\n";
+    }
+
+    /// A vertex.
+    fn vertex(&mut self, point: DVec3, weight: Option<f64>) {
+        push_line(
+            &mut self.text,
+            "v",
+            point.to_array().into_iter().chain(weight),
+        );
+        self.vertices += 1;
+    }
+
+    /// Where two surfaces, given by their numbers, meet.
+    fn seam(&mut self, seam: &Seam, surfaces: [usize; 2]) {
+        let mut words = Vec::new();
+        for (side, surface) in seam.sides.iter().zip(surfaces) {
+            self.curve(&side.curve);
+            let domain = side.curve.domain();
+            words.push(surface.to_string());
+            words.extend(numbers(&[domain.start, domain.end]));
+            words.push(self.curves.to_string());
+        }
+        self.statement("con", &words);
     }
 
     /// The curves of a loop; the result is how the loop names them.
@@ -302,11 +383,7 @@ impl Text {
     /// Triangles; mirrored ones are turned round, so that their fronts stay in front.
     fn mesh(&mut self, mesh: &Mesh, world: &DAffine3) {
         for point in mesh.positions() {
-            push_line(
-                &mut self.text,
-                "v",
-                world.transform_point3(*point).to_array(),
-            );
+            self.vertex(world.transform_point3(*point), None);
         }
         for uv in mesh.uvs() {
             push_line(&mut self.text, "vt", uv.to_array());
@@ -316,9 +393,10 @@ impl Text {
             push_line(&mut self.text, "vn", across(&linear, *normal).to_array());
         }
         let is_mirrored = linear.determinant() < 0.0;
+        let first = self.vertices - mesh.positions().len();
         let corner = |index: u32| {
             let index = index as usize + 1;
-            let vertex = self.vertices + index;
+            let vertex = first + index;
             match (mesh.uvs().is_empty(), mesh.normals().is_empty()) {
                 (true, true) => vertex.to_string(),
                 (false, true) => format!("{vertex}/{}", self.texture + index),
@@ -332,7 +410,6 @@ impl Text {
             let [b, c] = if is_mirrored { [c, b] } else { [b, c] };
             self.text += &format!("f {} {} {}\n", corner(a), corner(b), corner(c));
         }
-        self.vertices += mesh.positions().len();
         self.texture += mesh.uvs().len();
         self.normals += mesh.normals().len();
     }
