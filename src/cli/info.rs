@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use nurbray::formats::{Import, Tally, Warning};
-use nurbray::kernel::{Child, Item, NodeId, Patch, Scene, Shape, Wire, WireShape};
+use nurbray::kernel::{Child, Item, Node, NodeId, Patch, Scene, Shape, Wire, WireShape};
 use nurbray::measure;
 use serde_json::{Value, json};
 
@@ -282,16 +282,7 @@ fn tree(text: &mut String, scene: &Scene, root: NodeId) -> std::fmt::Result {
         if lines > TREE_LINES {
             return writeln!(text, "    ... more nodes; --json lists all");
         }
-        let items = node
-            .children
-            .iter()
-            .filter(|c| matches!(c, Child::Item(_)))
-            .count();
-        let count = if items > 0 {
-            format!(" ({items} shapes)")
-        } else {
-            String::new()
-        };
+        let count = contents(node);
         let indent = "  ".repeat(depth.min(20));
         writeln!(text, "    {indent}{}{count}", named(&node.name))?;
         stack.extend(node.children.iter().rev().filter_map(|child| match child {
@@ -300,6 +291,30 @@ fn tree(text: &mut String, scene: &Scene, root: NodeId) -> std::fmt::Result {
         }));
     }
     Ok(())
+}
+
+/// What a node shows itself, with triangles marked as such.
+fn contents(node: &Node) -> String {
+    let (mut shapes, mut meshes) = (0, 0);
+    for child in &node.children {
+        if let Child::Item(item) = child {
+            shapes += 1;
+            meshes += usize::from(matches!(item.shape, Shape::Mesh(_)));
+        }
+    }
+    let mut parts = Vec::new();
+    match (shapes, meshes) {
+        (0, _) => {}
+        (_, 0) => parts.push(format!("{shapes} shapes")),
+        _ => parts.push(format!("{shapes} shapes, {meshes} of triangles")),
+    }
+    if !node.wires.is_empty() {
+        parts.push(format!("{} wires", node.wires.len()));
+    }
+    match parts.is_empty() {
+        true => String::new(),
+        false => format!(" ({})", parts.join(", ")),
+    }
 }
 
 fn named(name: &str) -> &str {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec4;
-use kernel::{TrimLoop, WireShape};
+use kernel::{Surface, TrimLoop, WireShape};
 
 use super::basis::Basis;
 use super::freeform::{Attributes, Element, Kind};
@@ -104,7 +104,8 @@ impl Reader<'_> {
                 )));
             }
         };
-        let mut attached = false;
+        let mut texture = Vec::new();
+        let mut has_normals = false;
         let point = |word: &str| -> Result<DVec4, String> {
             if kind == Kind::TrimCurve {
                 let list = &self.lists.parameters;
@@ -112,20 +113,31 @@ impl Reader<'_> {
                     list[reference(word, list.len(), "parameter vertices")?],
                 ));
             }
-            let (vertex, more) = word.split_once('/').unwrap_or((word, ""));
-            attached |= !more.is_empty();
+            let mut parts = word.split('/');
+            let vertex = parts.next().unwrap_or("");
+            if let Some(part) = parts.next().filter(|part| !part.is_empty()) {
+                let list = &self.lists.texcoords;
+                let found = list[reference(part, list.len(), "texture vertices")?];
+                texture.push(found.extend(0.0).extend(1.0));
+            }
+            has_normals |= parts.next().is_some();
             let list = &self.lists.positions;
             Ok(list[reference(vertex, list.len(), "vertices")?])
         };
         let points = words.skip(ranges).map(point).collect::<Result<_, _>>();
-        let points = points.map_err(invalid)?;
-        if attached {
-            let place = Place::item(statement.line, statement.keyword());
-            let text = "texture vertices and normals of surfaces are not used";
-            self.warnings.unsupported(place, text);
+        let points: Vec<_> = points.map_err(invalid)?;
+        let place = || Place::item(statement.line, statement.keyword());
+        if has_normals {
+            let text = "normals of surfaces are not used; theirs are exact";
+            self.warnings.unsupported(place(), text);
+        }
+        if !texture.is_empty() && texture.len() != points.len() {
+            let text = "some points have texture vertices, others not; none is used";
+            self.warnings.invalid(place(), text);
         }
         Ok(Element {
             kind,
+            texture: Some(texture).filter(|texture| texture.len() == points.len()),
             points,
             parms: Default::default(),
             loops: Vec::new(),
@@ -195,9 +207,11 @@ impl Reader<'_> {
                 self.specials_on_surface(&built.shape, &element.specials, &element.loops);
                 let first = self.surfaces.len();
                 self.surface_parts.push(first..first + built.shape.len());
+                let mut texture = self.texture(element, attributes, open, &built.shape);
                 for surface in built.shape {
                     self.surfaces.push(SurfacePart {
                         surface,
+                        texture: texture.next(),
                         loops: loops.clone(),
                         tag: self.tag,
                         merging: self.merging,
@@ -212,6 +226,32 @@ impl Reader<'_> {
             self.warnings.invalid(place(), text);
         }
         Ok(())
+    }
+
+    /// Texture coordinates for each part of a surface; nothing if it has none that fit.
+    fn texture(
+        &mut self,
+        element: &Element,
+        attributes: &Attributes,
+        open: &Open,
+        parts: &[Surface],
+    ) -> std::vec::IntoIter<Surface> {
+        let domain = |s: &Surface| [s.knots_u().domain(), s.knots_v().domain()];
+        let problem = match element.texture(attributes, self.options.limits.points) {
+            Ok(None) => None,
+            Ok(Some(found)) if found.iter().map(domain).eq(parts.iter().map(domain)) => {
+                return found.into_iter();
+            }
+            Ok(Some(_)) => Some(invalid(
+                "texture vertices in pieces that are not the surface's",
+            )),
+            Err(problem) => Some(problem),
+        };
+        if let Some(problem) = problem {
+            let place = Place::item(open.line, open.what.as_str());
+            self.warnings.add(place, problem);
+        }
+        Vec::new().into_iter()
     }
 
     /// The loops of a surface; none at all if one of them is wrong, since the others would
@@ -298,6 +338,7 @@ impl Reader<'_> {
         let element = Element {
             kind,
             points,
+            texture: None,
             parms,
             loops: Vec::new(),
             specials: Specials::default(),

@@ -137,6 +137,8 @@ pub(super) struct Element {
     pub(super) kind: Kind,
     /// Cartesian control points, each with its weight.
     pub(super) points: Vec<DVec4>,
+    /// The texture vertex of each control point, if all have one.
+    pub(super) texture: Option<Vec<DVec4>>,
     /// The values of `parm u` and `parm v`.
     pub(super) parms: [Vec<f64>; 2],
     /// Its `trim` and `hole` statements.
@@ -199,6 +201,31 @@ impl Element {
             }
         }
         Ok(Built { shape, repairs })
+    }
+
+    /// The texture coordinates of a `surf`, part by part as [`Element::surfaces`]: the same
+    /// functions of the texture vertices, without weights.
+    pub(super) fn texture(
+        &self,
+        attributes: &Attributes,
+        limit: usize,
+    ) -> Result<Option<Vec<Surface>>, Problem> {
+        let Some(points) = &self.texture else {
+            return Ok(None);
+        };
+        let element = Self {
+            kind: self.kind.clone(),
+            points: points.clone(),
+            texture: None,
+            parms: self.parms.clone(),
+            loops: Vec::new(),
+            specials: Specials::default(),
+        };
+        let attributes = Attributes {
+            rational: false,
+            ..attributes.clone()
+        };
+        Ok(Some(element.surfaces(&attributes, limit)?.shape))
     }
 
     /// The curve of a `curv2`, over all its parameters.

@@ -5,30 +5,48 @@
 use std::collections::HashMap;
 
 use glam::{DMat3, DVec3};
-use kernel::{Material, MetallicRoughness, linear_from_srgb};
+use kernel::{Maps, Material, MetallicRoughness, linear_from_srgb};
 
 use super::invalid;
+use super::maps::Map;
 use super::statements::{Statement, Statements, decode, number, numbers};
+use crate::pictures::Pictures;
 use crate::{Place, Problem, ReadOptions, Warnings};
+
+/// Where material files and their pictures come from, and the pictures so far.
+pub(super) struct Source<'a> {
+    pub(super) options: &'a ReadOptions<'a>,
+    pub(super) pictures: Pictures,
+}
 
 /// Reads the files that an `mtllib` statement names. The whole rest of the line is tried as
 /// one name first, since names with blanks occur.
 pub(super) fn load(
     names: &str,
     line: usize,
-    options: &ReadOptions<'_>,
+    source: &mut Source<'_>,
     warnings: &mut Warnings,
     materials: &mut HashMap<String, Material>,
 ) {
-    let whole = options.resolver.resolve(names);
-    let mut fetched = vec![(names, whole)];
+    let resolver = source.options.resolver;
+    let resolve = |name: &str| {
+        // Some programs write where the file was on their machine.
+        let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
+        resolver
+            .resolve(name)
+            .or_else(|error| resolver.resolve(last).map_err(|_| error))
+    };
+    let mut fetched = vec![(names, resolve(names))];
     if fetched[0].1.is_err() && names.contains(char::is_whitespace) {
         let each = names.split_whitespace();
-        fetched = each.map(|n| (n, options.resolver.resolve(n))).collect();
+        fetched = each.map(|n| (n, resolve(n))).collect();
     }
     for (name, bytes) in fetched {
         match bytes {
-            Ok(bytes) => read(name, line, &decode(&bytes), warnings, materials),
+            Ok(bytes) => {
+                let file = File { name, line, source };
+                file.read(&decode(&bytes), warnings, materials);
+            }
             Err(error) => {
                 let text = format!("material file \"{name}\" is not there: {error}");
                 warnings.invalid(Place::item(line, "mtllib"), text);
@@ -37,40 +55,95 @@ pub(super) fn load(
     }
 }
 
-/// Reads one material file; the first material of a name counts.
-fn read(
-    name: &str,
+/// A material file that is being read.
+struct File<'f, 'a> {
+    name: &'f str,
+    /// The line that names it.
     line: usize,
-    text: &str,
-    warnings: &mut Warnings,
-    materials: &mut HashMap<String, Material>,
-) {
-    let mut draft: Option<Draft> = None;
-    let mut finish = |draft: Option<Draft>| {
-        if let Some(draft) = draft {
-            let entry = materials.entry(draft.name.clone());
-            entry.or_insert_with(|| draft.finish());
-        }
-    };
-    for statement in Statements::new(text) {
-        let result = match (statement.keyword(), statement.rest(), &mut draft) {
-            ("newmtl", "", _) => {
-                finish(draft.take());
-                Err(invalid("a material without name"))
+    source: &'f mut Source<'a>,
+}
+
+impl File<'_, '_> {
+    /// Reads all materials; the first one of a name counts.
+    fn read(
+        mut self,
+        text: &str,
+        warnings: &mut Warnings,
+        materials: &mut HashMap<String, Material>,
+    ) {
+        let mut draft: Option<Draft> = None;
+        let mut finish = |draft: Option<Draft>| {
+            if let Some(draft) = draft {
+                let entry = materials.entry(draft.name.clone());
+                entry.or_insert_with(|| draft.finish());
             }
-            ("newmtl", name, _) => {
-                finish(draft.replace(Draft::new(name)));
-                Ok(())
-            }
-            (_, _, Some(draft)) => draft.take(&statement),
-            (_, _, None) => Err(invalid("no material with a name before it")),
         };
-        if let Err(problem) = result {
-            let what = format!("{name} line {}, {}", statement.line, statement.keyword());
-            warnings.add(Place::item(line, what), problem);
+        for statement in Statements::new(text) {
+            let result = match (statement.keyword(), statement.rest(), &mut draft) {
+                ("newmtl", "", _) => {
+                    finish(draft.take());
+                    Err(invalid("a material without name"))
+                }
+                ("newmtl", name, _) => {
+                    finish(draft.replace(Draft::new(name)));
+                    Ok(())
+                }
+                (_, _, Some(draft)) => self.take(&statement, draft),
+                (_, _, None) => Err(invalid("no material with a name before it")),
+            };
+            if let Err(problem) = result {
+                let (name, line) = (self.name, statement.line);
+                let what = format!("{name} line {line}, {}", statement.keyword());
+                warnings.add(Place::item(self.line, what), problem);
+            }
         }
+        finish(draft);
     }
-    finish(draft);
+
+    /// Takes a statement of a material.
+    fn take(&mut self, statement: &Statement<'_>, draft: &mut Draft) -> Result<(), Problem> {
+        let keyword = statement.keyword();
+        match keyword {
+            "map_Kd" | "map_Ks" | "map_Ke" | "map_d" | "map_Pr" | "map_Pm" => {}
+            // Mostly the same picture again.
+            "map_Ka" => {
+                return match draft.color_text == statement.rest() {
+                    true => Ok(()),
+                    false => unsupported("pictures of ambient light are not used"),
+                };
+            }
+            "map_aat" => return Ok(()),
+            "bump" | "map_bump" | "map_Bump" | "norm" | "disp" | "map_disp" | "decal" => {
+                Map::parse(statement.rest())?;
+                return unsupported("pictures of relief and decals are not used");
+            }
+            "refl" | "map_refl" => return unsupported("pictures of the surroundings are not used"),
+            "map_Ns" | "map_Ps" => {
+                Map::parse(statement.rest())?;
+                return unsupported("pictures of highlights and sheen are not used");
+            }
+            _ => return draft.take(statement),
+        }
+        let map = Map::parse(statement.rest())?;
+        let folder = self
+            .name
+            .rfind(['/', '\\'])
+            .map_or("", |at| &self.name[..=at]);
+        let (pictures, options) = (&mut self.source.pictures, self.source.options);
+        let maps = &mut draft.maps;
+        match keyword {
+            "map_Kd" => {
+                maps.color = Some(map.texture(folder, pictures, options)?);
+                statement.rest().clone_into(&mut draft.color_text);
+            }
+            "map_Ks" => maps.specular = Some(map.texture(folder, pictures, options)?),
+            "map_Ke" => maps.emissive = Some(map.texture(folder, pictures, options)?),
+            "map_d" => maps.opacity = Some(map.share(true, folder, pictures, options)?),
+            "map_Pr" => maps.roughness = Some(map.share(false, folder, pictures, options)?),
+            _ => maps.metallic = Some(map.share(false, folder, pictures, options)?),
+        }
+        map.ignored.map_or(Ok(()), unsupported)
+    }
 }
 
 /// A material while its statements are read.
@@ -89,6 +162,9 @@ struct Draft {
     model: Option<u8>,
     roughness: Option<f64>,
     metallic: Option<f64>,
+    maps: Maps,
+    /// What its `map_Kd` says.
+    color_text: String,
 }
 
 impl Draft {
@@ -122,55 +198,69 @@ impl Draft {
                 self.model = Some(model.ok_or_else(message)?);
             }
             // What light does behind and between surfaces is not followed.
-            "Tf" => drop(color(statement, f64::INFINITY)?),
-            "Ni" | "sharpness" => drop(value(statement)?),
+            "Tf" => {
+                color(statement, f64::INFINITY)?;
+            }
+            "Ni" | "sharpness" => {
+                value(statement)?;
+            }
             "Ps" | "Pc" | "Pcr" | "aniso" | "anisor" => {
                 if value(statement)? > 0.0 {
                     return unsupported("sheen, clear coat and anisotropy are not used");
                 }
             }
-            "bump" | "disp" | "decal" | "refl" | "norm" => return unsupported(TEXTURES),
-            map if map.starts_with("map_") => return unsupported(TEXTURES),
             _ => return unsupported("statements of this kind are not known"),
         }
         Ok(())
     }
 
-    /// Our material.
+    /// Our material. What has a picture and no number of its own is all of that picture, and so
+    /// is what is black: programs write that where they mean the picture.
     fn finish(self) -> Material {
         let default = Material::default();
-        let diffuse = self.diffuse.unwrap_or(default.diffuse);
+        let maps = self.maps;
+        let whole = |own: Option<DVec3>, has_map: bool, usual: DVec3| match own {
+            Some(color) if color != DVec3::ZERO || !has_map => color,
+            _ if has_map => DVec3::ONE,
+            _ => usual,
+        };
+        let diffuse = whole(self.diffuse, maps.color.is_some(), default.diffuse);
         // Models 0 and 1 have no highlights.
         let is_shiny = self.model.is_none_or(|model| model > 1);
-        let (roughness, metallic) = (self.roughness, self.metallic);
+        let gloss = maps.specular.as_ref().map(|_| DVec3::ONE);
+        let specular = self.specular.or(gloss).filter(|_| is_shiny);
+        let share = |own: Option<f64>, has_map: bool| own.or(has_map.then_some(1.0));
+        let roughness = share(self.roughness, maps.roughness.is_some());
+        let metallic = share(self.metallic, maps.metallic.is_some());
         let is_physical = roughness.is_some() || metallic.is_some();
-        let opacity = self.dissolve;
         let mut material = Material {
             name: self.name,
             ambient: self.ambient.unwrap_or(diffuse),
             diffuse,
-            specular: self.specular.filter(|_| is_shiny).unwrap_or(DVec3::ZERO),
+            specular: specular.unwrap_or(DVec3::ZERO),
             shininess: self.shininess.unwrap_or(default.shininess),
-            emissive: self.emissive.unwrap_or(DVec3::ZERO),
-            opacity: opacity.unwrap_or(1.0 - self.transparency.unwrap_or(0.0)),
+            emissive: whole(self.emissive, maps.emissive.is_some(), DVec3::ZERO),
+            opacity: self
+                .dissolve
+                .unwrap_or(1.0 - self.transparency.unwrap_or(0.0)),
             metallic_roughness: is_physical.then(|| MetallicRoughness {
                 base_color: diffuse,
                 metallic: metallic.unwrap_or(0.0),
                 roughness: roughness.unwrap_or(0.5),
             }),
+            maps,
+            back: None,
         };
         if self.model == Some(0) {
             // A colour that no light changes.
-            material.emissive += diffuse;
-            material.ambient = DVec3::ZERO;
-            material.diffuse = DVec3::ZERO;
+            material.emissive = diffuse;
+            material.maps.emissive = material.maps.color.take();
+            (material.ambient, material.diffuse) = (DVec3::ZERO, DVec3::ZERO);
             material.metallic_roughness = None;
         }
         material
     }
 }
-
-const TEXTURES: &str = "textures are not used";
 
 fn unsupported(text: &str) -> Result<(), Problem> {
     Err(Problem::Unsupported(text.to_owned()))
@@ -212,12 +302,79 @@ const RGB_FROM_XYZ: DMat3 = DMat3::from_cols_array(&[
 
 #[cfg(test)]
 mod tests {
+    use glam::{DVec2, DVec4};
+    use kernel::{Channel, Wrap};
+
     use super::*;
+    use crate::pictures::tests::{Files, encoded, red_green};
+    use crate::{Limits, NoFiles, Resolver};
 
     fn parse(text: &str) -> (HashMap<String, Material>, Warnings) {
+        parse_with(text, &NoFiles)
+    }
+
+    fn parse_with(text: &str, resolver: &dyn Resolver) -> (HashMap<String, Material>, Warnings) {
         let (mut materials, mut warnings) = (HashMap::new(), Warnings::default());
-        read("a.mtl", 7, text, &mut warnings, &mut materials);
+        let limits = Limits::default();
+        let options = ReadOptions {
+            limits: &limits,
+            resolver,
+        };
+        let mut source = Source {
+            options: &options,
+            pictures: Pictures::default(),
+        };
+        let file = File {
+            name: "sub/a.mtl",
+            line: 7,
+            source: &mut source,
+        };
+        file.read(text, &mut warnings, &mut materials);
         (materials, warnings)
+    }
+
+    #[test]
+    fn maps_are_pictures_of_the_folder_with_their_options() {
+        let files = Files(vec![(
+            "sub/two.png",
+            encoded(&red_green(), image::ImageFormat::Png),
+        )]);
+        let text = "newmtl a\nKd 0 0 0\nmap_Kd -s 2 2 1 -o 0.5 0 0 two.png\n\
+                    map_Ka -s 2 2 1 -o 0.5 0 0 two.png\nmap_d C:\\work\\two.png\n\
+                    map_Pr -imfchan g two.png\nmap_Ke -clamp on two.png\nbump -bm 2 two.png\n\
+                    map_Ks none.png\nmap_Ns two.png\nmap_aat on\n\
+                    newmtl b\nillum 0\nmap_Kd two.png\n";
+        let (materials, warnings) = parse_with(text, &files);
+        let a = &materials["a"];
+        // Black would hide the picture.
+        assert_eq!((a.diffuse, a.emissive), (DVec3::ONE, DVec3::ONE));
+        let color = a.maps.color.as_ref().unwrap();
+        assert_eq!(color.image.name(), "sub/two.png");
+        // s = 2 * 0.375 + 0.5 is a quarter into the repeated picture.
+        let red = color.color(DVec2::new(0.375, 0.5));
+        assert!(
+            red.abs_diff_eq(DVec4::new(1.0, 0.0, 0.0, 1.0), 1e-12),
+            "{red}"
+        );
+        let opacity = a.maps.opacity.as_ref().unwrap();
+        assert_eq!(opacity.channel, Channel::Alpha);
+        assert!((opacity.share(DVec2::new(0.75, 0.5)) - 128.0 / 255.0).abs() < 1e-12);
+        let roughness = a.maps.roughness.as_ref().unwrap();
+        assert!((roughness.share(DVec2::new(0.75, 0.5)) - 1.0).abs() < 1e-12);
+        let model = a.metallic_roughness.unwrap();
+        assert_eq!((model.roughness, model.metallic), (1.0, 0.0));
+        assert_eq!(a.maps.emissive.as_ref().unwrap().wrap, [Wrap::Clamp; 2]);
+        let b = &materials["b"];
+        assert!(b.is_unlit() && b.maps.emissive.is_some() && b.maps.color.is_none());
+        let found: Vec<_> = warnings
+            .as_slice()
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        assert_eq!(found.len(), 3, "{found:?}");
+        assert!(found[0].ends_with("bump: pictures of relief and decals are not used"));
+        assert!(found[1].contains("map_Ks: picture \"none.png\""));
+        assert!(found[2].ends_with("map_Ns: pictures of highlights and sheen are not used"));
     }
 
     #[test]
@@ -246,7 +403,7 @@ mod tests {
         let first = warnings.as_slice()[0].to_string();
         assert_eq!(
             first,
-            "line 7, a.mtl line 1, Ka: no material with a name before it"
+            "line 7, sub/a.mtl line 1, Ka: no material with a name before it"
         );
     }
 

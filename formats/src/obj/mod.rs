@@ -7,12 +7,13 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::Surface;
+use kernel::{Surface, linear_from_srgb};
 
 mod basis;
 mod elements;
 mod freeform;
 mod hints;
+mod maps;
 mod materials;
 mod polygons;
 mod scene;
@@ -156,6 +157,9 @@ fn invalid(text: impl Into<String>) -> Problem {
 struct Lists {
     /// `v`: Cartesian, with weight. Unreadable ones are not a number.
     positions: Vec<DVec4>,
+    /// Colours that stand with vertices, linear; empty as long as there are none, else for all
+    /// vertices up to the last one with a colour.
+    colors: Vec<DVec4>,
     /// `vt`, first two numbers.
     texcoords: Vec<DVec2>,
     /// `vn`.
@@ -193,6 +197,8 @@ impl Names {
 #[derive(Clone, Debug)]
 struct SurfacePart {
     surface: Surface,
+    /// Texture coordinates, if it has any.
+    texture: Option<Surface>,
     loops: Vec<kernel::TrimLoop>,
     tag: Tag,
     merging: Merging,
@@ -384,15 +390,23 @@ impl<'a> Reader<'a> {
                 "{count} numbers; at least {least} are needed"
             )));
         }
-        if statement.keyword() == "v" && count > 4 {
+        if statement.keyword() == "v" && count == 5 {
             let place = Place::item(statement.line, "v");
-            if count == 5 {
-                self.warnings
-                    .invalid(place, "5 numbers; a vertex has 3, or 4 with a weight");
+            let text = "5 numbers; a vertex has 3, 4 with a weight, 6 with a colour";
+            self.warnings.invalid(place, text);
+        }
+        if statement.keyword() == "v" && count > 5 {
+            // Some programs write bytes.
+            let most = if x[3..6].iter().any(|c| *c > 1.0) {
+                255.0
             } else {
-                self.warnings
-                    .unsupported(place, "colours of vertices are not used");
-            }
+                1.0
+            };
+            let color = DVec3::new(x[3], x[4], x[5]) / most;
+            let color = linear_from_srgb(color.clamp(DVec3::ZERO, DVec3::ONE));
+            let colors = &mut self.lists.colors;
+            colors.resize(self.lists.positions.len() - 1, DVec4::ONE);
+            colors.push(color.extend(1.0));
         }
         Ok(())
     }
@@ -435,5 +449,7 @@ impl<'a> Reader<'a> {
     }
 }
 
+#[cfg(test)]
+mod special_tests;
 #[cfg(test)]
 mod tests;

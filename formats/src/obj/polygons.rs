@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
 use kernel::Mesh;
 
 use super::Lists;
@@ -202,9 +202,9 @@ impl Faces {
 /// Hands on the corners of the triangles of a face; `false` if it is not sure that they fill it.
 fn cut(corners: &[Corner], lists: &Lists, tests: &mut usize, mut add: impl FnMut(Corner)) -> bool {
     let point = |c: &Corner| lists.positions[c.vertex as usize].truncate();
-    match corners {
-        &[a, b, c] => [a, b, c].into_iter().for_each(add),
-        &[a, b, c, d] if is_convex_quad([a, b, c, d].map(|c| point(&c))) => {
+    match *corners {
+        [a, b, c] => [a, b, c].into_iter().for_each(add),
+        [a, b, c, d] if is_convex_quad([a, b, c, d].map(|c| point(&c))) => {
             [a, b, c, a, c, d].into_iter().for_each(add);
         }
         _ => {
@@ -322,12 +322,18 @@ impl Welder {
             Vec::new()
         };
         let triangles = indices.chunks_exact(3).map(|c| [c[0], c[1], c[2]]);
-        let mesh = Mesh::new(
+        let mut mesh = Mesh::new(
             corners().map(position).collect(),
             normals,
             texcoords,
             triangles.collect(),
         );
+        let is_colored = |c: &Corner| (c.vertex as usize) < lists.colors.len();
+        if corners().any(is_colored) {
+            let color = |c: &Corner| lists.colors.get(c.vertex as usize).copied();
+            let colors = corners().map(|c| color(c).unwrap_or(DVec4::ONE));
+            mesh = mesh.and_then(|mesh| mesh.with_colors(colors.collect()));
+        }
         for (corner, _) in self.corners.drain(..) {
             self.heads[corner.vertex as usize] = NONE;
         }

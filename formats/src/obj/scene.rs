@@ -3,10 +3,16 @@
 
 use std::collections::HashMap;
 
-use kernel::{Child, Item, Material, MaterialId, Node, Patch, Scene, Seam, SeamSide, Shape, Wire};
+use glam::DVec3;
+use kernel::{
+    Child, Item, KnotVector, Material, MaterialId, Node, Patch, Scene, Seam, SeamSide, Shape,
+    Surface, Wire,
+};
 
+use super::materials::Source;
 use super::polygons::MeshPart;
 use super::{FORMAT, Reader, materials};
+use crate::pictures::Pictures;
 use crate::{Error, Import, Place, Problem};
 
 impl Reader<'_> {
@@ -76,27 +82,39 @@ impl Reader<'_> {
         let mut scene = Scene::default();
         let materials = self.used_materials(&meshes, &mut scene);
         let material = |tag: Option<usize>| tag.and_then(|m| materials.get(&m).copied());
-        let name = |group: Option<usize>| match group {
-            Some(group) => self.groups.list[group].clone(),
-            None => String::new(),
-        };
         let mut shapes: Vec<(usize, Option<usize>, Shape)> = Vec::new();
         let mut patches = Vec::new();
         for part in std::mem::take(&mut self.surfaces) {
             let mut patch = Patch::from(part.surface);
-            patch.name = name(part.tag.0);
+            patch.name = self.group(part.tag.0);
             patch.source = format!("line {}, {}", part.line, part.what);
             patch.loops = part.loops;
             patch.material = material(part.tag.1);
+            patch.texture = part.texture;
+            let has_maps = |id| !scene.material(id).maps.is_empty();
+            if patch.texture.is_none() && patch.material.is_some_and(has_maps) {
+                patch.texture = Some(own_parameters(&patch.surface)?);
+            }
             let id = scene.add_patch(patch)?;
             patches.push(id);
             shapes.push((part.line, part.tag.0, Shape::Patch(id)));
         }
+        // What has colours of its own and no material.
+        let mut white = None;
         for part in meshes {
             let mut mesh = part.mesh;
-            mesh.name = name(part.tag.0);
+            mesh.name = self.group(part.tag.0);
             mesh.source = format!("line {}, f", part.line);
             mesh.material = material(part.tag.1);
+            if mesh.material.is_none() && !mesh.colors().is_empty() {
+                mesh.material = Some(*white.get_or_insert_with(|| {
+                    scene.add_material(Material {
+                        ambient: DVec3::ONE,
+                        diffuse: DVec3::ONE,
+                        ..Material::default()
+                    })
+                }));
+            }
             let id = scene.add_mesh(mesh)?;
             shapes.push((part.line, part.tag.0, Shape::Mesh(id)));
         }
@@ -113,13 +131,24 @@ impl Reader<'_> {
             })?;
         }
 
+        self.tree(&mut scene, shapes, material)?;
+        Ok(scene)
+    }
+
+    /// Puts shapes, each with its group, and wires under a node for each group.
+    fn tree(
+        &mut self,
+        scene: &mut Scene,
+        shapes: Vec<(usize, Option<usize>, Shape)>,
+        material: impl Fn(Option<usize>) -> Option<MaterialId>,
+    ) -> Result<(), kernel::Error> {
         // What is in each group and in none; then the children of the root, groups by number.
         let mut groups = vec![Node::default(); self.groups.list.len()];
         let mut root = Node::default();
         let mut order: Vec<Result<Child, usize>> = Vec::new();
         for part in std::mem::take(&mut self.wires) {
             let id = scene.add_wire(Wire {
-                name: name(part.tag.0),
+                name: self.group(part.tag.0),
                 source: format!("line {}, {}", part.line, part.what),
                 shape: part.shape,
                 material: material(part.tag.1),
@@ -155,8 +184,12 @@ impl Reader<'_> {
             });
         }
         let root = scene.add_node(root)?;
-        scene.set_root(root)?;
-        Ok(scene)
+        scene.set_root(root)
+    }
+
+    /// The name of a group; empty for none.
+    fn group(&self, group: Option<usize>) -> String {
+        group.map_or_else(String::new, |group| self.groups.list[group].clone())
     }
 
     /// Adds the materials that something is shown with, by their position among the names.
@@ -166,8 +199,12 @@ impl Reader<'_> {
         scene: &mut Scene,
     ) -> HashMap<usize, MaterialId> {
         let mut known: HashMap<String, Material> = HashMap::new();
+        let mut source = Source {
+            options: self.options,
+            pictures: Pictures::default(),
+        };
         for (names, &line) in self.material_files.list.iter().zip(&self.material_lines) {
-            materials::load(names, line, self.options, &mut self.warnings, &mut known);
+            materials::load(names, line, &mut source, &mut self.warnings, &mut known);
         }
         let surfaces = self.surfaces.iter().map(|part| (part.tag.1, part.line));
         let meshes = meshes.iter().map(|part| (part.tag.1, part.line));
@@ -190,4 +227,19 @@ impl Reader<'_> {
         }
         ids
     }
+}
+
+/// Texture coordinates that are the parameters themselves.
+fn own_parameters(surface: &Surface) -> Result<Surface, kernel::Error> {
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let corner = |u, v| DVec3::new(u, v, 0.0);
+    let corners = [
+        corner(u.start, v.start),
+        corner(u.start, v.end),
+        corner(u.end, v.start),
+        corner(u.end, v.end),
+    ];
+    let knots = [KnotVector::bezier(1, u)?, KnotVector::bezier(1, v)?];
+    let [knots_u, knots_v] = knots;
+    Surface::new(knots_u, knots_v, &corners, None)
 }

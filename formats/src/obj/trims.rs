@@ -114,9 +114,10 @@ impl Piece {
             return Err(invalid(format!("trim curve {number} could not be read")));
         };
         let Range { start, end } = curve.domain();
-        let near = 1e-9 * (end - start);
+        // Files round the same number to different digits in different places.
+        let (near, far) = (1e-9 * (end - start), GAP * (end - start));
         let (low, high) = (self.start.min(self.end), self.start.max(self.end));
-        if low < start - near || high > end + near || high - low <= near {
+        if low < start - far || high > end + far || high - low <= near {
             return Err(invalid(format!(
                 "parameters {} to {} of trim curve {number}, which goes from {start} to {end}",
                 self.start, self.end

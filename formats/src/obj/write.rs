@@ -8,8 +8,10 @@ use std::collections::{HashMap, HashSet};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use kernel::{
     Curve, KnotVector, MaterialId, Mesh, NodeId, Patch, Placement, Scene, Seam, SeamSide, Shape,
-    TrimLoop, UpAxis, WirePlacement, WireShape, nesting, srgb_from_linear,
+    TrimLoop, UpAxis, WireShape, nesting, srgb_from_linear,
 };
+
+mod materials;
 
 use super::FORMAT;
 use crate::write::{Export, Writer, has_weights, push_number, turn};
@@ -30,7 +32,7 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let library = format!("{}.mtl", legal(stem));
     let placements = scene.placements();
     let wires = scene.wire_placements();
-    let materials = material_names(scene, &placements, &wires);
+    let materials = materials::names(scene, &placements, &wires);
     if !materials.is_empty() {
         writer.text += &format!("mtllib {library}\n");
     }
@@ -48,7 +50,18 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
         let world = turn * placement.world_from_object;
         match placement.shape {
             Shape::Patch(id) => {
-                writer.patch(scene.patch(id), &world);
+                let patch = scene.patch(id);
+                let has_maps = |id| !scene.material(id).maps.is_empty();
+                let is_textured = placement.material.is_some_and(has_maps);
+                let texture = materials::coordinates(patch, is_textured);
+                let texture = texture.unwrap_or_else(|what| {
+                    let text = format!("{what}: not written");
+                    writer
+                        .warnings
+                        .unsupported(Place::item(0, format!("\"{}\"", patch.name)), text);
+                    None
+                });
+                writer.patch(patch, texture.as_deref(), &world);
                 // What stands twice cannot be named by one number.
                 let known = surfaces.insert(id, Some(writer.surfaces));
                 if known.is_some() {
@@ -74,7 +87,7 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     tell_losses(scene, &placements, &mut writer.warnings);
     let mut beside = Vec::new();
     if !materials.is_empty() {
-        let text = material_file(scene, &materials);
+        let text = materials::file(scene, &materials, &mut writer.warnings);
         beside.push((library, text.into_bytes()));
     }
     Ok(Export {
@@ -127,64 +140,6 @@ fn name(scene: &Scene, path: &[NodeId], own: &str, warnings: &mut Warnings) -> S
 fn legal(name: &str) -> String {
     let is_bad = |c: char| c.is_control() || matches!(c, '#' | '\\');
     name.trim().replace(is_bad, "_")
-}
-
-/// The materials that something is shown with, each with a name of its own.
-fn material_names(
-    scene: &Scene,
-    placements: &[Placement],
-    wires: &[WirePlacement],
-) -> HashMap<MaterialId, String> {
-    let mut names = HashMap::new();
-    let mut taken = HashSet::new();
-    let wires = wires.iter().map(|placement| scene.wire(placement.wire));
-    let shown = placements.iter().map(|placement| placement.material);
-    for id in shown.chain(wires.map(|wire| wire.material)).flatten() {
-        names.entry(id).or_insert_with(|| {
-            let plain = match legal(&scene.material(id).name) {
-                name if name.is_empty() => "material".to_owned(),
-                name => name,
-            };
-            let mut name = plain.clone();
-            let mut count = 1;
-            while !taken.insert(name.clone()) {
-                count += 1;
-                name = format!("{plain}_{count}");
-            }
-            name
-        });
-    }
-    names
-}
-
-/// The material file.
-fn material_file(scene: &Scene, names: &HashMap<MaterialId, String>) -> String {
-    let mut ids: Vec<_> = names.iter().collect();
-    ids.sort_by_key(|(id, _)| id.index());
-    let mut text = String::new();
-    for (&id, name) in ids {
-        let material = scene.material(id);
-        // `Pr` and `Pm` take `Kd` for the base colour.
-        let model = material.metallic_roughness;
-        let diffuse = model.map_or(material.diffuse, |model| model.base_color);
-        text += &format!("newmtl {name}\nillum 2\n");
-        let colors = [
-            ("Ka", material.ambient),
-            ("Kd", diffuse),
-            ("Ks", material.specular),
-            ("Ke", material.emissive),
-        ];
-        for (keyword, color) in colors {
-            push_line(&mut text, keyword, srgb_from_linear(color).to_array());
-        }
-        push_line(&mut text, "Ns", [material.shininess]);
-        push_line(&mut text, "d", [material.opacity]);
-        if let Some(model) = model {
-            push_line(&mut text, "Pr", [model.roughness]);
-            push_line(&mut text, "Pm", [model.metallic]);
-        }
-    }
-    text
 }
 
 /// Appends a statement with numbers.
@@ -264,7 +219,7 @@ impl Text {
     }
 
     /// A surface with its loops.
-    fn patch(&mut self, patch: &Patch, world: &DAffine3) {
+    fn patch(&mut self, patch: &Patch, texture: Option<&[DVec2]>, world: &DAffine3) {
         let mut loops = Vec::new();
         for nest in nesting(&patch.loops) {
             loops.push(("trim", self.curves(&patch.loops[nest.outer])));
@@ -285,7 +240,13 @@ impl Text {
         for j in 0..v.count() {
             for k in (j..points.len()).step_by(v.count()) {
                 self.vertex(points[k], is_rational.then_some(weights[k]));
-                words.push(self.vertices.to_string());
+                let mut word = self.vertices.to_string();
+                if let Some(texture) = texture {
+                    push_line(&mut self.text, "vt", texture[k].to_array());
+                    self.texture += 1;
+                    word += &format!("/{}", self.texture);
+                }
+                words.push(word);
             }
         }
         self.kind(is_rational, &[u.degree(), v.degree()]);
@@ -382,8 +343,18 @@ impl Text {
 
     /// Triangles; mirrored ones are turned round, so that their fronts stay in front.
     fn mesh(&mut self, mesh: &Mesh, world: &DAffine3) {
-        for point in mesh.positions() {
-            self.vertex(world.transform_point3(*point), None);
+        for (k, point) in mesh.positions().iter().enumerate() {
+            let point = world.transform_point3(*point).to_array();
+            let color = mesh
+                .colors()
+                .get(k)
+                .map(|c| srgb_from_linear(c.truncate()).to_array());
+            push_line(
+                &mut self.text,
+                "v",
+                point.into_iter().chain(color.into_iter().flatten()),
+            );
+            self.vertices += 1;
         }
         for uv in mesh.uvs() {
             push_line(&mut self.text, "vt", uv.to_array());
