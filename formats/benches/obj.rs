@@ -99,7 +99,10 @@ fn tobj(text: &str) -> usize {
     models.iter().map(|m| m.mesh.indices.len() / 3).sum()
 }
 
-fn memory(name: &str, text: &str, reader: fn(&str) -> usize) {
+/// Reads a text and counts what is in it.
+type Reader = fn(&str) -> usize;
+
+fn memory(name: &str, text: &str, reader: Reader) {
     let used = allocation_counter::measure(|| {
         black_box(reader(text));
     });
@@ -114,7 +117,7 @@ fn memory(name: &str, text: &str, reader: fn(&str) -> usize) {
 fn obj(c: &mut Criterion) {
     let (polygons, free_form) = (polygons(), free_form());
     assert_eq!(ours(&polygons), tobj(&polygons));
-    let cases: [(&str, &str, fn(&str) -> usize); 3] = [
+    let cases: [(&str, &str, Reader); 3] = [
         ("polygons", &polygons, ours),
         ("polygons, tobj", &polygons, tobj),
         ("free-form", &free_form, ours),
