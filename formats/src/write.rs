@@ -72,6 +72,11 @@ impl Uses {
                 }
             }
         }
+        for wire in scene.nodes().iter().flat_map(|node| &node.wires) {
+            if let Some(id) = scene.wire(*wire).material {
+                *uses.materials.entry(id).or_default() += 1;
+            }
+        }
         uses
     }
 }

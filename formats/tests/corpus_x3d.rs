@@ -166,6 +166,57 @@ fn samples_cut_short_do_no_harm() {
     }
 }
 
+/// Nodes of the corpus by its oracle, which scans the text, and how many of them are read as
+/// surfaces and curves. Files that were damaged on purpose are left out.
+#[test]
+fn nurbs_nodes_are_those_of_the_oracle() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/corpus");
+    let Ok(oracle) = fs::read_to_string(corpus.join("oracle.json")) else {
+        return;
+    };
+    let oracle: serde_json::Value = serde_json::from_str(&oracle).unwrap();
+    let (mut total, mut others) = ([0, 0], Vec::new());
+    for (name, expected) in oracle.as_object().unwrap() {
+        let is_ours = name.starts_with("x3d/") || name.starts_with("vrml/");
+        if !is_ours || name.contains("/made_") {
+            continue;
+        }
+        let header = expected["text_scan"]["header"].as_str().unwrap_or("");
+        if header.starts_with("#VRML V1.0") {
+            assert!(
+                open(corpus.join(name), &Limits::default()).is_err(),
+                "{name}"
+            );
+            continue;
+        }
+        let nodes = &expected["text_scan"]["nodes"];
+        let count = |kind: &str| nodes[kind].as_u64().unwrap_or(0);
+        let import = open(corpus.join(name), &Limits::default()).unwrap();
+        let surfaces: u64 = SURFACES.iter().map(|kind| count(kind)).sum();
+        // What another node shows twice is stored once, and what nothing shows is not stored.
+        let mut sources: Vec<_> = import.scene.patches().iter().map(|p| &p.source).collect();
+        sources.dedup();
+        let is_nurbs = |source: &&&String| {
+            let kinds = [SURFACES.as_slice(), &["TrimmedSurface"]].concat();
+            kinds.iter().any(|kind| source.contains(kind))
+        };
+        let found = sources.iter().filter(is_nurbs).count() as u64;
+        println!(
+            "{name}: {found} of {surfaces} surfaces, {} wires",
+            import.scene.wires().len()
+        );
+        total = [total[0] + found, total[1] + surfaces];
+        // One file lists nodes that nothing shows.
+        let shows_nothing =
+            import.scene.placement_count() == 0 && !import.warnings.as_slice().is_empty();
+        if found != surfaces && !shows_nothing {
+            others.push(format!("{name}: {found} of {surfaces}"));
+        }
+    }
+    println!("{} of {} surfaces", total[0], total[1]);
+    assert_eq!(others, Vec::<String>::new());
+}
+
 /// The largest and the least value of `measure` over a grid of points of a file's surfaces.
 fn spread(name: &str, measure: impl Fn(glam::DVec3) -> f64) -> Option<(f64, f64)> {
     let path = folder("../../shared/corpus/x3d");
@@ -194,4 +245,27 @@ fn spheres_and_cones_of_others_are_exact() {
         println!("{least} {most}");
         assert!(most - least < 1e-12 * most, "{least} {most}");
     }
+    let circle = folder("../../shared/corpus/x3d");
+    let Some(path) = circle
+        .iter()
+        .find(|path| path.ends_with("NurbsCircle2D.x3d"))
+    else {
+        return;
+    };
+    let import = open(path, &Limits::default()).unwrap();
+    let [wire] = import.scene.wires() else {
+        panic!("one curve");
+    };
+    let kernel::WireShape::Curve(curve) = &wire.shape else {
+        panic!("a curve");
+    };
+    // Its weights are 0.7071, so that it is a circle at its knots and a little less between.
+    let w = 0.7071;
+    let least = 2_f64.sqrt() * (1.0 + 2.0 * w) / (2.0 + 2.0 * w);
+    for i in 0..8 {
+        let radius = curve.evaluate(f64::from(i) / 8.0).length();
+        let expected = if i % 2 == 0 { 1.0 } else { least };
+        assert!((radius - expected).abs() < 1e-12, "{radius} {expected}");
+    }
+    assert!((least - 1.0).abs() < 1e-5);
 }

@@ -1,8 +1,10 @@
 //! A scene: what a file holds, whatever its format.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec2, DVec3};
 
-use crate::{Aabb, Camera, Curve, Error, Light, Material, Mesh, Patch, Sky};
+use crate::{Aabb, Camera, Curve, Error, Image, Light, Material, Mesh, Patch, Sky};
 
 /// Index of a patch in its scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -347,6 +349,23 @@ impl Scene {
     /// All materials.
     pub fn materials(&self) -> &[Material] {
         &self.materials
+    }
+
+    /// The pictures of all materials, each once, in the order of the materials.
+    pub fn images(&self) -> Vec<&Arc<Image>> {
+        let mut images: Vec<&Arc<Image>> = Vec::new();
+        for material in &self.materials {
+            let sides = std::iter::once(material).chain(material.back.as_deref());
+            for texture in sides.flat_map(|side| side.maps.textures()) {
+                if !images
+                    .iter()
+                    .any(|known| Arc::ptr_eq(known, &texture.image))
+                {
+                    images.push(&texture.image);
+                }
+            }
+        }
+        images
     }
 
     /// All curves and points that stand for themselves, each once.

@@ -208,6 +208,10 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
     for material in scene.materials() {
         writeln!(text, "  material   {}", named(&material.name))?;
     }
+    for image in scene.images() {
+        let (name, width, height) = (named(image.name()), image.width(), image.height());
+        writeln!(text, "  picture    {name}, {width} x {height}")?;
+    }
     for camera in &scene.cameras {
         writeln!(text, "  camera     {}", named(&camera.name))?;
     }
@@ -353,6 +357,11 @@ fn to_json(file: &Path, import: &Import) -> Value {
             "triangles": scene.meshes().iter().map(|m| m.triangles().len()).sum::<usize>(),
         },
         "materials": scene.materials().iter().map(|m| &m.name).collect::<Vec<_>>(),
+        "pictures": scene.images().iter().map(|image| json!({
+            "name": image.name(),
+            "width": image.width(),
+            "height": image.height(),
+        })).collect::<Vec<_>>(),
         "wires": scene.wires().iter().map(wire_json).collect::<Vec<_>>(),
         "entities": import.ledger.iter().map(tally_json).collect::<Vec<_>>(),
         "cameras": scene.cameras.iter().map(|c| &c.name).collect::<Vec<_>>(),

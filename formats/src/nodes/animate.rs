@@ -11,7 +11,7 @@ use glam::{DQuat, DVec2, DVec3};
 use kernel::Scene;
 
 use super::scene::{Converter, turn};
-use super::{Field, Node, Tree};
+use super::{Field, Node, Tree, spline};
 use crate::pictures::Pictures;
 use crate::{Error, Limits, NoFiles, ReadOptions, Warnings};
 
@@ -118,7 +118,7 @@ struct Change {
 }
 
 /// The name of a field without what marks it as sent or received.
-fn plain_name(field: &str) -> &str {
+pub(super) fn plain_name(field: &str) -> &str {
     let field = field.strip_prefix("set_").unwrap_or(field);
     field.strip_suffix("_changed").unwrap_or(field)
 }
@@ -157,6 +157,13 @@ fn interpolated<'n>(
     let at = |i: usize| fraction.get(i).copied().unwrap_or(0.0);
     match &*node.kind {
         "OrientationInterpolator" => between(node, at(0), turned).map_or_else(Vec::new, value),
+        "SquadOrientationInterpolator" => {
+            let turned = spline::squad(node, at(0)).map(|turn| axis_angle(turn, node));
+            turned.map_or_else(Vec::new, value)
+        }
+        kind if SPLINES.contains(&kind) => {
+            spline::hermite(node, at(0)).map_or_else(Vec::new, value)
+        }
         kind if LINEAR.contains(&kind) => between(node, at(0), mixed).map_or_else(Vec::new, value),
         "NurbsPositionInterpolator" | "NurbsOrientationInterpolator" => {
             let Ok(Ok(curve)) = converter.curve_3d(node) else {
@@ -201,15 +208,24 @@ const LINEAR: &[&str] = &[
     "ScalarInterpolator",
 ];
 
+/// Interpolators that go smoothly through their keys.
+const SPLINES: &[&str] = &[
+    "SplinePositionInterpolator",
+    "SplinePositionInterpolator2D",
+    "SplineScalarInterpolator",
+];
+
 /// Nodes that act through routes and show nothing.
 pub(super) fn is_driver(kind: &str) -> bool {
     LINEAR.contains(&kind)
+        || SPLINES.contains(&kind)
         || matches!(
             kind,
             "NurbsOrientationInterpolator"
                 | "NurbsPositionInterpolator"
                 | "NurbsSurfaceInterpolator"
                 | "OrientationInterpolator"
+                | "SquadOrientationInterpolator"
                 | "TimeSensor"
         )
 }

@@ -1,9 +1,10 @@
 //! From the order of a file to a [`Tree`]: nesting, DEF and USE, limits.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::files::Loader;
-use super::proto::{Declared, Prototype, Scope, is_inline};
+use super::proto::{Declared, Exposed, Prototype, Scope, is_inline};
 use super::{Field, File, Link, Node, Spelling, Tree};
 use crate::{Error, Problem, ReadOptions, Warnings};
 
@@ -48,6 +49,8 @@ pub(crate) struct Builder<'a> {
     pub(super) file: Arc<File>,
     pub(super) loader: Loader,
     count: usize,
+    /// Fields of instances of prototypes, by the first node of each, that lead to their nodes.
+    pub(super) exposed: HashMap<usize, Vec<Exposed>>,
     /// Nodes made as copies of prototypes, and points moved by deformers.
     pub(super) copies: usize,
 }
@@ -75,6 +78,7 @@ impl<'a> Builder<'a> {
             file: Arc::default(),
             loader: Loader::new(spelling),
             count: 0,
+            exposed: HashMap::new(),
             copies: 0,
         }
     }

@@ -24,9 +24,11 @@ mod nurbs;
 mod proto;
 mod scene;
 mod solids;
+mod spline;
 mod text;
 mod texture;
 mod trim;
+mod wires;
 mod write;
 
 #[cfg(test)]

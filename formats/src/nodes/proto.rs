@@ -7,9 +7,10 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::animate::Route;
+use super::animate::{Route, plain_name};
 use super::build::{Builder, Open};
-use super::kinds::is_known;
+use super::kinds::{is_group, is_known};
+use super::text::words;
 use super::{Field, Link, Node};
 use crate::Error;
 
@@ -35,6 +36,14 @@ pub(super) enum Prototype {
     Known(Arc<str>),
     /// Its files have been looked for in vain.
     Missing,
+}
+
+/// A field of an instance of a prototype, and the field of a node that stands for it.
+#[derive(Clone, Debug)]
+pub(super) struct Exposed {
+    name: Arc<str>,
+    node: usize,
+    field: Arc<str>,
 }
 
 /// What has been read of the declaration of a prototype.
@@ -111,13 +120,28 @@ impl Builder<'_> {
             self.warnings.invalid(route.place(), text);
             return;
         };
-        let [from_field, to_field] = ["fromField", "toField"].map(|f| route.string(f).into());
-        self.tree.routes.push(Route {
-            from,
-            from_field,
-            to,
-            to_field,
+        let ends = |node, field| self.ends(node, &route.string(field));
+        let (from, to) = (ends(from, "fromField"), ends(to, "toField"));
+        let pairs = from
+            .iter()
+            .flat_map(|from| to.iter().map(move |to| (from, to)));
+        let routes = pairs.map(|((from, from_field), (to, to_field))| Route {
+            from: *from,
+            from_field: Arc::clone(from_field),
+            to: *to,
+            to_field: Arc::clone(to_field),
         });
+        self.tree.routes.extend(routes);
+    }
+
+    /// Where a route to or from a field really ends: within instances of prototypes.
+    fn ends(&self, node: usize, field: &str) -> Vec<(usize, Arc<str>)> {
+        let Some(exposed) = self.exposed.get(&node) else {
+            return vec![(node, field.into())];
+        };
+        let same = |e: &&Exposed| plain_name(&e.name) == plain_name(field);
+        let found = exposed.iter().filter(same);
+        found.map(|e| (e.node, Arc::clone(&e.field))).collect()
     }
 
     /// A `field` of an interface; those of scripts are passed over.
@@ -303,16 +327,58 @@ impl Builder<'_> {
         let Some(root) = copy_of(body.root) else {
             return Ok(());
         };
+        let mut exposed = Vec::new();
+        for (place, &index) in body.own.iter().enumerate() {
+            let connections = self.tree.nodes[index].connections.iter();
+            exposed.extend(connections.map(|(field, name)| Exposed {
+                name: Arc::clone(name),
+                node: base + place,
+                field: Arc::clone(field),
+            }));
+        }
         let made = &mut self.tree.nodes[root];
         made.complete &= node.complete;
         if !node.def.is_empty() {
             made.def = Arc::clone(&node.def);
+        }
+        let root = self.scaled(root, &node)?;
+        if !node.def.is_empty() {
             if let Some(scope) = self.scopes.last_mut() {
                 scope.nodes.insert(node.def, root);
             }
+            self.exposed.insert(root, exposed);
         }
         self.link(root, slot, true);
         Ok(())
+    }
+
+    /// The first node of an instance, within a `Transform` where its file has another unit of
+    /// length than that of the instance.
+    fn scaled(&mut self, root: usize, instance: &Node) -> Result<usize, Error> {
+        let made = &self.tree.nodes[root];
+        let scale = made.file.length.metres / instance.file.length.metres;
+        let is_placed = is_group(&made.kind) || &*made.kind == "Shape";
+        if !is_placed || (scale - 1.0).abs() < f64::EPSILON {
+            return Ok(root);
+        }
+        let mut around = Node {
+            kind: "Transform".into(),
+            file: Arc::clone(&instance.file),
+            line: instance.line,
+            complete: true,
+            ..Node::default()
+        };
+        around.fields.push(Field {
+            name: "scale".into(),
+            value: format!("{scale} {scale} {scale}").into(),
+        });
+        around.children.push(Link {
+            node: root,
+            field: None,
+            defined_here: true,
+        });
+        let height = self.height_inside(&around);
+        self.store(around, height)
     }
 
     /// A copy of a node of a body, with the fields that an instance fills.
@@ -324,6 +390,8 @@ impl Builder<'_> {
             let value = instance.text(&outer).map(Arc::from);
             let default = body.interface.iter().find(|d| d.name == outer);
             let default = default.filter(|_| given.is_empty() && value.is_none());
+            let units = instance.file.length.metres / copy.file.length.metres;
+            let value = value.map(|value| in_units(&field, value, units));
             if let Some(value) = value.or_else(|| default?.value.clone()) {
                 let name = Arc::clone(&field);
                 copy.fields.push(Field { name, value });
@@ -352,6 +420,33 @@ impl Builder<'_> {
         Ok(copy)
     }
 }
+
+/// A value of a field in units of which one of the value makes `units`; only lengths change.
+fn in_units(field: &str, value: Arc<str>, units: f64) -> Arc<str> {
+    if !LENGTHS.contains(&plain_name(field)) || (units - 1.0).abs() < f64::EPSILON {
+        return value;
+    }
+    let numbers: Result<Vec<f64>, _> = words(&value).map(str::parse).collect();
+    let Ok(numbers) = numbers else {
+        return value;
+    };
+    let scaled: Vec<_> = numbers.iter().map(|x| format!("{:e}", x * units)).collect();
+    scaled.join(" ").into()
+}
+
+/// Fields that hold lengths and nothing else.
+const LENGTHS: &[&str] = &[
+    "bottomRadius",
+    "center",
+    "height",
+    "location",
+    "point",
+    "position",
+    "radius",
+    "size",
+    "spine",
+    "translation",
+];
 
 /// Whether a node stands for a file.
 pub(super) fn is_inline(kind: &str) -> bool {

@@ -7,11 +7,14 @@
 use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DQuat, DVec3};
-use kernel::{Child, Item, Material, MaterialId, MetallicRoughness, NodeId, Patch, Scene, Shape};
+use kernel::{
+    Child, Item, Material, MaterialId, MetallicRoughness, NodeId, Patch, Scene, Shape, Wire, WireId,
+};
 
 use super::animate::is_driver;
 use super::kinds::{MESHES, SILENT, TRANSFORMS, is_geometry, is_group, is_material};
 use super::texture::{self, is_texture};
+use super::wires::is_wire;
 use super::write::NAME;
 use super::{Node, Tree};
 use crate::pictures::Pictures;
@@ -71,6 +74,9 @@ pub(super) struct Converter<'a> {
     pub(super) made: Vec<Made>,
     /// What geometries consist of, one list for each.
     shapes: Vec<Vec<Shape>>,
+    /// Lines and points, one list for each geometry, and those of them that are shown.
+    pub(super) wires: Vec<Vec<Wire>>,
+    pub(super) wired: HashMap<(usize, Option<MaterialId>), Vec<WireId>>,
     /// Textures, by their position.
     pub(super) textures: Vec<texture::Read>,
     pub(super) pictures: Pictures,
@@ -103,6 +109,8 @@ pub(super) enum Made {
     Shape(usize, Option<MaterialId>),
     /// Geometry, by its position in the list of shapes.
     Geometry(usize),
+    /// Lines or points, by their position, with their material.
+    Wires(usize, Option<MaterialId>),
     /// A material or an appearance.
     Material(MaterialId),
     /// A texture, by its position in the list of textures.
@@ -129,6 +137,8 @@ impl<'a> Converter<'a> {
             reached: Vec::new(),
             made: Vec::new(),
             shapes: Vec::new(),
+            wires: Vec::new(),
+            wired: HashMap::new(),
             textures: Vec::new(),
             pictures: Pictures::default(),
             pictured: HashSet::new(),
@@ -195,6 +205,7 @@ impl<'a> Converter<'a> {
             "ImageTexture" => self.image_texture(node),
             "PixelTexture" => return self.pixel_texture(node),
             "MultiTexture" => self.multi_texture(node),
+            kind if is_wire(kind) => return self.wires(node),
             kind if is_geometry(kind) => {
                 self.is_pictured = self.pictured.contains(&index);
                 return self.geometry(node);
@@ -221,10 +232,11 @@ impl<'a> Converter<'a> {
             self.warnings.unsupported(node.place(), text);
         }
         let made = self.made_inside(node).into_iter();
-        let mut children = Vec::new();
+        let (mut children, mut wires) = (Vec::new(), Vec::new());
         for made in made {
             match made {
                 Made::Node(id) => children.push(Child::Node(id)),
+                Made::Wires(geometry, material) => wires.extend(self.wired(geometry, material)),
                 Made::Shape(geometry, material) => {
                     let shapes = self.shapes[geometry].iter();
                     children.extend(shapes.map(|&shape| Child::Item(Item { shape, material })));
@@ -232,7 +244,7 @@ impl<'a> Converter<'a> {
                 _ => {}
             }
         }
-        if children.is_empty() {
+        if children.is_empty() && wires.is_empty() {
             return Made::Nothing;
         }
         let reached = self.reached.get(index).copied().flatten();
@@ -240,7 +252,7 @@ impl<'a> Converter<'a> {
             name: self.label(node),
             parent_from_node: reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node),
             children,
-            ..kernel::Node::default()
+            wires,
         });
         match made {
             Ok(id) => Made::Node(id),
@@ -260,16 +272,17 @@ impl<'a> Converter<'a> {
     }
 
     fn shape(&mut self, node: &Node) -> Made {
-        let (mut geometry, mut material) = (None, None);
+        let (mut geometry, mut wires, mut material) = (None, None, None);
         for made in self.made_inside(node) {
             match made {
+                Made::Wires(found, _) => wires = wires.or(Some(found)),
                 Made::Geometry(found) => geometry = geometry.or(Some(found)),
                 Made::Material(found) => material = material.or(Some(found)),
                 _ => {}
             }
         }
         let Some(geometry) = geometry else {
-            return Made::Nothing;
+            return wires.map_or(Made::Nothing, |wires| Made::Wires(wires, material));
         };
         let has_colors = |shape: &Shape| match shape {
             Shape::Mesh(id) => !self.scene.mesh(*id).colors().is_empty(),

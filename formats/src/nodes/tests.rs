@@ -456,6 +456,50 @@ fn instances_of_a_prototype_move_by_themselves() {
 }
 
 #[test]
+fn routes_lead_into_instances_and_out_of_them() {
+    let import = read_scene(
+        "PROTO Clock [ outputOnly SFFloat tick ] { TimeSensor { fraction_changed IS tick } }\n\
+         PROTO Mover [ inputOnly SFVec3f set_place ] { Transform { set_translation IS set_place \
+           children Shape { geometry Sphere { } } } }\n\
+         PROTO Outer [ inputOutput SFVec3f at 0 0 0 ] { Group { children Mover { set_place IS at } } }\n\
+         DEF T Clock { } DEF M Outer { }\n\
+         DEF P SplinePositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 0 8 0 ] }\n\
+         ROUTE T.tick TO P.set_fraction ROUTE P.value_changed TO M.set_at",
+    );
+    assert_eq!(import.warnings.as_slice(), []);
+    assert_eq!(place_at(&import, 0.5), DVec3::new(1.0, 4.0, 0.0));
+}
+
+#[test]
+fn lines_and_points_are_wires() {
+    let import = read_scene(
+        "Transform { children Shape { geometry NurbsCurve { order 3 knot [ 0 0 0 1 1 1 ] \
+         weight [ 1 0.5 1 ] controlPoint Coordinate { point [ 1 0 0, 0.5 0.5 0, 0 1 0 ] } } } }\n\
+         Shape { appearance Appearance { material Material { emissiveColor 1 0 0 } } geometry \
+         IndexedLineSet { coord Coordinate { point [ 0 0 0, 1 0 0, 2 0 0 ] } \
+         coordIndex [ 0 1 -1 1 2 0 ] } }\n\
+         Shape { geometry LineSet { vertexCount [ 2 ] coord Coordinate { point [ 0 0 0, 1 0 0 ] } } }\n\
+         Shape { geometry Arc2D { radius 2 startAngle 1 endAngle 1 } }\n\
+         Shape { geometry PointSet { coord Coordinate { point [ 1 2 3 ] } } }",
+    );
+    assert_eq!(import.warnings.as_slice(), []);
+    let wires = import.scene.wires();
+    let count = |shape: &kernel::WireShape| match shape {
+        kernel::WireShape::Curve(curve) => curve.points().count(),
+        kernel::WireShape::Points(points) => 10 * points.len(),
+    };
+    let counts: Vec<_> = wires.iter().map(|w| count(&w.shape)).collect();
+    assert_eq!(counts, [3, 2, 3, 2, 9, 10]);
+    assert!(wires[1].material.is_some() && wires[0].material.is_none());
+    let kernel::WireShape::Curve(curve) = &wires[0].shape else {
+        panic!("a curve");
+    };
+    // Weights are in the points: the middle one is (1, 1), but no circle with this weight.
+    assert_eq!(curve.points().nth(1), Some(DVec3::new(1.0, 1.0, 0.0)));
+    assert_eq!(import.scene.placement_count(), 0);
+}
+
+#[test]
 fn the_interpolator_of_vrml_97_has_names_of_its_own() {
     let (limits, resolver) = (&Limits::default(), &NoFiles);
     // A cubic, as the default order there is four.

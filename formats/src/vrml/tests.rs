@@ -223,8 +223,8 @@ fn prototypes_and_scenes_come_from_files_beside() {
          Transform { translation 0 0 1 children [ Inline { url [ \"sub/scene.x3dv\" ] } ] }",
         &files,
     );
-    // Half a metre is the unit of the scene in the folder.
-    assert_eq!(corners(&import), [[1.0, 0.0, 4.0], [0.5, 4.0, 1.0]]);
+    // Half a metre is the unit of the scene in the folder, a metre that of the prototype.
+    assert_eq!(corners(&import), [[1.0, 0.0, 4.0], [1.0, 4.0, 1.0]]);
     assert_eq!(messages(&import), Vec::<String>::new());
 }
 

@@ -544,6 +544,32 @@ fn prototypes_of_other_files_are_read_from_xml() {
 }
 
 #[test]
+fn prototypes_of_files_in_other_units_are_scaled() {
+    struct Part;
+    impl crate::Resolver for Part {
+        fn resolve(&self, _: &str) -> std::io::Result<Vec<u8>> {
+            Ok(
+                b"#X3D V3.3 utf8\nUNIT length mm 0.001\nPROTO Part [ ] { Shape { geometry Sphere \
+                { radius 500 } } }"
+                    .to_vec(),
+            )
+        }
+    }
+    let text = file(
+        "<ExternProtoDeclare name='Part' url='\"part.x3dv\"'/>\
+         <Transform translation='1 0 0'><ProtoInstance name='Part'/></Transform>",
+    );
+    let (limits, resolver) = (&Limits::default(), &Part);
+    let import = read(text.as_bytes(), &ReadOptions { limits, resolver }).unwrap();
+    assert_eq!(messages(&import), Vec::<String>::new());
+    let bounds = import.scene.hull_bounds();
+    assert!(
+        (bounds.min - DVec3::new(0.5, -0.5, -0.5)).length() < 1e-15,
+        "{bounds:?}"
+    );
+}
+
+#[test]
 fn broken_json_says_where() {
     let json = |text: &str| read_with(&Limits::default(), text);
     let import = json(

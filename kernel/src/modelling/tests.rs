@@ -267,6 +267,54 @@ fn rails_with_rounded_knots_get_no_slivers() {
     walk(&surface, |uv, p, _| assert!((p.z - uv.y).abs() < 1e-15));
 }
 
+/// The definition of a swept surface, from the derivatives of its trajectory.
+fn carried(section: &Curve<DVec2>, trajectory: &Curve<DVec3>, u: f64, v: f64) -> DVec3 {
+    let along = trajectory.derivatives(v);
+    let y = along.first.normalize();
+    let z = along.first.cross(along.second).normalize();
+    let c = section.evaluate(u);
+    along.point + y.cross(z) * c.x + z * c.y
+}
+
+#[test]
+fn swept_surfaces_are_what_their_definition_says() {
+    let section = [(0.3, -0.1), (0.5, 0.4), (-0.2, 0.3), (-0.4, -0.2)].map(DVec2::from);
+    let knots = KnotVector::clamped_uniform(2, 4, 0.0..1.0).unwrap();
+    let section = Curve::new(knots, &section, Some(&[1.0, 0.5, 2.0, 1.0])).unwrap();
+    // Turns of a screw, polynomial and rational, without a place where it is straight.
+    let turn = |i: i32| {
+        let angle = f64::from(i) * 0.9;
+        DVec3::new(2.0 * angle.cos(), 0.5 * angle, 2.0 * angle.sin())
+    };
+    let points: Vec<_> = (0..9).map(turn).collect();
+    let weights: Vec<_> = (0..9).map(|i| 1.0 + f64::from(i % 3) * 0.25).collect();
+    for (degree, weights) in [(3, None), (3, Some(&weights[..])), (5, None)] {
+        let knots = KnotVector::clamped_uniform(degree, points.len(), 0.0..4.0).unwrap();
+        let trajectory = Curve::new(knots, &points, weights).unwrap();
+        let swept = swept(&section, &trajectory, 1e-9).unwrap();
+        assert!(swept.accuracy <= 1e-9, "{}", swept.accuracy);
+        let mut most = 0.0_f64;
+        for surface in &swept.surfaces {
+            let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+            for i in 0..=20 {
+                for j in 0..=200 {
+                    let at = |r: &Range<f64>, i: i32, n: i32| {
+                        r.start + (r.end - r.start) * f64::from(i) / f64::from(n)
+                    };
+                    let uv = DVec2::new(at(&u, i, 20), at(&v, j, 200));
+                    let expected = carried(&section, &trajectory, uv.x, uv.y);
+                    most = most.max(surface.evaluate(uv).distance(expected));
+                }
+            }
+        }
+        println!(
+            "degree {degree}: {} surfaces, {most:e}",
+            swept.surfaces.len()
+        );
+        assert!(most < 1e-9, "degree {degree}: {most:e}");
+    }
+}
+
 #[test]
 fn bad_input_is_named() {
     let f = Frame::WORLD;

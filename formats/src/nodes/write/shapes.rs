@@ -1,7 +1,7 @@
 //! Surfaces with their trims, and meshes.
 
 use glam::{DVec2, DVec4};
-use kernel::{Curve, Mesh, Patch, Surface, oriented};
+use kernel::{Curve, Mesh, Patch, Surface, WireShape, oriented};
 
 use super::Dialect;
 use super::look::srgb;
@@ -58,6 +58,40 @@ impl Tree<'_> {
         }
         if let Some(texture) = &patch.texture {
             out.child("texCoord", self.texture_surface(texture));
+        }
+    }
+
+    /// A curve or points that stand for themselves.
+    pub(super) fn wire(&self, wire: &WireShape) -> Out {
+        let points = |numbers: &[f64], kind| {
+            let mut out = Out::new(kind);
+            out.field("point", Value::list(numbers, 3));
+            out
+        };
+        match wire {
+            WireShape::Points(list) => {
+                let numbers: Vec<_> = list.iter().flat_map(|p| p.to_array()).collect();
+                let mut out = Out::new("PointSet");
+                out.child("coord", points(&numbers, "Coordinate"));
+                out
+            }
+            WireShape::Curve(curve) => {
+                let mut out = Out::new("NurbsCurve");
+                let knots = curve.knots();
+                out.field("order", Value::number(knots.degree() as f64 + 1.0));
+                out.field("knot", Value::list(knots.as_slice(), 1));
+                if has_weights(curve.weights()) {
+                    let weights: Vec<_> = curve.weights().collect();
+                    out.field("weight", Value::list(&weights, 1));
+                }
+                let net = curve.homogeneous().iter();
+                let numbers: Vec<_> = net.flat_map(|h| h.truncate().to_array()).collect();
+                match self.dialect {
+                    Dialect::Vrml97 => out.field("controlPoint", Value::list(&numbers, 3)),
+                    _ => out.child("controlPoint", points(&numbers, "CoordinateDouble")),
+                }
+                out
+            }
         }
     }
 

@@ -109,9 +109,12 @@ fn usual_field(kind: &str) -> &'static str {
         "UnlitMaterial" => "material",
         "Contour2D" => "trimmingContour",
         "CoordinateDouble" | "Coordinate" => "coord",
-        "IndexedTriangleSet" | "NurbsPatchSurface" | "NurbsTrimmedSurface" => "geometry",
+        "IndexedTriangleSet"
+        | "NurbsCurve"
+        | "NurbsPatchSurface"
+        | "NurbsTrimmedSurface"
+        | "PointSet" => "geometry",
         "Material" | "PhysicalMaterial" => "material",
-        "MetadataString" => "metadata",
         "Normal" => "normal",
         "TextureCoordinate" => "texCoord",
         _ => "children",

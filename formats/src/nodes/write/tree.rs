@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use kernel::{Child, Item, MaterialId, NodeId, Scene, Shape, UpAxis};
+use kernel::{Child, Item, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
 
 use super::Dialect;
 use super::spell::{Out, Value, identifier};
@@ -76,6 +76,7 @@ impl<'a> Tree<'a> {
             for child in &node.children {
                 out.extend(self.child(child, 0)?);
             }
+            out.extend(self.wires(node));
         } else {
             out.extend(self.node(id, &place, 0)?);
         }
@@ -112,7 +113,29 @@ impl<'a> Tree<'a> {
                 out.child("children", child);
             }
         }
+        for wire in self.wires(node) {
+            out.child("children", wire);
+        }
         Ok(Some(out))
+    }
+
+    /// The curves and points of a node; one that stands there again is written again.
+    fn wires(&mut self, node: &Node) -> Vec<Out> {
+        let scene = self.scene;
+        let mut written = Vec::new();
+        for wire in node.wires.iter().map(|&id| scene.wire(id)) {
+            let mut shape = Out::new("Shape");
+            if let Some(id) = wire.material {
+                shape.child("appearance", self.appearance(id));
+            }
+            let mut geometry = self.wire(&wire.shape);
+            if !wire.name.is_empty() {
+                self.define(&mut geometry, &wire.name, None);
+            }
+            shape.child("geometry", geometry);
+            written.push(shape);
+        }
+        written
     }
 
     /// A shape: geometry with its material.
