@@ -260,7 +260,7 @@ fn spheres_and_cones_of_others_are_exact() {
         panic!("a curve");
     };
     // Its weights are 0.7071, so that it is a circle at its knots and a little less between.
-    let w = 0.7071;
+    let w = 7071.0 / 10_000.0;
     let least = 2_f64.sqrt() * (1.0 + 2.0 * w) / (2.0 + 2.0 * w);
     for i in 0..8 {
         let radius = curve.evaluate(f64::from(i) / 8.0).length();
