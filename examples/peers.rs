@@ -1,7 +1,8 @@
 //! Times build and trace as the rivals of `make peers` do: the same teapots, the same camera.
 //!
-//! Arguments: folder of the shared geometry, scene (`teapot`, `inst27`, `arr27`, `inst1000`,
-//! `arr1000`), width, height, runs. Prints medians of milliseconds, and what was hit.
+//! Arguments: folder of the shared geometry, scene (`teapot`, or `inst` or `arr` and the number
+//! of teapots in a cube, each placed or each stored), width, height, runs. Prints medians of
+//! milliseconds, and what was hit.
 
 #![expect(clippy::print_stdout, reason = "the result of the program")]
 
@@ -49,10 +50,15 @@ fn main() -> Result<(), Failure> {
         up: vector(&camera["up_ortho"])? * half,
     };
     let mut scene = open(format!("{folder}/teapot.obj"), &Limits::default())?.scene;
-    let (n, back) = match name.trim_start_matches(char::is_alphabetic) {
-        "27" => (3, 3.0),
-        "1000" => (10, 9.0),
-        _ => (1, 1.0),
+    // A cube of teapots; the rival's distances belong to two of them.
+    let teapots: f64 = match name.trim_start_matches(char::is_alphabetic) {
+        "" => 1.0,
+        number => number.parse()?,
+    };
+    let n = (1..=50).find(|n| f64::from(n * n * n) >= teapots).unwrap_or(50);
+    let back = match n {
+        3 => 3.0,
+        _ => 0.9 * f64::from(n),
     };
     if n > 1 {
         // The eye goes back until the array fits.
