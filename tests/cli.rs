@@ -179,6 +179,20 @@ fn info_describes_the_file() {
 }
 
 #[test]
+fn info_marks_what_is_triangles() {
+    let run = Place::new().run("info samples/mixed.obj");
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
+    for line in [
+        "  meshes     3 stored, 3 shown, 22 triangles\n",
+        "      floor (1 shapes, 1 of triangles)\n",
+        "      sails (2 shapes)\n",
+        "      wires (3 wires)\n",
+    ] {
+        assert!(run.stdout.contains(line), "{line}{}", run.stdout);
+    }
+}
+
+#[test]
 fn files_come_from_standard_input() {
     let place = Place::new();
     let teapot = fs::read(place.path("samples/teapot.obj")).unwrap();

@@ -193,3 +193,32 @@ fn a_batch_is_taken_up_again_and_divided() {
     ));
     assert!(lines(&run.stdout).iter().all(|l| l["status"] == "ok"));
 }
+
+#[test]
+fn written_files_give_the_same_picture() {
+    let place = Place::new();
+    let picture = |file: &str| {
+        let run = place.run(&format!("render {file} -o {file}.png --size 96x72"));
+        assert_eq!(run.code, Some(0), "{file}: {}", run.stderr);
+        fs::read(place.path(&format!("{file}.png"))).unwrap()
+    };
+    // Pictures are named and not copied; IGES has neither pictures nor polygons.
+    fs::copy(place.path("samples/weave.png"), place.path("weave.png")).unwrap();
+    let ways: [(&str, &[&str]); 2] = [
+        ("teapot", &["obj", "igs", "obj", "x3d", "obj"]),
+        ("mixed", &["obj", "x3d", "obj"]),
+    ];
+    for (stem, way) in ways {
+        let mut file = format!("samples/{stem}.obj");
+        let first = picture(&file);
+        for (step, extension) in way.iter().enumerate() {
+            let next = format!("{stem}_{step}.{extension}");
+            let run = place.run(&format!("convert {file} -o {next}"));
+            assert_eq!(run.code, Some(0), "{next}: {}", run.stderr);
+            file = next;
+            if *extension == "obj" {
+                assert!(picture(&file) == first, "{file}");
+            }
+        }
+    }
+}

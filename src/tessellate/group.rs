@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, HashMap};
 
 use glam::{DAffine3, DVec2, DVec3};
-use kernel::{Child, Mesh, Patch, PatchId, Scene, Shape};
+use kernel::{Child, Mesh, Patch, PatchId, Scene, Seam, Shape};
 use rayon::prelude::*;
 
 use super::edge::{Chain, Walker};
 use super::face::{Corner, Mesher, Stretch, Triangles};
 use super::rim::{Face, SNAP};
-use super::sew::{Edge, sew};
+use super::sew::{Edge, Named, sew};
 use super::shell::{Part, Shell, shells};
 use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
 
@@ -144,7 +144,7 @@ impl Group {
                 face.rims(patch).into_iter().map(move |curve| (k, curve))
             })
             .collect();
-        let sewn = sew(&faces, rims);
+        let sewn = sew(&faces, rims, &self.named(scene));
         let leasts = least_steps(&sewn.edges);
         let chains: Vec<Chain> = sewn
             .edges
@@ -162,6 +162,20 @@ impl Group {
         let (meshes, crossings) = net.mesh();
         let proven = net.edge_bounds();
         self.finish(&patches, &faces, &meshes, &proven, crossings)
+    }
+
+    /// The seams that the file names between members.
+    fn named<'s>(&self, scene: &'s Scene) -> Vec<Named<'s>> {
+        let place = |id: PatchId| self.members.iter().position(|member| *member == id);
+        let named = |seam: &'s Seam| {
+            let [a, b] = seam.sides.each_ref().map(|side| place(side.patch));
+            let curves = seam.sides.each_ref().map(|side| &side.curve);
+            Some(Named {
+                sides: [(a?, curves[0]), (b?, curves[1])],
+                gap: seam.gap,
+            })
+        };
+        scene.seams().iter().filter_map(named).collect()
     }
 
     fn finish(

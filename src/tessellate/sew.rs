@@ -1,9 +1,10 @@
-//! From the boundaries of faces to the edges that they share, by geometry alone.
+//! From the boundaries of faces to the edges that they share, by geometry.
 //!
-//! Files of surfaces say nothing about neighbours. Here two stretches of boundary become one
+//! Files of surfaces mostly say nothing about neighbours. Here two stretches of boundary become one
 //! edge if they have the same ends and stay together in between, first within a thousandth
 //! of the tolerance, then within more and more of it: what fits well finds its partner before
-//! a wider reach could confuse it with something else.
+//! a wider reach could confuse it with something else. Seams that a file names come last, as
+//! far apart as they are.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -53,6 +54,17 @@ struct Strand {
     trail: Trail,
     edge: Option<usize>,
     collapsed: bool,
+    /// Whether it looks for partners now.
+    awake: bool,
+}
+
+/// Curves on two faces that the file says are one.
+#[derive(Clone, Debug)]
+pub(super) struct Named<'s> {
+    /// Position of the face, and the curve on it.
+    pub(super) sides: [(usize, &'s Curve<DVec2>); 2],
+    /// How far apart they are at most.
+    pub(super) gap: f64,
 }
 
 /// Points along a curve on a surface.
@@ -164,7 +176,11 @@ fn refine(
 }
 
 /// Sews the boundary curves of faces, given with the number of their face.
-pub(super) fn sew(faces: &[Face<'_>], rims: Vec<(usize, Curve<DVec2>)>) -> Sewn {
+pub(super) fn sew(
+    faces: &[Face<'_>],
+    rims: Vec<(usize, Curve<DVec2>)>,
+    named: &[Named<'_>],
+) -> Sewn {
     let tolerance = faces.iter().fold(f64::INFINITY, |m, f| m.min(f.tolerance));
     let mut sewer = Sewer {
         faces,
@@ -189,6 +205,10 @@ pub(super) fn sew(faces: &[Face<'_>], rims: Vec<(usize, Curve<DVec2>)>) -> Sewn 
         }
         sewer.split_at_nodes(reach, seams);
         sewer.match_strands(reach, seams);
+    }
+    let widest = tolerance * REACHES[REACHES.len() - 1];
+    for seam in named.iter().filter(|seam| seam.gap > widest) {
+        sewer.close(seam, tolerance);
     }
     sewer.finish()
 }
@@ -227,7 +247,30 @@ impl Sewer<'_, '_> {
             trail,
             edge: None,
             collapsed: false,
+            awake: true,
         });
+    }
+
+    /// Sews what lies on the sides of a seam.
+    fn close(&mut self, seam: &Named<'_>, tolerance: f64) {
+        let sides = seam
+            .sides
+            .map(|(face, curve)| (face, curve, Trail::of(&self.faces[face], curve)));
+        let faces = self.faces;
+        for strand in &mut self.strands {
+            let points = &strand.trail.0;
+            let on = |(face, curve, trail): &(usize, &Curve<DVec2>, Trail)| {
+                let near = |p: DVec3| trail.project(&faces[*face], curve, p).1 <= tolerance;
+                let ends = [0, points.len() / 2, points.len() - 1];
+                *face == strand.face && ends.into_iter().all(|k| near(points[k].1))
+            };
+            strand.awake = sides.iter().any(on);
+        }
+        // A little more, since the gap was found at points.
+        let reach = seam.gap * 1.01;
+        self.merge_nodes(reach, false);
+        self.split_at_nodes(reach, false);
+        self.match_strands(reach, false);
     }
 
     fn root(&self, mut node: usize) -> usize {
@@ -242,7 +285,7 @@ impl Sewer<'_, '_> {
     }
 
     fn is_open(strand: &Strand) -> bool {
-        strand.edge.is_none() && !strand.collapsed
+        strand.awake && strand.edge.is_none() && !strand.collapsed
     }
 
     /// The ends of strands without partner, from left to right.

@@ -175,3 +175,46 @@ fn bodies() -> Vec<Body> {
         },
     ]
 }
+
+#[test]
+fn seams_that_a_file_names_are_closed_beyond_the_tolerance() {
+    // Two halves of a square with a slit between them, one edge a little longer.
+    let half = |x: [f64; 2], top: f64| -> Patch {
+        let knots = || kernel::KnotVector::bezier(1, 0.0..1.0).unwrap();
+        let corners = [
+            DVec3::new(x[0], 0.0, 0.0),
+            DVec3::new(x[0], top, 0.0),
+            DVec3::new(x[1], 0.0, 0.0),
+            DVec3::new(x[1], 1.0, 0.0),
+        ];
+        Surface::new(knots(), knots(), &corners, None)
+            .unwrap()
+            .into()
+    };
+    let side = |u: f64, patch: kernel::PatchId| kernel::SeamSide {
+        patch,
+        curve: kernel::Curve::line([u, 0.0].into(), [u, 1.0].into(), 0.0..1.0).unwrap(),
+    };
+    let options = TessellateOptions {
+        tolerance: Tolerance::Length(0.001),
+        ..TessellateOptions::default()
+    };
+    for named in [false, true] {
+        let mut scene = scene(vec![half([0.0, 1.0], 1.0), half([1.01, 2.0], 1.01)]);
+        let [a, b] = [0, 1].map(|k| match scene.placements()[k].shape {
+            Shape::Patch(id) => id,
+            Shape::Mesh(_) => panic!("a patch"),
+        });
+        let gap = 0.01_f64.hypot(0.01);
+        if named {
+            let sides = [side(1.0, a), side(0.0, b)];
+            scene.add_seam(kernel::Seam { sides, gap }).unwrap();
+        }
+        let found = tessellate(&scene, &options);
+        assert_eq!(found.shells.len(), if named { 1 } else { 2 });
+        for face in found.faces.iter().flatten() {
+            assert_eq!(face.gap > 0.001, named, "{}", face.gap);
+            assert!(face.gap <= 0.51 * gap && face.proven >= face.gap);
+        }
+    }
+}
