@@ -26,6 +26,7 @@ pub use kernel;
 
 mod accelerator;
 mod certify;
+pub mod compare;
 pub mod convert;
 mod film;
 pub mod gltf;

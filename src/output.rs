@@ -12,6 +12,7 @@ use exr::prelude::{
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
+use crate::compare::Picture;
 use crate::film::{Film, PixelData};
 
 /// Bits per channel of a PNG file.
@@ -177,6 +178,34 @@ pub fn replace_file(
     written
 }
 
+/// A picture as the bytes of a PNG file, one byte per channel.
+///
+/// # Errors
+/// If the encoder refuses its size.
+pub fn encode_png(picture: &Picture) -> io::Result<Vec<u8>> {
+    let channels = picture.pixels().iter().flatten();
+    let bytes: Vec<u8> = channels
+        .map(|v| quantize(v.clamp(0.0, 1.0), 255.0).to_be_bytes()[1])
+        .collect();
+    let size = |n: usize| u32::try_from(n).map_err(io::Error::other);
+    let (width, height) = (size(picture.width())?, size(picture.height())?);
+    let mut file = Vec::new();
+    PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive)
+        .write_image(&bytes, width, height, ExtendedColorType::Rgb8)
+        .map_err(io::Error::other)?;
+    Ok(file)
+}
+
+/// Writes one number per pixel as the only channel of an EXR file; `size` is width and height.
+///
+/// # Errors
+/// If the file cannot be written; nothing is left behind then.
+pub fn write_channel(path: &Path, size: [u32; 2], name: &str, values: &[f32]) -> io::Result<()> {
+    let mut channels = SmallVec::new();
+    channels.push(AnyChannel::new(name, FlatSamples::F32(values.to_vec())));
+    replace_file(path, |file| write_channels(channels, size, file))
+}
+
 /// The sRGB value of linear light, both from 0 to 1.
 fn srgb(linear: f32) -> f32 {
     let x = linear.clamp(0.0, 1.0);
@@ -253,12 +282,21 @@ fn write_exr(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
         let samples = film.data().iter().map(value).collect();
         channels.push(AnyChannel::new(*name, FlatSamples::F32(samples)));
     }
+    write_channels(channels, [film.width(), film.height()], file)
+}
+
+/// The channels of an EXR file, in the order of their names.
+fn write_channels(
+    channels: SmallVec<[AnyChannel<FlatSamples>; 4]>,
+    [width, height]: [u32; 2],
+    file: &mut BufWriter<File>,
+) -> io::Result<()> {
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
-    let size = (film.width() as usize, film.height() as usize);
+    let size = (width as usize, height as usize);
     let layer = Layer::new(
         size,
         LayerAttributes::default(),

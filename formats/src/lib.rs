@@ -143,11 +143,8 @@ pub fn open_within(
     let path = path.as_ref();
     let bytes = read_within(fs::File::open(path)?, limits.bytes)?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let resolver = Folder {
-        base: path.parent().unwrap_or(Path::new("")),
-        root: root.as_ref(),
-        limits,
-    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let resolver = Folder::new(folder, root.as_ref(), limits);
     let options = ReadOptions {
         limits,
         resolver: &resolver,
@@ -273,10 +270,18 @@ fn read_within(source: impl io::Read, limit: usize) -> io::Result<Vec<u8>> {
 }
 
 /// Resolves names in one folder to files in another one and below.
-struct Folder<'a> {
+#[derive(Clone, Debug)]
+pub struct Folder<'a> {
     base: &'a Path,
     root: &'a Path,
     limits: &'a Limits,
+}
+
+impl<'a> Folder<'a> {
+    /// Names are looked for from `base` on; the files must lie in `root` or below.
+    pub fn new(base: &'a Path, root: &'a Path, limits: &'a Limits) -> Self {
+        Self { base, root, limits }
+    }
 }
 
 impl Resolver for Folder<'_> {

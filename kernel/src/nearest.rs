@@ -1,5 +1,7 @@
 //! The points of a surface nearest to given points.
 
+use std::sync::OnceLock;
+
 use glam::{DVec2, DVec3};
 
 use crate::{Surface, SurfaceDerivatives};
@@ -62,14 +64,27 @@ pub struct Nearby<'a> {
     closed: [bool; 2],
     start: DVec2,
     end: DVec2,
-    samples: Vec<(DVec2, DVec3)>,
+    /// Points all over the surface, made when they are first wanted.
+    samples: OnceLock<Vec<(DVec2, DVec3)>>,
     size: f64,
 }
 
 impl<'a> Nearby<'a> {
     /// Prepares a surface; `closed` tells where it meets itself, see [`closed`].
     pub fn new(surface: &'a Surface, closed: [bool; 2]) -> Self {
-        let (u, v) = (surface.knots_u(), surface.knots_v());
+        let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+        Self {
+            surface,
+            closed,
+            start: DVec2::new(u.start, v.start),
+            end: DVec2::new(u.end, v.end),
+            samples: OnceLock::new(),
+            size: surface.hull_bounds().diagonal(),
+        }
+    }
+
+    fn sampled(&self) -> Vec<(DVec2, DVec3)> {
+        let (u, v) = (self.surface.knots_u(), self.surface.knots_v());
         let along = |knots: &crate::KnotVector| -> Vec<f64> {
             let breaks = knots.breaks();
             let per_span = (SAMPLES / breaks.len()).clamp(1, knots.degree() + 1);
@@ -86,15 +101,16 @@ impl<'a> Nearby<'a> {
         let pairs = along_u
             .iter()
             .flat_map(|&u| along_v.iter().map(move |&v| DVec2::new(u, v)));
-        let samples = pairs.map(|uv| (uv, surface.evaluate(uv))).collect();
-        let (u, v) = (u.domain(), v.domain());
-        Self {
-            surface,
-            closed,
-            start: DVec2::new(u.start, v.start),
-            end: DVec2::new(u.end, v.end),
-            samples,
-            size: surface.hull_bounds().diagonal(),
+        pairs.map(|uv| (uv, self.surface.evaluate(uv))).collect()
+    }
+
+    /// The point near `guess` where the distance from `target` has a minimum, by Newton's
+    /// iteration alone; its parameters are in the domain.
+    pub fn near(&self, target: DVec3, guess: DVec2) -> Nearest {
+        let found = self.iterate(target, guess);
+        Nearest {
+            uv: self.wrapped(found.uv),
+            ..found
         }
     }
 
@@ -108,8 +124,8 @@ impl<'a> Nearby<'a> {
         if let Some(found) = guessed.filter(|found| found.distance <= TRUSTED * self.size) {
             return found;
         }
-        let mut order: Vec<_> = self
-            .samples
+        let samples = self.samples.get_or_init(|| self.sampled());
+        let mut order: Vec<_> = samples
             .iter()
             .map(|(uv, point)| (point.distance_squared(target), *uv))
             .collect();
@@ -216,7 +232,7 @@ impl<'a> Nearby<'a> {
     }
 
     /// The parameters moved into the domain by whole periods.
-    fn wrapped(&self, uv: DVec2) -> DVec2 {
+    pub fn wrapped(&self, uv: DVec2) -> DVec2 {
         let wrap = |axis: usize| {
             let (start, end) = (self.start[axis], self.end[axis]);
             if self.closed[axis] && !(start <= uv[axis] && uv[axis] <= end) {

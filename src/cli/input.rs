@@ -31,7 +31,7 @@ pub(super) struct Loaded {
 }
 
 impl ReadArgs {
-    fn limits(&self) -> Limits {
+    pub(super) fn limits(&self) -> Limits {
         let factor = self.relax_limits as usize;
         let limits = Limits::default();
         Limits {

@@ -31,7 +31,7 @@ pub(super) struct MeshArgs {
 
 /// A length on the command line.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Distance {
+pub(super) enum Distance {
     Metres(f64),
     Units(f64),
     Share(f64),
@@ -46,7 +46,7 @@ fn positive(text: &str) -> Option<f64> {
         .filter(|x: &f64| *x > 0.0 && x.is_finite())
 }
 
-fn distance(text: &str) -> Result<Distance, String> {
+pub(super) fn distance(text: &str) -> Result<Distance, String> {
     let units = [
         ("mm", 1e-3),
         ("cm", 1e-2),
@@ -76,7 +76,7 @@ fn pixels(text: &str) -> Result<f64, String> {
 }
 
 impl Distance {
-    fn tolerance(self, scene: &Scene) -> anyhow::Result<Tolerance> {
+    pub(super) fn tolerance(self, scene: &Scene) -> anyhow::Result<Tolerance> {
         Ok(match self {
             Self::Units(length) => Tolerance::Length(length),
             Self::Share(share) => Tolerance::Relative(share),
@@ -89,18 +89,20 @@ impl Distance {
     }
 }
 
+impl Distance {
+    /// The length in units of the scene.
+    pub(super) fn length(self, scene: &Scene) -> anyhow::Result<f64> {
+        Ok(match self.tolerance(scene)? {
+            Tolerance::Length(length) => length,
+            Tolerance::Relative(share) => share * scene.hull_bounds().diagonal(),
+        })
+    }
+}
+
 impl MeshArgs {
     /// What they ask for in a scene.
     pub(super) fn options(&self, scene: &Scene) -> anyhow::Result<TessellateOptions> {
-        let max_edge = match self
-            .max_edge
-            .map(|most| most.tolerance(scene))
-            .transpose()?
-        {
-            None => None,
-            Some(Tolerance::Length(length)) => Some(length),
-            Some(Tolerance::Relative(share)) => Some(share * scene.hull_bounds().diagonal()),
-        };
+        let max_edge = self.max_edge.map(|most| most.length(scene)).transpose()?;
         let screen = self.screen.map(|pixels| {
             let camera = scene.cameras.first().cloned();
             let up = scene.up.direction();

@@ -2,6 +2,7 @@
 #![allow(clippy::print_stderr, reason = "this is where the program speaks")]
 
 mod batch;
+mod compare;
 mod convert;
 mod info;
 mod input;
@@ -31,6 +32,7 @@ Examples:
   nurbray render samples/teapot.obj -o teapot.png
   nurbray render *.igs -o 'pictures/{stem}.exr' --size 1920x1080 --samples 4
   nurbray convert samples/goblet.x3d -o goblet.igs
+  nurbray compare samples/teapot.obj -o report
   nurbray info samples/goblet.x3d
   echo 0,5,0,0,-1,0 | nurbray probe samples/teapot.obj --rays - --all
 
@@ -41,9 +43,13 @@ Exit codes: 0 done, 1 a comparison found a difference, 2 something went wrong,
 enum Command {
     Render(Box<render::Args>),
     Convert(convert::Args),
+    Compare(compare::Args),
     Info(info::Args),
     Probe(probe::Args),
 }
+
+/// Exit code when a comparison found more than was allowed.
+const DIFFERENT: u8 = 1;
 
 /// Exit code when something went wrong.
 const FAILED: u8 = 2;
@@ -71,6 +77,7 @@ pub(crate) fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args).map(Failures::from),
         Command::Convert(args) => convert::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::run(&args).map(Failures::from),
         Command::Probe(args) => probe::run(&args).map(Failures::from),
     };

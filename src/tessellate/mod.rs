@@ -13,7 +13,7 @@ mod edge;
 mod face;
 mod group;
 mod net;
-mod pieces;
+pub(crate) mod pieces;
 mod rim;
 mod seed;
 mod sew;
@@ -187,7 +187,7 @@ impl Screen {
 }
 
 /// The largest factor by which a map lengthens anything, or a little more.
-fn stretch(map: &DAffine3) -> f64 {
+pub(crate) fn stretch(map: &DAffine3) -> f64 {
     let m = map.matrix3;
     let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
     let lengths = [a, b, c].map(|x| x.length_squared());

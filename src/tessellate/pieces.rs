@@ -43,7 +43,7 @@ impl Ball {
 
 /// Where the derivatives of a surface are over a rectangle of parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Spread {
+pub(crate) struct Spread {
     pub(super) du: Ball,
     pub(super) dv: Ball,
     pub(super) duu: Ball,
@@ -86,7 +86,7 @@ impl Spread {
     /// With `l` the barycentric coordinates of a point, the distance there is at most half
     /// of the sum of `l_i l_j bend(p_i - p_j)` over the sides: Taylor's formula about the
     /// point, of which the constant part is an identity and the rest a quadratic form.
-    pub(super) fn triangle(&self, [a, b, c]: [DVec2; 3], size: DVec2) -> f64 {
+    pub(crate) fn triangle(&self, [a, b, c]: [DVec2; 3], size: DVec2) -> f64 {
         let [x, y, z] = [a - b, b - c, c - a].map(|d| self.bend(d, size));
         let longest = x.max(y).max(z);
         let others = x + y + z - longest;
@@ -113,14 +113,14 @@ impl Spread {
 
 /// A rectangle of parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Rect {
-    pub(super) min: DVec2,
-    pub(super) max: DVec2,
+pub(crate) struct Rect {
+    pub(crate) min: DVec2,
+    pub(crate) max: DVec2,
 }
 
 impl Rect {
     /// The least rectangle around points.
-    pub(super) fn around(points: impl IntoIterator<Item = DVec2>) -> Self {
+    pub(crate) fn around(points: impl IntoIterator<Item = DVec2>) -> Self {
         let empty = Self {
             min: DVec2::INFINITY,
             max: DVec2::NEG_INFINITY,
@@ -131,14 +131,14 @@ impl Rect {
         })
     }
 
-    pub(super) fn size(&self) -> DVec2 {
+    pub(crate) fn size(&self) -> DVec2 {
         self.max - self.min
     }
 }
 
 /// A surface with its Bézier pieces.
 #[derive(Debug)]
-pub(super) struct Pieces<'a> {
+pub(crate) struct Pieces<'a> {
     pub(super) surface: &'a Surface,
     /// Borders of the pieces along u and v.
     breaks: [Vec<f64>; 2],
@@ -154,7 +154,7 @@ struct Piece {
 }
 
 impl<'a> Pieces<'a> {
-    pub(super) fn new(surface: &'a Surface) -> Self {
+    pub(crate) fn new(surface: &'a Surface) -> Self {
         let list: Vec<Piece> = surface
             .bezier_pieces()
             .into_iter()
@@ -174,7 +174,7 @@ impl<'a> Pieces<'a> {
         pieces
     }
 
-    pub(super) fn domain(&self) -> Rect {
+    pub(crate) fn domain(&self) -> Rect {
         let ends = |k: usize| (self.breaks[k][0], self.breaks[k][self.breaks[k].len() - 1]);
         let ((u0, u1), (v0, v1)) = (ends(0), ends(1));
         Rect {
@@ -206,7 +206,7 @@ impl<'a> Pieces<'a> {
     }
 
     /// Bounds over a rectangle inside the domain.
-    pub(super) fn spread(&self, rect: &Rect) -> Spread {
+    pub(crate) fn spread(&self, rect: &Rect) -> Spread {
         let mut all: Option<Spread> = None;
         for i in self.spans(0, rect.min.x, rect.max.x) {
             for j in self.spans(1, rect.min.y, rect.max.y) {

@@ -1,0 +1,240 @@
+//! `nurbray compare`.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context as _, bail};
+use glam::DVec3;
+use nurbray::compare::{self, Candidate, Made, Report, Subject, View, read};
+use nurbray::formats::Limits;
+use nurbray::gltf::{self, Container};
+use nurbray::kernel::{Scene, linear_from_srgb};
+use nurbray::{TessellateOptions, Tolerance, output, tessellate};
+
+use super::input::{self, ReadArgs};
+use super::mesh::{self, Distance};
+use super::parse;
+use super::{DIFFERENT, Failures};
+
+/// Compares exact surfaces with meshes, in numbers and pictures
+///
+/// Without a mesh, our own glTF at one or several tolerances is written, read back and compared.
+/// With --align a mesh is fitted onto the surfaces first; else unit and upward axis of both
+/// files say where it stands. The report is a folder: index.html shows everything and needs no
+/// network, report.json and summary.md have the numbers, PNG and EXR files the pictures.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// File with exact surfaces; - reads standard input
+    cad: PathBuf,
+    /// Meshes: .glb, .gltf, .stl, .obj or another format with polygons
+    meshes: Vec<PathBuf>,
+    /// Folder for the report; it is made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Tolerances of our own meshes, separated by commas: lengths with a unit (m, cm, mm, um, in,
+    /// ft) or in units of the file, or shares of the diagonal of the scene in percent
+    #[arg(
+        long,
+        value_name = "LENGTH|%,...",
+        default_value = "0.2%,0.05%,0.01%",
+        value_delimiter = ',',
+        value_parser = mesh::distance,
+        conflicts_with = "meshes"
+    )]
+    tolerance: Vec<Distance>,
+    /// Fit meshes onto the surfaces by turning and moving them; the residual is told
+    #[arg(long)]
+    align: bool,
+    /// End with exit code 1 if surface and mesh may be farther apart than this length, as for
+    /// --tolerance
+    #[arg(long, value_name = "LENGTH|%", value_parser = mesh::distance)]
+    fail_above: Option<Distance>,
+    /// Size of the pictures in pixels
+    #[arg(long, value_name = "WxH", default_value = "960x720", value_parser = parse::size)]
+    size: (u32, u32),
+    /// N x N samples per pixel
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    samples: u32,
+    /// Threads; 0 uses every core
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    #[command(flatten, next_help_heading = "Reading")]
+    read: ReadArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  nurbray compare samples/teapot.obj -o report
+  nurbray compare wing.igs -o report --tolerance 1mm,0.1mm,0.01mm
+  nurbray compare wing.igs wing.stl -o report --align --fail-above 0.05mm
+
+Exit codes: 0 done, 1 a mesh is farther away than --fail-above allows, 2 something went wrong.";
+
+/// The colour behind the pictures, as sRGB.
+const BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
+
+/// Triangles of the exact side are finer by this factor than what they are to measure.
+const FINER: f64 = 0.25;
+
+/// Their tolerance for meshes that are not ours, as a share of the size.
+const FOREIGN: f64 = 1e-4;
+
+/// Compares, and tells whether a limit is passed.
+pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads)
+        .build()?;
+    pool.install(|| run_here(args))
+}
+
+fn run_here(args: &Args) -> anyhow::Result<Failures> {
+    let started = Instant::now();
+    let loaded = args.read.load(&args.cad)?;
+    let import = &loaded.import;
+    input::report_warnings(&args.cad, import.format, &import.warnings);
+    let scene = &import.scene;
+    let placed = scene.placement_count();
+    if scene.patches().is_empty() || placed == 0 {
+        bail!(
+            "{}: there is no surface to compare with",
+            input::display(&args.cad)
+        );
+    }
+    fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string())?;
+    let limit = args
+        .fail_above
+        .map(|limit| limit.length(scene))
+        .transpose()?;
+    let candidates = if args.meshes.is_empty() {
+        own(args, scene)?
+    } else {
+        let open = |path: &PathBuf| foreign(path, scene, &args.read.limits());
+        args.meshes
+            .iter()
+            .map(open)
+            .collect::<anyhow::Result<_>>()?
+    };
+    let finest = candidates.iter().filter_map(|c| Some(c.made?.tolerance));
+    let finest = finest
+        .reduce(f64::min)
+        .map(|length| Tolerance::Length(FINER * length));
+    let options = TessellateOptions {
+        tolerance: finest.unwrap_or(Tolerance::Relative(FOREIGN)),
+        ..TessellateOptions::default()
+    };
+    let subject = Subject::new(scene, tessellate(scene, &options));
+    let mut candidates = candidates;
+    if args.align {
+        for candidate in &mut candidates {
+            let fit = subject.fit(&candidate.scene, &candidate.scene_from_mesh);
+            candidate.scene_from_mesh = fit.scene_from_mesh * candidate.scene_from_mesh;
+            candidate.fit = Some(fit);
+        }
+    }
+    let view = View {
+        camera: scene.cameras.first().cloned(),
+        width: args.size.0,
+        height: args.size.1,
+        samples: args.samples,
+        background: linear_from_srgb(BACKGROUND),
+    };
+    let name = args.cad.file_name().map_or_else(
+        || input::display(&args.cad),
+        |name| name.to_string_lossy().into_owned(),
+    );
+    let report = compare::compare(&subject, &name, candidates, &view, &args.output)?;
+    for mesh in &report.meshes {
+        if let Some(path) = args.meshes.iter().find(|path| path.ends_with(&mesh.name)) {
+            input::report_warnings(path, "mesh", &mesh.warnings);
+        }
+    }
+    tell(args, &report, started)?;
+    let failed = limit.is_some_and(|limit| report.fails(limit));
+    Ok(Failures {
+        count: usize::from(failed),
+        code: DIFFERENT,
+    })
+}
+
+/// Our own glTF at every tolerance, read back from the file.
+fn own(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Candidate>> {
+    let mut candidates = Vec::new();
+    let source = mesh::source(&args.cad)?;
+    for (distance, number) in args.tolerance.iter().zip(1..) {
+        let started = Instant::now();
+        let options = TessellateOptions {
+            tolerance: distance.tolerance(scene)?,
+            ..TessellateOptions::default()
+        };
+        let triangles = tessellate(scene, &options);
+        let export = gltf::write(scene, &triangles, &source, Container::Binary, "mesh")?;
+        let path = args.output.join(format!("mesh{number}.glb"));
+        output::replace_file(&path, |file| file.write_all(&export.bytes))
+            .with_context(|| path.display().to_string())?;
+        let took = started.elapsed();
+        let file =
+            read::open(&path, &args.read.limits()).with_context(|| path.display().to_string())?;
+        candidates.push(Candidate {
+            scene_from_mesh: compare::from_metadata(scene, &file.frame),
+            made: Some(Made::new(scene, &triangles, &file, took)),
+            scene: file.scene,
+            bytes: file.bytes,
+            warnings: file.warnings,
+            ..Candidate::default()
+        });
+    }
+    Ok(candidates)
+}
+
+/// A mesh of another tool.
+fn foreign(path: &Path, scene: &Scene, limits: &Limits) -> anyhow::Result<Candidate> {
+    let file = read::open(path, limits).with_context(|| path.display().to_string())?;
+    let name = path.file_name().unwrap_or_default();
+    Ok(Candidate {
+        name: name.to_string_lossy().into_owned(),
+        scene_from_mesh: compare::from_metadata(scene, &file.frame),
+        scene: file.scene,
+        bytes: file.bytes,
+        warnings: file.warnings,
+        ..Candidate::default()
+    })
+}
+
+/// A line for each mesh and fault, and where the report is.
+fn tell(args: &Args, report: &Report, started: Instant) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    if report.unmeasured > 0 {
+        eprintln!(
+            "nurbray: {}: {} meshes of the file are shown, but not compared",
+            input::display(&args.cad),
+            report.unmeasured
+        );
+    }
+    for mesh in &report.meshes {
+        writeln!(
+            out,
+            "{}: {} triangles, {:.4e} to {:.4e} {} apart, {} silhouette pixels, FLIP {:.4}",
+            mesh.name,
+            mesh.triangles,
+            mesh.deviation.found(),
+            mesh.bound(),
+            report.unit,
+            mesh.image.silhouette_pixels,
+            mesh.image.flip
+        )?;
+        for fault in &mesh.faults {
+            writeln!(out, "  {}: {}", fault.kind.name(), fault.text)?;
+        }
+    }
+    let page = Path::new(&args.output).join("index.html");
+    writeln!(
+        out,
+        "{} in {:.1} s",
+        page.display(),
+        started.elapsed().as_secs_f64()
+    )?;
+    Ok(())
+}

@@ -1,0 +1,386 @@
+//! The exact side of a comparison: faces where they stand, and their nearest points.
+//!
+//! Our own triangles of the faces, with their parameters and the proof of how far they are from
+//! the surface, tell where to look; the answer is found on the surface.
+
+use glam::{DVec2, DVec3};
+use kernel::nearest::{self, Nearby};
+use kernel::{Aabb, Curve, Patch, Scene, Shape, TrimRegion};
+use rayon::prelude::*;
+
+use super::triangles::TriangleTree;
+use crate::tessellate::pieces::{Pieces, Rect};
+use crate::tessellate::{Tessellation, stretch};
+
+/// Points on each piece of a trim curve from which nearest points are looked for.
+const RIM_SAMPLES: usize = 16;
+
+/// How many of the nearest points of the trim curves are tried.
+const RIM_TRIED: usize = 2;
+
+/// Steps along a trim curve.
+const RIM_STEPS: usize = 20;
+
+/// Parameters so near to the end of a closed surface, as a share of its domain, are there.
+const SEAM: f64 = 1e-9;
+
+/// What distances may differ by after rounding, as a share.
+const ROUNDING: f64 = 1e-12;
+
+/// Faces on which the nearest point is looked for, at most.
+const FACES_TRIED: usize = 6;
+
+/// A point of a face and how far it is from the point asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Foot {
+    pub(crate) face: u32,
+    pub(crate) uv: DVec2,
+    pub(crate) point: DVec3,
+    pub(crate) distance: f64,
+    /// The nearest triangle of the exact side, as far as [`Exact::nearest`] has looked for it.
+    pub(crate) triangle: u32,
+}
+
+/// Every patch as it is placed in the world, in the order of their numbers.
+pub(crate) fn placed_patches(scene: &Scene) -> Vec<Patch> {
+    let placements = scene.placements();
+    let patches = placements.par_iter().filter_map(|at| match at.shape {
+        Shape::Patch(id) => {
+            let patch = scene.patch(id);
+            Some(Patch {
+                surface: patch.surface.transformed(&at.world_from_object),
+                ..patch.clone()
+            })
+        }
+        Shape::Mesh(_) => None,
+    });
+    patches.collect()
+}
+
+/// A face and what is needed to find its points.
+#[derive(Debug)]
+pub(crate) struct Face<'a> {
+    pub(crate) patch: &'a Patch,
+    pub(crate) pieces: Pieces<'a>,
+    pub(crate) region: Option<TrimRegion>,
+    closed: [bool; 2],
+    nearby: Nearby<'a>,
+    rims: Vec<Curve<DVec2>>,
+    rim: Vec<RimPoint>,
+    /// Every point of the face is this near to one of its triangles.
+    pub(crate) proven: f64,
+    /// Whether its normal points into the closed body it bounds; `None` if there is none.
+    pub(crate) inwards: Option<bool>,
+}
+
+/// A point on a trim curve.
+#[derive(Clone, Copy, Debug)]
+struct RimPoint {
+    curve: u32,
+    t: f64,
+    point: DVec3,
+}
+
+/// A corner of the triangles: a point of a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Vertex {
+    pub(crate) face: u32,
+    pub(crate) uv: DVec2,
+    pub(crate) point: DVec3,
+}
+
+/// All faces.
+#[derive(Debug)]
+pub(crate) struct Exact<'a> {
+    pub(crate) faces: Vec<Face<'a>>,
+    pub(crate) vertices: Vec<Vertex>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// How far the surface is from each triangle at the same parameters, at most.
+    pub(crate) chords: Vec<f64>,
+    tree: TriangleTree,
+    /// How much nearer than its triangles a face is looked for: what is proven of all faces, but
+    /// not more than twice the tolerance for the sake of those of which little is.
+    reach: f64,
+}
+
+impl<'a> Exact<'a> {
+    /// Prepares the faces of a scene; `patches` are its [`placed_patches`].
+    pub(crate) fn new(scene: &Scene, patches: &'a [Patch], triangles: &Tessellation) -> Self {
+        let mut closed = vec![false; scene.patches().len()];
+        for shell in triangles.shells.iter().filter(|shell| shell.is_closed()) {
+            for patch in &shell.patches {
+                closed[patch.index()] = true;
+            }
+        }
+        let placements = scene.placements();
+        let shown = placements.iter().filter_map(|at| match at.shape {
+            Shape::Patch(id) => Some((at, id.index())),
+            Shape::Mesh(_) => None,
+        });
+        let shown: Vec<_> = shown.zip(patches).collect();
+        let parts: Vec<_> = shown
+            .par_iter()
+            .map(|((at, index), patch)| {
+                let mut face = Face::new(patch);
+                let mut part = Part::default();
+                let Some(mesh) = &triangles.faces[*index] else {
+                    return (face, part);
+                };
+                let map = &at.world_from_object;
+                face.proven = mesh.proven * stretch(map);
+                let mirrored = map.matrix3.determinant() < 0.0;
+                face.inwards = closed[*index].then_some(mesh.flipped != mirrored);
+                let point = |uv: &DVec2| (*uv, patch.surface.evaluate(*uv));
+                part.vertices = mesh.parameters.iter().map(point).collect();
+                part.triangles = mesh.mesh.triangles().to_vec();
+                let chord = |t: &[u32; 3]| {
+                    let uvs = t.map(|k| mesh.parameters[k as usize]);
+                    face.chord(uvs)
+                };
+                part.chords = part.triangles.iter().map(chord).collect();
+                (face, part)
+            })
+            .collect();
+        let mut all = Self {
+            faces: Vec::new(),
+            vertices: Vec::new(),
+            triangles: Vec::new(),
+            chords: Vec::new(),
+            tree: TriangleTree::new(Vec::new()),
+            reach: 0.0,
+        };
+        for (face, part) in parts {
+            all.reach = all.reach.max(face.proven.min(2.0 * triangles.tolerance));
+            all.add(face, part);
+        }
+        let corners = all.triangles.iter();
+        let corners = corners.map(|t| t.map(|k| all.vertices[k as usize].point));
+        all.tree = TriangleTree::new(corners.collect());
+        all
+    }
+
+    fn add(&mut self, face: Face<'a>, part: Part) {
+        let small = |k: usize| u32::try_from(k).expect("memory ends before 2^32 vertices");
+        let (number, first) = (small(self.faces.len()), small(self.vertices.len()));
+        let vertices = part.vertices.into_iter();
+        self.vertices.extend(vertices.map(|(uv, point)| Vertex {
+            face: number,
+            uv,
+            point,
+        }));
+        let triangles = part.triangles.into_iter();
+        self.triangles
+            .extend(triangles.map(|t| t.map(|k| first + k)));
+        self.chords.extend(part.chords);
+        self.faces.push(face);
+    }
+
+    /// The face of a triangle.
+    pub(crate) fn face_of(&self, triangle: usize) -> u32 {
+        self.vertices[self.triangles[triangle][0] as usize].face
+    }
+
+    /// The corners of the triangles.
+    pub(crate) fn corners(&self) -> &[[DVec3; 3]] {
+        self.tree.corners()
+    }
+
+    /// A box around all faces.
+    pub(crate) fn bounds(&self) -> Aabb {
+        Aabb::around(self.vertices.iter().map(|vertex| vertex.point))
+    }
+
+    /// The number of the triangle nearest to `p`; `None` if there is none.
+    pub(crate) fn nearest_triangle(&self, p: DVec3) -> Option<usize> {
+        Some(self.tree.nearest(p)?.triangle as usize)
+    }
+
+    /// The point of all faces nearest to `p`, `None` if there is no face.
+    ///
+    /// It is one where the distance has a minimum on its face or on the rim of its face, and
+    /// the least of those of all faces whose triangles come near enough.
+    pub(crate) fn nearest(&self, p: DVec3) -> Option<Foot> {
+        let first = self.tree.nearest(p)?;
+        let mut tried: Vec<(f64, u32, DVec2)> = Vec::new();
+        let uv = |triangle: u32, shares: [f64; 3]| {
+            let corners = self.triangles[triangle as usize].map(|k| self.vertices[k as usize].uv);
+            corners[0] * shares[0] + corners[1] * shares[1] + corners[2] * shares[2]
+        };
+        let nearest = first.distance * (1.0 + ROUNDING);
+        let reach = nearest + 2.0 * self.reach;
+        self.tree.within(p, reach, |found| {
+            let face = self.face_of(found.triangle as usize);
+            // The face may be nearer than its triangles by what is proven, not more.
+            let slack = self.faces[face as usize].proven + self.reach;
+            if found.distance > nearest + slack {
+                return;
+            }
+            let guess = (
+                found.distance,
+                face,
+                uv(found.triangle, found.closest.shares),
+            );
+            match tried.iter_mut().find(|(_, own, _)| *own == face) {
+                Some(own) if own.0 > guess.0 => *own = guess,
+                Some(_) => {}
+                None => tried.push(guess),
+            }
+        });
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        tried.truncate(FACES_TRIED);
+        let mut best: Option<Foot> = None;
+        for (distance, face, guess) in tried {
+            let known = best.map_or(f64::INFINITY, |best| best.distance);
+            if distance - self.faces[face as usize].proven >= known {
+                continue;
+            }
+            let foot = self.foot(face, p, guess);
+            if foot.distance < known {
+                let triangle = first.triangle;
+                best = Some(Foot { triangle, ..foot });
+            }
+        }
+        best
+    }
+
+    /// The point of a face nearest to `p`, looked for from `guess` on.
+    pub(crate) fn foot(&self, face: u32, p: DVec3, guess: DVec2) -> Foot {
+        let own = &self.faces[face as usize];
+        let found = own.nearby.near(p, guess);
+        let foot = |uv: DVec2, point: DVec3| Foot {
+            face,
+            uv,
+            point,
+            distance: point.distance(p),
+            triangle: u32::MAX,
+        };
+        if own.region.as_ref().is_none_or(|r| r.contains(found.uv)) {
+            return foot(found.uv, found.point);
+        }
+        match own.nearest_on_rim(p) {
+            Some((uv, point)) => foot(uv, point),
+            // Loops without a curve in the domain bound nothing.
+            None => foot(found.uv, found.point),
+        }
+    }
+}
+
+/// The triangles of a face.
+#[derive(Default)]
+struct Part {
+    vertices: Vec<(DVec2, DVec3)>,
+    triangles: Vec<[u32; 3]>,
+    chords: Vec<f64>,
+}
+
+impl<'a> Face<'a> {
+    fn new(patch: &'a Patch) -> Self {
+        let surface = &patch.surface;
+        let region = patch.region();
+        let rims = match region {
+            Some(_) => patch.trim_curves(),
+            None => Vec::new(),
+        };
+        let closed = nearest::closed(surface);
+        let nearby = Nearby::new(surface, closed);
+        let mut rim = Vec::new();
+        for (curve, number) in rims.iter().zip(0..) {
+            for piece in curve.knots().breaks().windows(2) {
+                let step = (piece[1] - piece[0]) / RIM_SAMPLES as f64;
+                for k in 0..=RIM_SAMPLES {
+                    let t = piece[0] + step * k as f64;
+                    let point = surface.evaluate(nearby.wrapped(curve.evaluate(t)));
+                    let curve = number;
+                    rim.push(RimPoint { curve, t, point });
+                }
+            }
+        }
+        Self {
+            patch,
+            pieces: Pieces::new(surface),
+            region,
+            closed,
+            nearby,
+            rims,
+            rim,
+            proven: 0.0,
+            inwards: None,
+        }
+    }
+
+    /// How far the surface over a triangle of parameters is from the flat triangle with the
+    /// same corners, at most.
+    pub(crate) fn chord(&self, uvs: [DVec2; 3]) -> f64 {
+        let rect = Rect::around(uvs);
+        self.pieces.spread(&rect).triangle(uvs, rect.size())
+    }
+
+    /// Whether two places are closer than a quarter of the domain.
+    pub(crate) fn are_close(&self, a: DVec2, b: DVec2) -> bool {
+        let near = self.pieces.domain().size() * 0.25;
+        (a - b).abs().cmple(near).all()
+    }
+
+    /// The parameters of the same point that are nearest to `base`, where there is a choice
+    /// at the ends of a closed surface.
+    pub(crate) fn beside(&self, uv: DVec2, base: DVec2) -> DVec2 {
+        let domain = self.pieces.domain();
+        let mut moved = uv;
+        for axis in 0..2 {
+            let period = domain.max[axis] - domain.min[axis];
+            let slack = SEAM * period;
+            for shifted in [uv[axis] - period, uv[axis] + period] {
+                let inside =
+                    shifted >= domain.min[axis] - slack && shifted <= domain.max[axis] + slack;
+                let nearer = (shifted - base[axis]).abs() < (moved[axis] - base[axis]).abs();
+                if self.closed[axis] && inside && nearer {
+                    moved[axis] = shifted.max(domain.min[axis]).min(domain.max[axis]);
+                }
+            }
+        }
+        moved
+    }
+
+    /// The point of the trim curves nearest to `p`.
+    fn nearest_on_rim(&self, p: DVec3) -> Option<(DVec2, DVec3)> {
+        let mut nearest: Vec<(f64, &RimPoint)> = Vec::new();
+        for rim in &self.rim {
+            let square = rim.point.distance_squared(p);
+            if nearest.len() < RIM_TRIED || nearest.last().is_some_and(|last| square < last.0) {
+                let place = nearest.partition_point(|known| known.0 <= square);
+                nearest.insert(place, (square, rim));
+                nearest.truncate(RIM_TRIED);
+            }
+        }
+        let found = nearest.iter().map(|(_, rim)| self.along_rim(rim, p));
+        found.min_by(|a, b| a.1.distance(p).total_cmp(&b.1.distance(p)))
+    }
+
+    /// Steps along a trim curve towards the point nearest to `p`.
+    fn along_rim(&self, start: &RimPoint, p: DVec3) -> (DVec2, DVec3) {
+        let curve = &self.rims[start.curve as usize];
+        let domain = curve.domain();
+        let at = |t: f64| {
+            let c = curve.derivatives(t);
+            let uv = self.nearby.wrapped(c.point);
+            let d = self.patch.surface.derivatives(uv);
+            (uv, d.point, d.du * c.first.x + d.dv * c.first.y)
+        };
+        let (mut t, mut here) = (start.t, at(start.t));
+        let mut damping = 1.0;
+        for _ in 0..RIM_STEPS {
+            let step = (p - here.1).dot(here.2) / here.2.length_squared() * damping;
+            let next = (t + step).max(domain.start).min(domain.end);
+            let there = at(next);
+            // What is not a number ends the search, too.
+            if there.1.distance_squared(p) < here.1.distance_squared(p) {
+                (t, here) = (next, there);
+            } else if damping > 1e-3 && step.is_finite() {
+                damping *= 0.25;
+            } else {
+                break;
+            }
+        }
+        (here.0, here.1)
+    }
+}

@@ -1,0 +1,139 @@
+//! Exact against tessellated: how far a mesh is from the surfaces that it stands for, in
+//! numbers, words and pictures.
+//!
+//! Distances are looked for both ways by dividing what may hold a larger one, so that what is
+//! found and what is proven come together; means, normals and faults come from points all over
+//! the surfaces; pictures from the same camera, light and colours.
+
+mod align;
+mod deviation;
+mod draw;
+mod exact;
+mod faults;
+mod images;
+pub mod read;
+mod report;
+mod sampling;
+mod soup;
+mod supremum;
+mod triangles;
+mod views;
+
+use glam::DAffine3;
+use kernel::{Patch, Scene};
+
+pub use align::{Fit, Frame, from_metadata};
+pub use deviation::{Reach, Worst};
+use exact::Exact;
+pub use faults::{Fault, FaultKind};
+pub use images::{PIXELS_PER_DEGREE, Picture, flip, flip_map, psnr, psnr_linear, ssim};
+pub use report::{Candidate, Compared, Made, Report, compare};
+use sampling::Sample;
+pub use sampling::Statistics;
+use soup::Soup;
+pub use views::{ImageDifference, View};
+
+use crate::tessellate::Tessellation;
+
+/// The distances between surfaces and mesh, in units of the scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Deviation {
+    /// From the surfaces to the nearest triangles.
+    pub surface_to_mesh: Reach,
+    /// From the triangles to the nearest points of the surfaces.
+    pub mesh_to_surface: Reach,
+    /// Distances from the surfaces, over their area.
+    pub distance: Statistics,
+    /// Angles between the normals of surfaces and triangles, in degrees, over the area.
+    pub flat_normals: Statistics,
+    /// The same with the normals that a renderer would use.
+    pub smooth_normals: Statistics,
+}
+
+impl Deviation {
+    /// The Hausdorff distance that is proven: no point of either side is farther away from
+    /// the other.
+    pub fn bound(&self) -> f64 {
+        self.surface_to_mesh.bound.max(self.mesh_to_surface.bound)
+    }
+
+    /// The Hausdorff distance that has been found.
+    pub fn found(&self) -> f64 {
+        self.surface_to_mesh.found.max(self.mesh_to_surface.found)
+    }
+}
+
+/// Cells divided for each direction beyond the first ones, to prove what is found.
+const BUDGET: usize = 250_000;
+
+/// The same for meshes of which there is a proof already.
+const PROVEN_BUDGET: usize = 30_000;
+
+/// The same for a mesh that stands elsewhere, which no proof makes better.
+const FAULTY_BUDGET: usize = 2_000;
+
+/// Measures a mesh; beside the result what is wrong with the mesh as a whole.
+fn measure(exact: &Exact<'_>, soup: &Soup, budget: usize) -> (Deviation, Vec<Fault>) {
+    let pose = faults::pose(exact, soup);
+    let budget = if pose.is_none() {
+        budget
+    } else {
+        FAULTY_BUDGET
+    };
+    let size = exact.bounds().union(soup.bounds()).diagonal();
+    let feet = deviation::feet(exact, soup);
+    let samples = sampling::sample(exact, soup);
+    let degrees = |value: fn(&Sample) -> f64| {
+        sampling::statistics(&samples, |sample| value(sample).to_degrees())
+    };
+    let mesh_to_surface = if feet.len() == soup.points.len() {
+        deviation::from_mesh(exact, soup, &feet, size, budget)
+    } else {
+        Reach::default()
+    };
+    let deviation = Deviation {
+        surface_to_mesh: deviation::from_surface(exact, soup, size, budget),
+        mesh_to_surface,
+        distance: sampling::statistics(&samples, |sample| sample.distance),
+        flat_normals: degrees(|sample| sample.flat),
+        smooth_normals: degrees(|sample| sample.smooth),
+    };
+    let faults = faults::faults(exact, soup, &samples, &feet, pose);
+    (deviation, faults)
+}
+
+/// The surfaces of a scene, where they stand, and triangles of them: what meshes are measured
+/// against.
+#[derive(Debug)]
+pub struct Subject<'a> {
+    scene: &'a Scene,
+    patches: Vec<Patch>,
+    triangles: Tessellation,
+}
+
+impl<'a> Subject<'a> {
+    /// The surfaces of a scene. The finer `triangles` are, the nearer proofs come to what is
+    /// found; a quarter of the deviation that is to be measured is a good tolerance.
+    pub fn new(scene: &'a Scene, triangles: Tessellation) -> Self {
+        let patches = exact::placed_patches(scene);
+        Self {
+            scene,
+            patches,
+            triangles,
+        }
+    }
+
+    fn exact(&self) -> Exact<'_> {
+        Exact::new(self.scene, &self.patches, &self.triangles)
+    }
+
+    /// Measures the meshes of another scene, which stand in this one by `scene_from_mesh`.
+    pub fn measure(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Deviation {
+        measure(&self.exact(), &Soup::new(mesh, scene_from_mesh), BUDGET).0
+    }
+
+    /// Fits the meshes of another scene onto the surfaces.
+    pub fn fit(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Fit {
+        align::fit(&self.exact(), &Soup::new(mesh, scene_from_mesh))
+    }
+}

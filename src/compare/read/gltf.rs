@@ -1,0 +1,537 @@
+//! glTF 2.0 and GLB, as far as triangles go.
+//!
+//! The JSON is read as it stands: its numbers keep their digits, and what is missing or wrong
+//! is found where it is used. Counts and offsets are checked against the bytes that are there.
+
+use base64::Engine as _;
+use formats::{Error, Limits, Place, Problem, Resolver, Warnings};
+use glam::{DAffine3, DMat4, DQuat, DVec3};
+use kernel::{Child, Mesh, Node, NodeId, Scene, UpAxis};
+use serde_json::Value;
+
+use super::accessor::Numbers;
+use super::{MeshFile, add_meshes, error};
+use crate::compare::align::Frame;
+
+pub(super) const NAME: &str = "glTF";
+
+/// The kinds of primitives that are triangles.
+const TRIANGLES: u64 = 4;
+const STRIP: u64 = 5;
+const FAN: u64 = 6;
+
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// Extensions that may be required: those that change no shape, and instancing.
+const KNOWN: &[&str] = &[INSTANCING, "KHR_mesh_quantization", "KHR_texture_transform"];
+
+pub(super) fn invalid(what: impl Into<String>, text: impl Into<String>) -> Error {
+    error(NAME, what, Problem::Invalid(text.into()))
+}
+
+/// Reads a file; `files` fetches the buffers beside it.
+pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Result<MeshFile, Error> {
+    let (text, chunk) = if bytes.starts_with(b"glTF") {
+        chunks(bytes)?
+    } else {
+        (bytes, None)
+    };
+    let root: Value = serde_json::from_slice(text).map_err(|e| {
+        let place = Place::line(e.line());
+        let problem = Problem::Invalid(e.to_string());
+        Error {
+            format: NAME,
+            place,
+            problem,
+        }
+    })?;
+    let required = root["extensionsRequired"].as_array();
+    for name in required.into_iter().flatten().filter_map(Value::as_str) {
+        if !KNOWN.contains(&name) {
+            let text = format!("the extension {name}, which the file requires, is not read");
+            return Err(error(
+                NAME,
+                "extensionsRequired",
+                Problem::Unsupported(text),
+            ));
+        }
+    }
+    let mut reader = Reader {
+        root: &root,
+        numbers: Numbers {
+            root: &root,
+            buffers: Vec::new(),
+            limits,
+        },
+        scene: Scene::default(),
+        warnings: Warnings::default(),
+        points: 0,
+        placed: 0,
+        limits,
+    };
+    let mut size = bytes.len() as u64;
+    for (number, buffer) in list(&root, "buffers").iter().enumerate() {
+        let data = buffer_bytes(buffer, number, chunk, files)?;
+        if buffer["uri"]
+            .as_str()
+            .is_some_and(|uri| !uri.starts_with("data:"))
+        {
+            size += data.len() as u64;
+        }
+        reader.numbers.buffers.push(data);
+    }
+    reader.tree()?;
+    let extras = &root["asset"]["extras"];
+    let claims = ["proven_deviation_m", "sampled_deviation_m"].map(|key| extras[key].as_f64());
+    Ok(MeshFile {
+        format: NAME,
+        scene: reader.scene,
+        frame: Frame {
+            metres: Some(1.0),
+            up: Some(UpAxis::Y),
+        },
+        bytes: size,
+        claim: claims[0]
+            .zip(claims[1])
+            .map(|(proven, sampled)| [proven, sampled]),
+        warnings: reader.warnings,
+    })
+}
+
+/// The text and the numbers of a binary file.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Error> {
+    let word = |at: usize| {
+        let four = bytes.get(at..at + 4)?.try_into().ok()?;
+        Some(u32::from_le_bytes(four) as usize)
+    };
+    let version = word(4);
+    if version != Some(2) {
+        let text = format!("version {}; version 2 is read", version.unwrap_or_default());
+        return Err(error(NAME, "header", Problem::Unsupported(text)));
+    }
+    let (mut text, mut numbers) = (None, None);
+    let mut at = 12;
+    while let (Some(length), Some(kind)) = (word(at), bytes.get(at + 4..at + 8)) {
+        let Some(body) = bytes.get(at + 8..).and_then(|rest| rest.get(..length)) else {
+            let there = bytes.len() - at - 8;
+            let text = format!("a chunk of {length} bytes of which {there} are there");
+            return Err(invalid(format!("byte {at}"), text));
+        };
+        match kind {
+            b"JSON" if text.is_none() => text = Some(body),
+            b"BIN\0" if numbers.is_none() => numbers = Some(body),
+            _ => {}
+        }
+        at += 8 + length;
+    }
+    let text = text.ok_or_else(|| invalid("", "there is no chunk of JSON"))?;
+    Ok((text, numbers))
+}
+
+pub(super) fn list<'v>(value: &'v Value, key: &str) -> &'v [Value] {
+    value[key].as_array().map_or(&[], Vec::as_slice)
+}
+
+/// The bytes of a buffer: the chunk of the file, or from an address in it or beside it.
+fn buffer_bytes(
+    buffer: &Value,
+    number: usize,
+    chunk: Option<&[u8]>,
+    files: &dyn Resolver,
+) -> Result<Vec<u8>, Error> {
+    let place = format!("buffer {number}");
+    match (buffer["uri"].as_str(), chunk) {
+        (None, Some(chunk)) if number == 0 => Ok(chunk.to_vec()),
+        (None, _) => Err(invalid(place, "there is no uri and no chunk")),
+        (Some(uri), _) => match uri.strip_prefix("data:") {
+            Some(data) => {
+                let coded = data.split_once(";base64,").map(|(_, coded)| coded);
+                let coded = coded.ok_or_else(|| invalid(&place, "data that is not base64"))?;
+                let engine = &base64::engine::general_purpose::STANDARD;
+                engine
+                    .decode(coded)
+                    .map_err(|e| invalid(&place, e.to_string()))
+            }
+            None => {
+                let name = unescaped(uri);
+                let wrong = |e| invalid(&place, format!("{name}: {e}"));
+                files.resolve(&name).map_err(wrong)
+            }
+        },
+    }
+}
+
+/// A relative address as the name of a file.
+fn unescaped(uri: &str) -> String {
+    let (mut bytes, mut at) = (Vec::new(), 0);
+    let coded = uri.as_bytes();
+    while let Some(&byte) = coded.get(at) {
+        let digits = coded
+            .get(at + 1..at + 3)
+            .and_then(|d| std::str::from_utf8(d).ok());
+        let escaped = digits.and_then(|d| u8::from_str_radix(d, 16).ok());
+        match escaped.filter(|_| byte == b'%') {
+            Some(other) => {
+                bytes.push(other);
+                at += 3;
+            }
+            None => {
+                bytes.push(byte);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+struct Reader<'a> {
+    root: &'a Value,
+    numbers: Numbers<'a>,
+    scene: Scene,
+    warnings: Warnings,
+    points: usize,
+    placed: u64,
+    limits: &'a Limits,
+}
+
+/// A node of the file of which not all children are made.
+struct Open {
+    index: usize,
+    depth: usize,
+    /// What is left of them, the last one first.
+    children: Vec<usize>,
+    node: Node,
+}
+
+impl Reader<'_> {
+    /// Builds the tree of the scene that is shown; without one all nodes without a parent.
+    fn tree(&mut self) -> Result<(), Error> {
+        let nodes = list(self.root, "nodes");
+        let scenes = list(self.root, "scenes");
+        let shown = self.root["scene"].as_u64().unwrap_or(0);
+        let scene = usize::try_from(shown).ok().and_then(|k| scenes.get(k));
+        let numbers = |value: &Value, key: &str| -> Vec<usize> {
+            list(value, key).iter().filter_map(size).collect()
+        };
+        let tops = match scene {
+            Some(scene) => numbers(scene, "nodes"),
+            None => {
+                let below: Vec<usize> = nodes.iter().flat_map(|n| numbers(n, "children")).collect();
+                (0..nodes.len()).filter(|k| !below.contains(k)).collect()
+            }
+        };
+        let mut meshes: Vec<Option<NodeId>> = vec![None; list(self.root, "meshes").len()];
+        let geometry = |e| error(NAME, "nodes", Problem::Geometry(e));
+        let mut open = vec![Open {
+            index: usize::MAX,
+            depth: 0,
+            children: tops.into_iter().rev().collect(),
+            node: Node::default(),
+        }];
+        // A tree has no more nodes than there are; what passes that is no tree.
+        let mut visited = 0;
+        loop {
+            let Some(top) = open.last_mut() else { break };
+            if let Some(index) = top.children.pop() {
+                let depth = top.depth + 1;
+                visited += 1;
+                let value = nodes.get(index).filter(|_| visited <= nodes.len());
+                let value = value.filter(|_| depth <= self.limits.nesting.max(1));
+                let place = || format!("node {index}");
+                let value = value
+                    .ok_or_else(|| invalid(place(), "it is not there, or the nodes are no tree"))?;
+                let node = self.node(value, index, &mut meshes)?;
+                open.push(Open {
+                    index,
+                    depth,
+                    children: numbers(value, "children").into_iter().rev().collect(),
+                    node,
+                });
+                continue;
+            }
+            let Some(Open { index, node, .. }) = open.pop() else {
+                break;
+            };
+            match self.scene.add_node(node) {
+                Ok(id) => match open.last_mut() {
+                    Some(parent) => parent.node.children.push(Child::Node(id)),
+                    None => self.scene.set_root(id).map_err(geometry)?,
+                },
+                // Nothing can be seen of what has no extent.
+                Err(problem) => {
+                    let place = Place::item(0, format!("node {index}"));
+                    self.warnings.invalid(place, problem.to_string());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A node without its children.
+    fn node(
+        &mut self,
+        value: &Value,
+        index: usize,
+        meshes: &mut [Option<NodeId>],
+    ) -> Result<Node, Error> {
+        let mut node = Node {
+            name: value["name"].as_str().unwrap_or_default().to_owned(),
+            parent_from_node: place(value),
+            ..Node::default()
+        };
+        let Some(mesh) = value["mesh"].as_u64() else {
+            return Ok(node);
+        };
+        let mesh = usize::try_from(mesh).unwrap_or(usize::MAX);
+        let place = format!("node {index}");
+        let known = meshes
+            .get(mesh)
+            .ok_or_else(|| invalid(&place, format!("mesh {mesh} is not there")))?;
+        let geometry = |e| error(NAME, &place, Problem::Geometry(e));
+        let id = match known {
+            Some(id) => *id,
+            None => {
+                let parts = self.mesh(mesh)?;
+                let holder = add_meshes(&mut self.scene, Node::default(), parts);
+                let id = self
+                    .scene
+                    .add_node(holder.map_err(geometry)?)
+                    .map_err(geometry)?;
+                meshes[mesh] = Some(id);
+                id
+            }
+        };
+        let instances = &value["extensions"][INSTANCING]["attributes"];
+        if !instances.is_object() {
+            self.count(1)?;
+            node.children.push(Child::Node(id));
+            return Ok(node);
+        }
+        for parent_from_node in self.instances(instances, &place)? {
+            let children = vec![Child::Node(id)];
+            let at = Node {
+                parent_from_node,
+                children,
+                ..Node::default()
+            };
+            node.children
+                .push(Child::Node(self.scene.add_node(at).map_err(geometry)?));
+        }
+        Ok(node)
+    }
+
+    fn count(&mut self, more: u64) -> Result<(), Error> {
+        self.placed = self.placed.saturating_add(more);
+        if self.placed > self.limits.placements {
+            let text = format!("more than {} meshes are shown", self.limits.placements);
+            return Err(error(NAME, "nodes", Problem::TooLarge(text)));
+        }
+        Ok(())
+    }
+
+    /// The places of a mesh that is shown many times.
+    fn instances(&mut self, attributes: &Value, place: &str) -> Result<Vec<DAffine3>, Error> {
+        let mut lists = Vec::new();
+        for (name, width) in [("TRANSLATION", 3), ("ROTATION", 4), ("SCALE", 3)] {
+            let index = &attributes[name];
+            lists.push(if index.is_null() {
+                None
+            } else {
+                Some(self.numbers.of(index, width, place)?)
+            });
+        }
+        let [moves, turns, scales] = [0, 1, 2].map(|k| lists[k].as_deref());
+        let counts = [(moves, 3), (turns, 4), (scales, 3)];
+        let counts = counts
+            .iter()
+            .filter_map(|(l, n)| Some(l.as_ref()?.len() / n));
+        let count = counts.min().unwrap_or(0);
+        self.count(count as u64)?;
+        let vector = |list: Option<&[f64]>, k: usize, other: DVec3| {
+            list.map_or(other, |l| DVec3::from_slice(&l[3 * k..]))
+        };
+        let map = |k: usize| {
+            let turn = turns.map_or(DQuat::IDENTITY, |l| DQuat::from_slice(&l[4 * k..]));
+            DAffine3::from_scale_rotation_translation(
+                vector(scales, k, DVec3::ONE),
+                turn.normalize(),
+                vector(moves, k, DVec3::ZERO),
+            )
+        };
+        Ok((0..count).map(map).collect())
+    }
+
+    /// The primitives of a mesh that are triangles.
+    fn mesh(&mut self, number: usize) -> Result<Vec<Mesh>, Error> {
+        let mesh = &self.root["meshes"][number];
+        let mut parts = Vec::new();
+        for (k, primitive) in list(mesh, "primitives").iter().enumerate() {
+            let place = format!("mesh {number}, primitive {k}");
+            let mode = primitive["mode"].as_u64().unwrap_or(TRIANGLES);
+            if ![TRIANGLES, STRIP, FAN].contains(&mode) {
+                let text = "points and lines are not a part of the mesh";
+                self.warnings.unsupported(Place::item(0, place), text);
+                continue;
+            }
+            if primitive["targets"].is_array() {
+                let text = "the mesh is taken as it is before it is morphed";
+                self.warnings
+                    .unsupported(Place::item(0, place.clone()), text);
+            }
+            let attributes = &primitive["attributes"];
+            let vectors = |numbers: Vec<f64>| -> Vec<DVec3> {
+                numbers.chunks_exact(3).map(DVec3::from_slice).collect()
+            };
+            let positions = vectors(self.numbers.of(&attributes["POSITION"], 3, &place)?);
+            let normals = match &attributes["NORMAL"] {
+                Value::Null => Vec::new(),
+                index => vectors(self.numbers.of(index, 3, &place)?),
+            };
+            self.points += positions.len();
+            if self.points > self.limits.points {
+                let text = format!("more than {} vertices", self.limits.points);
+                return Err(error(NAME, place, Problem::TooLarge(text)));
+            }
+            let indices: Vec<u32> = match &primitive["indices"] {
+                Value::Null => (0..).take(positions.len()).collect(),
+                index => {
+                    let numbers = self.numbers.of(index, 1, &place)?;
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "what is no vertex is refused with the mesh"
+                    )]
+                    numbers.into_iter().map(|k| k as u32).collect()
+                }
+            };
+            let triangles = triangles(mode, &indices);
+            let made = Mesh::new(positions, normals, Vec::new(), triangles);
+            let mut made = made.map_err(|e| error(NAME, &place, Problem::Geometry(e)))?;
+            made.name = mesh["name"].as_str().unwrap_or_default().to_owned();
+            made.source = place;
+            parts.push(made);
+        }
+        Ok(parts)
+    }
+}
+
+pub(super) fn size(value: &Value) -> Option<usize> {
+    value.as_u64().and_then(|k| usize::try_from(k).ok())
+}
+
+/// Where a node stands in its parent.
+fn place(value: &Value) -> DAffine3 {
+    let numbers =
+        |key: &str| -> Vec<f64> { list(value, key).iter().filter_map(Value::as_f64).collect() };
+    let matrix = numbers("matrix");
+    if let Ok(columns) = <[f64; 16]>::try_from(matrix) {
+        return DAffine3::from_mat4(DMat4::from_cols_array(&columns));
+    }
+    let vector = |key: &str, other: DVec3| match numbers(key)[..] {
+        [x, y, z] => DVec3::new(x, y, z),
+        _ => other,
+    };
+    let turn = match numbers("rotation")[..] {
+        [x, y, z, w] => DQuat::from_xyzw(x, y, z, w).normalize(),
+        _ => DQuat::IDENTITY,
+    };
+    DAffine3::from_scale_rotation_translation(
+        vector("scale", DVec3::ONE),
+        turn,
+        vector("translation", DVec3::ZERO),
+    )
+}
+
+/// The corners of triangles, strips and fans.
+fn triangles(mode: u64, indices: &[u32]) -> Vec<[u32; 3]> {
+    let windows = || indices.windows(3).map(|w| [w[0], w[1], w[2]]);
+    match mode {
+        STRIP => {
+            let turned =
+                |(k, [a, b, c]): (usize, [u32; 3])| if k % 2 == 0 { [a, b, c] } else { [b, a, c] };
+            windows().enumerate().map(turned).collect()
+        }
+        FAN => {
+            let rest = indices.get(1..).unwrap_or_default().windows(2);
+            rest.map(|w| [indices[0], w[0], w[1]]).collect()
+        }
+        _ => indices
+            .chunks_exact(3)
+            .map(|t| [t[0], t[1], t[2]])
+            .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use formats::NoFiles;
+    use serde_json::json;
+
+    use super::*;
+
+    /// A triangle, in metres with Y upwards.
+    fn file() -> Value {
+        let numbers = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let coded = base64::engine::general_purpose::STANDARD.encode(bytes);
+        json!({
+            "asset": { "version": "2.0" },
+            "scene": 0,
+            "scenes": [{ "nodes": [0] }],
+            "nodes": [{ "children": [1], "scale": [2, 2, 2] }, { "mesh": 0, "translation": [1, 0, 0] }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+            "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }],
+            "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+            "buffers": [{ "byteLength": 36, "uri": format!("data:application/octet-stream;base64,{coded}") }],
+        })
+    }
+
+    fn parsed(file: &Value) -> Result<MeshFile, String> {
+        read(file.to_string().as_bytes(), &NoFiles, &Limits::default()).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn triangles_stand_where_the_nodes_place_them() {
+        let scene = parsed(&file()).unwrap().scene;
+        let bounds = scene.hull_bounds();
+        assert_eq!(
+            (bounds.min, bounds.max),
+            (DVec3::X * 2.0, DVec3::new(4.0, 2.0, 0.0))
+        );
+        assert_eq!(scene.meshes()[0].triangles(), [[0, 1, 2]]);
+        assert_eq!(triangles(STRIP, &[0, 1, 2, 3]), [[0, 1, 2], [2, 1, 3]]);
+        assert_eq!(triangles(FAN, &[0, 1, 2, 3]), [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn a_hostile_file_is_refused_with_its_place() {
+        let wrong = |pointer: &str, value: Value, text: &str| {
+            let mut file = file();
+            *file.pointer_mut(pointer).unwrap() = value;
+            let found = parsed(&file).map(|_| ()).unwrap_err();
+            assert!(found.contains(text), "{pointer}: {found}");
+        };
+        wrong("/accessors/0/count", json!(4), "4 elements do not fit");
+        wrong("/accessors/0/count", json!(u64::MAX), "do not fit");
+        wrong("/accessors/0/type", json!("VEC2"), "its type is");
+        wrong("/accessors/0/componentType", json!(7), "componentType 7");
+        wrong(
+            "/bufferViews/0/byteLength",
+            json!(99),
+            "leads out of the buffer",
+        );
+        wrong("/nodes/1/mesh", json!(3), "mesh 3 is not there");
+        wrong("/nodes/0/children", json!([1, 1]), "no tree");
+        wrong("/nodes/0/children", json!([0]), "no tree");
+        wrong("/scenes/0/nodes", json!([9]), "node 9");
+        wrong("/buffers/0/uri", json!("../secret.bin"), "secret.bin");
+        wrong("/buffers/0/uri", json!("data:,text"), "not base64");
+        wrong(
+            "/meshes/0/primitives/0/attributes",
+            json!({}),
+            "accessor null is not there",
+        );
+        let huge = b"glTF\x02\0\0\0\xff\xff\xff\xff\xff\xff\xff\x7fJSON";
+        assert!(read(huge, &NoFiles, &Limits::default()).is_err());
+    }
+}

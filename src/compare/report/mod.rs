@@ -1,0 +1,400 @@
+//! What a comparison leaves in its folder: pictures, raw channels, `report.json`, a summary in
+//! Markdown, and one page that shows it all.
+
+mod page;
+mod plot;
+mod text;
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use std::{fs, io};
+
+use formats::Warnings;
+use glam::DAffine3;
+use kernel::{Scene, UpAxis};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::align::Fit;
+use super::exact::Exact;
+use super::faults::Fault;
+use super::images::Picture;
+use super::read::MeshFile;
+use super::soup::Soup;
+use super::views::{self, ImageDifference, Stage, View};
+use super::{BUDGET, Deviation, PROVEN_BUDGET, Subject, Worst, measure};
+use crate::output::{self, OutputOptions};
+use crate::tessellate::Tessellation;
+
+/// A mesh that is to be compared.
+#[derive(Clone, Debug, Default)]
+pub struct Candidate {
+    /// What it is called in the report; if empty, by its tolerance.
+    pub name: String,
+    /// The triangles.
+    pub scene: Scene,
+    /// Where they stand among the surfaces.
+    pub scene_from_mesh: DAffine3,
+    /// The rigid fit in it, if there was one.
+    pub fit: Option<Fit>,
+    /// How it was made, if it is ours.
+    pub made: Option<Made>,
+    /// Size of its files.
+    pub bytes: u64,
+    /// What its reader did not use.
+    pub warnings: Warnings,
+}
+
+/// How a mesh of ours was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Made {
+    /// What was asked for, in units of the scene.
+    pub tolerance: f64,
+    /// What is proven of the distance at equal parameters, rounding of the file included.
+    pub proven: f64,
+    /// The largest such distance at sample points.
+    pub sampled: f64,
+    /// Root mean square of such distances over the triangles.
+    pub rms: f64,
+    /// Time to make the triangles and to write the file.
+    pub took: Duration,
+}
+
+impl Made {
+    /// What is known of our triangles, and of the file that they were read back from.
+    pub fn new(scene: &Scene, triangles: &Tessellation, file: &MeshFile, took: Duration) -> Self {
+        let metres = scene.unit.as_ref().map_or(1.0, |unit| unit.metres);
+        let [proven, sampled] = file.claim.unwrap_or([f64::INFINITY; 2]);
+        Self {
+            tolerance: triangles.tolerance,
+            proven: proven / metres,
+            sampled: sampled / metres,
+            rms: chord_rms(scene, triangles),
+            took,
+        }
+    }
+}
+
+/// Root mean square distance between surfaces and triangles at equal parameters.
+fn chord_rms(scene: &Scene, triangles: &Tessellation) -> f64 {
+    let faces: Vec<_> = scene.patches().iter().zip(&triangles.faces).collect();
+    let sums = faces.par_iter().map(|(patch, face)| {
+        let Some(face) = face else { return [0.0; 2] };
+        let positions = face.mesh.positions();
+        let mut sums = [0.0; 2];
+        for triangle in face.mesh.triangles() {
+            let corners = triangle.map(|k| positions[k as usize]);
+            let uvs = triangle.map(|k| face.parameters[k as usize]);
+            let area = (corners[1] - corners[0])
+                .cross(corners[2] - corners[0])
+                .length();
+            for heavy in 0..3 {
+                // Three points inside are exact for squares of what is linear.
+                let share = |k: usize| if k == heavy { 2.0 / 3.0 } else { 1.0 / 6.0 };
+                let uv = uvs[0] * share(0) + uvs[1] * share(1) + uvs[2] * share(2);
+                let flat = corners[0] * share(0) + corners[1] * share(1) + corners[2] * share(2);
+                let square = patch.surface.evaluate(uv).distance_squared(flat);
+                sums[0] += area * square * face.scale * face.scale;
+                sums[1] += area;
+            }
+        }
+        sums
+    });
+    let sums: Vec<[f64; 2]> = sums.collect();
+    let total = |k: usize| sums.iter().map(|s| s[k]).sum::<f64>();
+    (total(0) / total(1).max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// What a comparison found about one mesh.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// Its name.
+    pub name: String,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Size of its files.
+    pub bytes: u64,
+    /// How it was made, if it is ours.
+    pub made: Option<Made>,
+    /// The rigid fit, if there was one.
+    pub fit: Option<Fit>,
+    /// Distances.
+    pub deviation: Deviation,
+    /// What is wrong with it as a whole.
+    pub faults: Vec<Fault>,
+    /// Differences of pictures.
+    pub image: ImageDifference,
+    /// Time to prepare it for rendering, to render, and to measure it.
+    pub build: Duration,
+    /// Time to render it.
+    pub render: Duration,
+    /// Time to measure it.
+    pub measuring: Duration,
+    /// What its reader did not use.
+    pub warnings: Warnings,
+    /// The widths of the crops at its worst places.
+    crops: Vec<f64>,
+    /// The triangles for the page, if they are not too many.
+    solid: Option<Solid>,
+}
+
+/// The worst places of both ways, the largest first.
+fn worst(deviation: &Deviation) -> Vec<Worst> {
+    let ways = [&deviation.surface_to_mesh, &deviation.mesh_to_surface];
+    let mut worst: Vec<Worst> = ways.iter().flat_map(|way| &way.worst).copied().collect();
+    worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
+    worst
+}
+
+impl Compared {
+    /// The worst places of both ways, the largest first.
+    pub fn worst(&self) -> Vec<Worst> {
+        worst(&self.deviation)
+    }
+
+    /// The distance from the surfaces that is proven both ways.
+    ///
+    /// Of a mesh of our own, that every triangle is that near to its surface is proven twice.
+    pub fn bound(&self) -> f64 {
+        let bound = self.deviation.bound();
+        self.made
+            .map_or(bound, |made| bound.min(made.proven))
+            .max(self.deviation.found())
+    }
+}
+
+/// Triangles for a look around: places as shares of the box, and deviations as shares of the
+/// largest.
+#[derive(Clone, Debug)]
+struct Solid {
+    points: Vec<[u16; 3]>,
+    shades: Vec<u8>,
+    triangles: Vec<[u32; 3]>,
+    /// The longest side is one.
+    size: [f32; 3],
+}
+
+/// Triangles of a page.
+const SOLID: usize = 200_000;
+
+/// A whole comparison.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// Name of the exact file.
+    pub source: String,
+    /// Name of the unit, or empty.
+    pub unit: String,
+    /// Size of the scene: the diagonal of the box around it.
+    pub size: f64,
+    /// Number of patches.
+    pub patches: usize,
+    /// Meshes of the exact file that are shown, but not measured.
+    pub unmeasured: usize,
+    /// Time to prepare the surfaces for rendering.
+    pub build: Duration,
+    /// Time to render them.
+    pub render: Duration,
+    /// The width and height of the pictures.
+    pub picture: [u32; 2],
+    /// Every mesh.
+    pub meshes: Vec<Compared>,
+    z_up: bool,
+    folder: PathBuf,
+}
+
+/// Compares meshes with surfaces and leaves a report in `folder`, which must exist.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn compare(
+    subject: &Subject<'_>,
+    source: &str,
+    candidates: Vec<Candidate>,
+    view: &View,
+    folder: &Path,
+) -> io::Result<Report> {
+    let exact = subject.exact();
+    let stage = Stage::new(subject.scene, view);
+    write_png(&folder.join("exact.png"), &stage.picture)?;
+    output::write(
+        &stage.film,
+        &folder.join("exact.exr"),
+        &OutputOptions::default(),
+    )?;
+    let mut meshes = Vec::new();
+    for (candidate, number) in candidates.into_iter().zip(1..) {
+        meshes.push(compare_one(&exact, &stage, candidate, number, folder)?);
+    }
+    let unit = subject.scene.unit.as_ref();
+    let report = Report {
+        source: source.to_owned(),
+        unit: unit.map_or_else(String::new, |unit| unit.name.clone()),
+        size: exact.bounds().diagonal(),
+        patches: exact.faces.len(),
+        unmeasured: subject.scene.placements().len() - exact.faces.len(),
+        build: stage.build,
+        render: stage.render,
+        picture: [view.width, view.height],
+        meshes,
+        z_up: subject.scene.up == UpAxis::Z,
+        folder: folder.to_owned(),
+    };
+    report.write()?;
+    Ok(report)
+}
+
+/// Measures one mesh, takes its pictures and writes them.
+fn compare_one(
+    exact: &Exact<'_>,
+    stage: &Stage<'_>,
+    candidate: Candidate,
+    number: usize,
+    folder: &Path,
+) -> io::Result<Compared> {
+    let started = Instant::now();
+    let soup = Soup::new(&candidate.scene, &candidate.scene_from_mesh);
+    let budget = match candidate.made {
+        Some(_) => PROVEN_BUDGET,
+        None => BUDGET,
+    };
+    let (deviation, faults) = measure(exact, &soup, budget);
+    let measuring = started.elapsed();
+    let worst = worst(&deviation);
+    let views = views::take(stage, exact, &soup, &worst, deviation.surface_to_mesh.found);
+    let at = |name: &str| folder.join(format!("mesh{number}-{name}"));
+    let named = [
+        ("smooth.png", &views.smooth),
+        ("flat.png", &views.flat),
+        ("wire.png", &views.wire),
+        ("difference.png", &views.difference),
+        ("flip.png", &views.flip),
+        ("heat.png", &views.heat),
+        ("silhouette.png", &views.silhouette),
+    ];
+    named
+        .par_iter()
+        .try_for_each(|(name, picture)| write_png(&at(name), picture))?;
+    for (crop, k) in views.crops.iter().zip(1..) {
+        write_png(&at(&format!("crop{k}-exact.png")), &crop.exact)?;
+        write_png(&at(&format!("crop{k}-mesh.png")), &crop.mesh)?;
+    }
+    output::write(&views.film, &at("smooth.exr"), &OutputOptions::default())?;
+    let size = [stage.film.width(), stage.film.height()];
+    output::write_channel(&at("deviation.exr"), size, "deviation", &views.distances)?;
+    Ok(Compared {
+        name: match candidate.made.filter(|_| candidate.name.is_empty()) {
+            Some(made) => {
+                let unit = stage
+                    .scene
+                    .unit
+                    .as_ref()
+                    .map_or("", |unit| unit.name.as_str());
+                format!("{} {unit}", text::short(made.tolerance))
+                    .trim_end()
+                    .to_owned()
+            }
+            None => candidate.name,
+        },
+        triangles: soup.triangles.len(),
+        bytes: candidate.bytes,
+        made: candidate.made,
+        fit: candidate.fit,
+        solid: (soup.triangles.len() <= SOLID).then(|| solid(exact, &soup, &deviation)),
+        deviation,
+        faults,
+        image: views.result,
+        build: views.build,
+        render: views.render,
+        measuring,
+        warnings: candidate.warnings,
+        crops: views.crops.iter().map(|crop| crop.extent).collect(),
+    })
+}
+
+fn write_png(path: &Path, picture: &Picture) -> io::Result<()> {
+    let bytes = output::encode_png(picture)?;
+    fs::write(path, bytes)
+}
+
+/// The triangles with the deviation in their middles.
+fn solid(exact: &Exact<'_>, soup: &Soup, deviation: &Deviation) -> Solid {
+    let bounds = soup.bounds();
+    let longest = bounds.size().max_element().max(f64::MIN_POSITIVE);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "shares of the largest number"
+    )]
+    let share = |value: f64, most: f64| (value.clamp(0.0, 1.0) * most).round() as u16;
+    let point = |p: &glam::DVec3| {
+        ((*p - bounds.min) / bounds.size().max(glam::DVec3::splat(f64::MIN_POSITIVE)))
+            .to_array()
+            .map(|v| share(v, 65535.0))
+    };
+    let most = deviation.found().max(f64::MIN_POSITIVE);
+    let middle = |[a, b, c]: &[glam::DVec3; 3]| {
+        let foot = exact.nearest((*a + *b + *c) / 3.0);
+        foot.map_or(0, |foot| {
+            share(foot.distance / most, 255.0).to_le_bytes()[0]
+        })
+    };
+    let middles: Vec<u8> = soup.tree.corners().par_iter().map(middle).collect();
+    let mut shades = vec![0; soup.points.len()];
+    for (triangle, shade) in soup.triangles.iter().zip(middles) {
+        for &k in triangle {
+            let own: &mut u8 = &mut shades[k as usize];
+            *own = (*own).max(shade);
+        }
+    }
+    Solid {
+        points: soup.points.iter().map(point).collect(),
+        shades,
+        triangles: soup.triangles.clone(),
+        size: (bounds.size() / longest).as_vec3().to_array(),
+    }
+}
+
+impl Report {
+    /// Whether surfaces and a mesh may be farther apart than `limit`, or a mesh is not there.
+    pub fn fails(&self, limit: f64) -> bool {
+        let empty = |m: &Compared| m.triangles == 0;
+        self.meshes.iter().any(|m| empty(m) || m.bound() > limit)
+    }
+
+    fn write(&self) -> io::Result<()> {
+        let write = |name: &str, bytes: &[u8]| {
+            use io::Write as _;
+            output::replace_file(&self.folder.join(name), |file| file.write_all(bytes))
+        };
+        let json = serde_json::to_vec_pretty(&self.json())?;
+        write("report.json", &json)?;
+        write("summary.md", self.markdown().as_bytes())?;
+        write("index.html", self.page()?.as_bytes())
+    }
+
+    /// All numbers.
+    pub fn json(&self) -> Value {
+        json!({
+            "source": self.source,
+            "unit": self.unit,
+            "size": self.size,
+            "patches": self.patches,
+            "meshes_not_measured": self.unmeasured,
+            "picture": self.picture,
+            "exact_build_s": self.build.as_secs_f64(),
+            "exact_render_s": self.render.as_secs_f64(),
+            "meshes": self.meshes.iter().map(Compared::json).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// The names of the pictures of a mesh, and what they show.
+const PICTURES: &[(&str, &str)] = &[
+    ("smooth", "smooth mesh"),
+    ("flat", "flat mesh"),
+    ("wire", "wireframe"),
+    ("difference", "difference x 4"),
+    ("flip", "FLIP"),
+    ("heat", "deviation"),
+    ("silhouette", "silhouettes"),
+];

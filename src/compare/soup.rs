@@ -1,0 +1,204 @@
+//! The triangles of a mesh where they stand.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DVec3};
+use kernel::{Aabb, Mesh, Scene, Shape};
+
+use super::triangles::TriangleTree;
+
+/// Triangles in the coordinates of the exact scene.
+#[derive(Debug)]
+pub(crate) struct Soup {
+    /// Every place where there is a corner, once.
+    pub(crate) points: Vec<DVec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Unit normals at the corners, as the file has them; empty if it has none.
+    pub(crate) normals: Vec<[DVec3; 3]>,
+    pub(crate) tree: TriangleTree,
+}
+
+impl Soup {
+    /// All triangles that a scene shows, moved by `target_from_world`.
+    pub(crate) fn new(scene: &Scene, target_from_world: &DAffine3) -> Self {
+        let mut points = Vec::new();
+        let mut known: HashMap<[u64; 3], u32> = HashMap::new();
+        let (mut triangles, mut normals) = (Vec::new(), Vec::new());
+        let mut smooth = true;
+        for at in scene.placements() {
+            let Shape::Mesh(id) = at.shape else {
+                continue;
+            };
+            let mesh = scene.mesh(id);
+            let map = *target_from_world * at.world_from_object;
+            let mut number = |p: &DVec3| {
+                // Zero has two spellings.
+                let p = map.transform_point3(*p) + 0.0;
+                *known
+                    .entry(p.to_array().map(f64::to_bits))
+                    .or_insert_with(|| {
+                        points.push(p);
+                        u32::try_from(points.len() - 1).expect("memory ends before 2^32 points")
+                    })
+            };
+            let numbers: Vec<u32> = mesh.positions().iter().map(&mut number).collect();
+            let turned = map.matrix3.inverse().transpose();
+            let mirrored = map.matrix3.determinant() < 0.0;
+            smooth &= !mesh.normals().is_empty();
+            for &triangle in mesh.triangles() {
+                let mut corners = triangle.map(|k| k as usize);
+                if mirrored {
+                    corners.swap(1, 2);
+                }
+                triangles.push(corners.map(|k| numbers[k]));
+                if smooth {
+                    let normal = |k: usize| (turned * mesh.normals()[k]).normalize_or_zero();
+                    normals.push(corners.map(normal));
+                }
+            }
+        }
+        if !smooth {
+            normals.clear();
+        }
+        let corners = triangles
+            .iter()
+            .map(|t: &[u32; 3]| t.map(|k| points[k as usize]));
+        let tree = TriangleTree::new(corners.collect());
+        Self {
+            points,
+            triangles,
+            normals,
+            tree,
+        }
+    }
+
+    /// Where the corners of a triangle are.
+    pub(crate) fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.tree.corners()[triangle]
+    }
+
+    /// The normal of a triangle, zero where it has no area.
+    pub(crate) fn flat_normal(&self, triangle: usize) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// The normal that a renderer would use, from those of the corners; the flat one if the
+    /// file has none.
+    pub(crate) fn smooth_normal(&self, triangle: usize, shares: [f64; 3]) -> DVec3 {
+        match self.normals.get(triangle) {
+            Some([a, b, c]) => {
+                (*a * shares[0] + *b * shares[1] + *c * shares[2]).normalize_or_zero()
+            }
+            None => self.flat_normal(triangle),
+        }
+    }
+
+    /// Half the length of the cross product of two sides.
+    pub(crate) fn area(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.corners(triangle);
+        0.5 * (b - a).cross(c - a).length()
+    }
+
+    /// The least box around the triangles.
+    pub(crate) fn bounds(&self) -> Aabb {
+        Aabb::around(self.tree.corners().iter().flatten().copied())
+    }
+
+    /// For every triangle the number of the part that hangs together with it, and how many
+    /// parts there are.
+    pub(crate) fn parts(&self) -> (Vec<usize>, usize) {
+        // Points joined to the least point of their part.
+        let mut parent: Vec<u32> = (0..).take(self.points.len()).collect();
+        fn root(parent: &mut [u32], mut k: u32) -> u32 {
+            while parent[k as usize] != k {
+                parent[k as usize] = parent[parent[k as usize] as usize];
+                k = parent[k as usize];
+            }
+            k
+        }
+        for &[a, b, c] in &self.triangles {
+            for (p, q) in [(a, b), (b, c)] {
+                let (p, q) = (root(&mut parent, p), root(&mut parent, q));
+                parent[p.max(q) as usize] = p.min(q);
+            }
+        }
+        let mut numbers: HashMap<u32, usize> = HashMap::new();
+        let mut part = |triangle: &[u32; 3]| {
+            let next = numbers.len();
+            *numbers
+                .entry(root(&mut parent, triangle[0]))
+                .or_insert(next)
+        };
+        let parts: Vec<usize> = self.triangles.iter().map(&mut part).collect();
+        (parts, numbers.len())
+    }
+
+    /// The same triangles as meshes for rendering: without normals, or with those of the
+    /// file, or those of the corners that meet within half a right angle where it has none;
+    /// one mesh for each of `groups` that a triangle can be in.
+    pub(crate) fn meshes(&self, groups: &[usize], smooth: Smooth) -> Vec<(usize, Mesh)> {
+        let normals = match smooth {
+            Smooth::No => Vec::new(),
+            Smooth::Yes if self.normals.is_empty() => self.blended(),
+            Smooth::Yes => self.normals.clone(),
+        };
+        let mut by_group: std::collections::BTreeMap<usize, Vec<usize>> = Default::default();
+        for (triangle, &group) in groups.iter().enumerate() {
+            by_group.entry(group).or_default().push(triangle);
+        }
+        let mesh = |(group, members): (usize, Vec<usize>)| {
+            let positions = members.iter().flat_map(|&k| self.corners(k)).collect();
+            let own = if normals.is_empty() {
+                &[][..]
+            } else {
+                &members
+            };
+            let own = own.iter().flat_map(|&k| normals[k]).collect();
+            let corners: Vec<u32> = (0..).take(3 * members.len()).collect();
+            let triangles = corners
+                .chunks_exact(3)
+                .map(|t| [t[0], t[1], t[2]])
+                .collect();
+            let mesh = Mesh::new(positions, own, Vec::new(), triangles);
+            (
+                group,
+                mesh.expect("every list has an entry for each corner"),
+            )
+        };
+        by_group.into_iter().map(mesh).collect()
+    }
+
+    /// Normals at the corners: sums of those of the triangles around a point, by area, that
+    /// are turned against each other by less than half a right angle.
+    fn blended(&self) -> Vec<[DVec3; 3]> {
+        let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.points.len()];
+        for (triangle, number) in self.triangles.iter().zip(0..) {
+            triangle
+                .iter()
+                .for_each(|&k| around[k as usize].push(number));
+        }
+        let normal = |k: usize| {
+            let [a, b, c] = self.corners(k);
+            (b - a).cross(c - a)
+        };
+        let corner = |own: DVec3, point: u32| {
+            let near = around[point as usize].iter().map(|&k| normal(k as usize));
+            let near = near.filter(|other| own.angle_between(*other) < CREASE);
+            near.sum::<DVec3>().normalize_or(own.normalize_or(DVec3::Z))
+        };
+        let each = self.triangles.iter().enumerate();
+        each.map(|(k, triangle)| triangle.map(|point| corner(normal(k), point)))
+            .collect()
+    }
+}
+
+/// Whether a mesh is shaded across its edges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Smooth {
+    Yes,
+    No,
+}
+
+/// Triangles that meet at a larger angle keep their edge.
+const CREASE: f64 = std::f64::consts::FRAC_PI_4;

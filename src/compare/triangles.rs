@@ -1,0 +1,286 @@
+//! The nearest of many triangles.
+
+use glam::DVec3;
+use kernel::Aabb;
+
+/// Triangles of a leaf.
+const FILL: usize = 4;
+
+/// Levels of a tree over less than 2^32 triangles, and some.
+const LEVELS: usize = 40;
+
+/// The point of a triangle nearest to another point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Closest {
+    pub(crate) point: DVec3,
+    /// The weights of the corners in it.
+    pub(crate) shares: [f64; 3],
+}
+
+/// The point of a triangle nearest to `p` \[Ericson 05, section 5.1.5\]; triangles without area
+/// are the segments or the point that they are.
+pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    let at = |shares: [f64; 3]| Closest {
+        point: a * shares[0] + b * shares[1] + c * shares[2],
+        shares,
+    };
+    let corner = |k: usize| {
+        let mut shares = [0.0; 3];
+        shares[k] = 1.0;
+        Closest {
+            point: [a, b, c][k],
+            shares,
+        }
+    };
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return corner(0);
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return corner(1);
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return corner(2);
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let t = d1 / (d1 - d3);
+        return at([1.0 - t, t, 0.0]);
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let t = d2 / (d2 - d6);
+        return at([1.0 - t, 0.0, t]);
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return at([0.0, 1.0 - t, t]);
+    }
+    let sum = va + vb + vc;
+    at([va / sum, vb / sum, vc / sum])
+}
+
+/// A triangle and its point nearest to another point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Found {
+    pub(crate) triangle: u32,
+    pub(crate) closest: Closest,
+    pub(crate) distance: f64,
+}
+
+/// A hierarchy of boxes over triangles, two wide.
+#[derive(Debug)]
+pub(crate) struct TriangleTree {
+    corners: Vec<[DVec3; 3]>,
+    /// Numbers of triangles in the order of the leaves.
+    order: Vec<u32>,
+    nodes: Vec<Node>,
+}
+
+/// A leaf if `count` is not zero, else a pair of nodes: the next one, and `first`.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: Aabb,
+    first: u32,
+    count: u32,
+}
+
+impl TriangleTree {
+    /// Puts triangles into a tree; they keep their numbers.
+    pub(crate) fn new(corners: Vec<[DVec3; 3]>) -> Self {
+        let count = u32::try_from(corners.len()).expect("memory ends before 2^32 triangles");
+        let mut tree = Self {
+            corners,
+            order: (0..count).collect(),
+            nodes: Vec::new(),
+        };
+        if count > 0 {
+            let mut order = std::mem::take(&mut tree.order);
+            tree.build(&mut order, 0);
+            tree.order = order;
+        }
+        tree
+    }
+
+    /// Adds the node of these triangles, of which the first is number `first` in the order.
+    fn build(&mut self, order: &mut [u32], first: usize) {
+        let own = |k: &u32| self.corners[*k as usize];
+        let bounds = Aabb::around(order.iter().flat_map(own));
+        let small = |k: usize| u32::try_from(k).expect("fewer nodes than triangles");
+        let index = self.nodes.len();
+        let leaf = order.len() <= FILL;
+        self.nodes.push(Node {
+            bounds,
+            first: small(first),
+            count: if leaf { small(order.len()) } else { 0 },
+        });
+        if leaf {
+            return;
+        }
+        let middles = Aabb::around(order.iter().map(|k| middle(own(k)))).size();
+        let axis = (0..3)
+            .max_by(|&i, &j| middles[i].total_cmp(&middles[j]))
+            .unwrap_or(0);
+        let half = order.len() / 2;
+        order.select_nth_unstable_by(half, |a, b| {
+            let key = |k: &u32| middle(own(k))[axis];
+            key(a).total_cmp(&key(b)).then(a.cmp(b))
+        });
+        let (left, right) = order.split_at_mut(half);
+        self.build(left, first);
+        self.nodes[index].first = small(self.nodes.len());
+        self.build(right, first + half);
+    }
+
+    /// The corners of the triangles by their numbers.
+    pub(crate) fn corners(&self) -> &[[DVec3; 3]] {
+        &self.corners
+    }
+
+    /// The nearest triangle; `None` if there is none.
+    pub(crate) fn nearest(&self, p: DVec3) -> Option<Found> {
+        let mut best: Option<Found> = None;
+        let mut square = f64::INFINITY;
+        self.visit(p, |found, own| {
+            if own < square {
+                square = own;
+                best = Some(found);
+            }
+            square
+        });
+        best
+    }
+
+    /// Shows every triangle no farther from `p` than `reach`, in no particular order.
+    pub(crate) fn within(&self, p: DVec3, reach: f64, mut show: impl FnMut(Found)) {
+        let square = reach * reach;
+        self.visit(p, |found, own| {
+            if own <= square {
+                show(found);
+            }
+            square
+        });
+    }
+
+    /// Goes through the boxes from near to far. `look` is given triangles and the squares of
+    /// their distances, and answers with the square beyond which nothing is of interest.
+    fn visit(&self, p: DVec3, mut look: impl FnMut(Found, f64) -> f64) {
+        let mut square = f64::INFINITY;
+        if self.nodes.is_empty() {
+            return;
+        }
+        // Every level leaves one node behind, and halves what is below it.
+        let mut stack = [(0_u32, 0.0_f64); LEVELS];
+        let mut filled = 1;
+        while filled > 0 {
+            filled -= 1;
+            let (index, near) = stack[filled];
+            if near > square {
+                continue;
+            }
+            let node = self.nodes[index as usize];
+            if node.count > 0 {
+                let leaf = node.first as usize..(node.first + node.count) as usize;
+                for &triangle in &self.order[leaf] {
+                    let closest = closest(self.corners[triangle as usize], p);
+                    let own = closest.point.distance_squared(p);
+                    let found = Found {
+                        triangle,
+                        closest,
+                        distance: own.sqrt(),
+                    };
+                    square = look(found, own);
+                }
+                continue;
+            }
+            let pair = [index + 1, node.first];
+            let [a, b] = pair.map(|k| (k, self.nodes[k as usize].distance_squared(p)));
+            let (near, far) = if a.1 <= b.1 { (a, b) } else { (b, a) };
+            stack[filled] = far;
+            stack[filled + 1] = near;
+            filled += 2;
+        }
+    }
+}
+
+fn middle([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (a + b + c) / 3.0
+}
+
+impl Node {
+    fn distance_squared(&self, p: DVec3) -> f64 {
+        p.clamp(self.bounds.min, self.bounds.max)
+            .distance_squared(p)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers from -1 to 1 that look random.
+    fn numbers() -> impl FnMut() -> f64 {
+        let mut state = 1_u64;
+        move || {
+            state = state.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(1);
+            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        }
+    }
+
+    #[test]
+    fn nothing_is_nearer_than_the_closest_point() {
+        let mut next = numbers();
+        let mut point = || DVec3::new(next(), next(), next());
+        for _ in 0..200 {
+            let (corners, p) = ([point(), point(), point()], point() * 2.0);
+            let found = closest(corners, p);
+            let [a, b, c] = found.shares;
+            assert!((a + b + c - 1.0).abs() < 1e-12 && a.min(b).min(c) >= 0.0);
+            for i in 0..=20 {
+                for j in 0..=20 - i {
+                    let [a, b, c] = [i, j, 20 - i - j].map(|k| f64::from(k) / 20.0);
+                    let other = corners[0] * a + corners[1] * b + corners[2] * c;
+                    assert!(other.distance(p) >= found.point.distance(p) - 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn triangles_without_area_have_nearest_points() {
+        let p = DVec3::new(0.5, 1.0, 0.0);
+        let line = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
+        assert_eq!(closest(line, p).point, DVec3::X * 0.5);
+        assert_eq!(closest([DVec3::X; 3], p).point, DVec3::X);
+    }
+
+    #[test]
+    fn the_tree_finds_what_a_search_through_all_finds() {
+        let mut next = numbers();
+        let mut point = || DVec3::new(next(), next(), next());
+        let corners: Vec<[DVec3; 3]> = (0..300)
+            .map(|_| {
+                let a = point();
+                [a, a + point() * 0.1, a + point() * 0.1]
+            })
+            .collect();
+        let tree = TriangleTree::new(corners.clone());
+        for _ in 0..100 {
+            let p = point();
+            let all = || corners.iter().map(|&t| closest(t, p).point.distance(p));
+            let least = all().fold(f64::INFINITY, f64::min);
+            let found = tree.nearest(p).unwrap();
+            assert!((found.distance - least).abs() < 1e-14);
+            let mut near = 0;
+            tree.within(p, 0.3, |_| near += 1);
+            assert_eq!(near, all().filter(|&d| d <= 0.3).count());
+        }
+        assert_eq!(TriangleTree::new(Vec::new()).nearest(DVec3::ZERO), None);
+    }
+}

@@ -1,0 +1,175 @@
+//! `nurbray compare`: the report, what fails, and what is wrong with meshes, in words.
+#![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
+
+use std::fmt::Write as _;
+use std::fs;
+
+use serde_json::Value;
+
+mod program;
+
+use program::{Place, assert_snapshot};
+
+/// Runs a comparison and reads its report.
+fn report(place: &Place, line: &str) -> Value {
+    let run = place.run(&format!("compare {line} -o report --size 160x120"));
+    assert!(matches!(run.code, Some(0 | 1)), "{line}: {}", run.stderr);
+    serde_json::from_slice(&fs::read(place.path("report/report.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn the_report_holds_all_that_it_promises() {
+    let place = Place::new();
+    assert_snapshot("help_compare.txt", &place.run("compare --help").stdout);
+    let found = report(&place, "samples/goblet.x3d --tolerance 1%,0.2%");
+    let meshes = found["meshes"].as_array().unwrap();
+    assert_eq!(meshes.len(), 2);
+    let number = |mesh: &Value, key: &str| mesh[key].as_f64().unwrap();
+    for mesh in meshes {
+        let (found, proven) = (
+            number(mesh, "hausdorff_found"),
+            number(mesh, "hausdorff_proven"),
+        );
+        assert!(0.0 < found && found <= proven && proven <= number(mesh, "tolerance"));
+        assert!(number(mesh, "chord_rms") <= number(mesh, "chord_sampled"));
+        assert!(number(mesh, "chord_sampled") <= number(mesh, "chord_proven"));
+        assert!(number(&mesh["distance"], "rms") <= found);
+        assert_eq!(mesh["faults"], Value::Array(Vec::new()), "{mesh}");
+        let worst = &mesh["surface_to_mesh"]["worst"][0];
+        assert!(number(worst, "distance") <= found * (1.0 + 1e-9));
+    }
+    for key in [
+        "hausdorff_found",
+        "flip",
+        "silhouette_pixels_16_samples",
+        "depth_p99",
+    ] {
+        assert!(number(&meshes[1], key) < number(&meshes[0], key), "{key}");
+    }
+    assert!(number(&meshes[1], "ssim") > number(&meshes[0], "ssim"));
+    let pictures = [
+        "smooth",
+        "flat",
+        "wire",
+        "difference",
+        "flip",
+        "heat",
+        "silhouette",
+    ];
+    let names = pictures
+        .iter()
+        .flat_map(|n| [format!("mesh1-{n}.png"), format!("mesh2-{n}.png")]);
+    let others = [
+        "exact.png",
+        "exact.exr",
+        "mesh1.glb",
+        "mesh1-smooth.exr",
+        "mesh2-deviation.exr",
+    ];
+    let others = others.into_iter().map(str::to_owned);
+    for name in names.chain(others) {
+        let size = fs::metadata(place.path("report").join(&name))
+            .unwrap()
+            .len();
+        assert!(size > 100, "{name}");
+    }
+    let summary = fs::read_to_string(place.path("report/summary.md")).unwrap();
+    assert!(summary.contains("| Hausdorff, proven") && summary.contains("The exact picture took"));
+    let page = fs::read_to_string(place.path("report/index.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("data:image/png;base64,"));
+    for outside in ["http:", "https:", "src=\"", "href=\""] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn a_limit_sets_the_exit_code() {
+    let place = Place::new();
+    for (limit, code) in [("0.5%", 0), ("0.001%", 1)] {
+        let line = "compare samples/goblet.x3d --tolerance 0.4% -o report --size 80x60";
+        let run = place.run(&format!("{line} --fail-above {limit}"));
+        assert_eq!(run.code, Some(code), "{limit}: {}", run.stderr);
+    }
+}
+
+/// The triangles of a text of OBJ polygons as a text of STL, moved by `map`; `keep` chooses
+/// triangles by their numbers.
+fn stl(obj: &str, map: impl Fn([f64; 3]) -> [f64; 3], keep: impl Fn(usize) -> bool) -> String {
+    let numbers = |line: &str| -> Vec<f64> {
+        line.split_whitespace()
+            .skip(1)
+            .map(|w| w.parse().unwrap())
+            .collect()
+    };
+    let points: Vec<[f64; 3]> = obj
+        .lines()
+        .filter(|line| line.starts_with("v "))
+        .map(|line| map(numbers(line)[..3].try_into().unwrap()))
+        .collect();
+    let mut text = String::from("solid mesh\n");
+    let faces = obj.lines().filter(|line| line.starts_with("f "));
+    for face in faces
+        .enumerate()
+        .filter(|(k, _)| keep(*k))
+        .map(|(_, face)| face)
+    {
+        for corner in face.split_whitespace().skip(1) {
+            let number: usize = corner.split('/').next().unwrap().parse().unwrap();
+            let [x, y, z] = points[number - 1];
+            writeln!(text, "vertex {x:?} {y:?} {z:?}").unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn what_is_wrong_with_a_mesh_is_named() {
+    let place = Place::new();
+    let made = "convert samples/can.igs -o can.obj --triangles --tolerance 0.1%";
+    assert_eq!(place.run(made).code, Some(0));
+    let obj = fs::read_to_string(place.path("can.obj")).unwrap();
+    let all = |_| true;
+    let same = |p: [f64; 3]| p;
+    // Triangles come face by face; the first of them belong to the first.
+    let count = obj.lines().filter(|line| line.starts_with("f ")).count();
+    let first = obj.split("\ng ").nth(1).unwrap();
+    let first = first.lines().filter(|line| line.starts_with("f ")).count();
+    let mut stray = stl(&obj, same, all);
+    for p in ["900 900 900", "930 900 900", "900 930 900"] {
+        writeln!(stray, "vertex {p}").unwrap();
+    }
+    let turned = stl(&obj, |[x, y, z]| [x, -z, y], all);
+    let cases = [
+        ("good", stl(&obj, same, all), ""),
+        ("missing", stl(&obj, same, |k| k >= first), "missing patch"),
+        ("extra", stray, "extra geometry"),
+        (
+            "mirrored",
+            stl(&obj, |[x, y, z]| [-x, y, z], all),
+            "mirrored",
+        ),
+        (
+            "elsewhere",
+            stl(&obj, |[x, y, z]| [x - 5000.0, y, z], all),
+            "moved",
+        ),
+        (
+            "units",
+            stl(&obj, |p| p.map(|c| c * 0.001), all),
+            "wrong units",
+        ),
+        ("turned", turned, "wrong upward axis"),
+        ("empty", stl(&obj, same, |k| k >= count), "empty mesh"),
+    ];
+    for (name, text, kind) in cases {
+        fs::write(place.path(&format!("{name}.stl")), text).unwrap();
+        let found = report(&place, &format!("samples/can.igs {name}.stl"));
+        let faults = found["meshes"][0]["faults"].as_array().unwrap();
+        let kinds: Vec<&str> = faults.iter().map(|f| f["kind"].as_str().unwrap()).collect();
+        if kind.is_empty() {
+            assert!(kinds.is_empty(), "{name}: {faults:?}");
+        } else {
+            assert!(kinds.contains(&kind), "{name}: {faults:?}");
+        }
+    }
+}
