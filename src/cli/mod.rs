@@ -2,6 +2,7 @@
 #![allow(clippy::print_stderr, reason = "this is where the program speaks")]
 
 mod batch;
+mod bench;
 mod convert;
 mod info;
 mod input;
@@ -43,6 +44,7 @@ enum Command {
     Convert(convert::Args),
     Info(info::Args),
     Probe(probe::Args),
+    Bench(bench::Args),
 }
 
 /// Exit code when something went wrong.
@@ -73,6 +75,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Convert(args) => convert::run(&args),
         Command::Info(args) => info::run(&args).map(Failures::from),
         Command::Probe(args) => probe::run(&args).map(Failures::from),
+        Command::Bench(args) => bench::run(&args).map(Failures::from),
     };
     match result {
         Ok(Failures { count: 0, .. }) => ExitCode::SUCCESS,
