@@ -190,7 +190,10 @@ impl Painter<'_> {
         let mut hits = Vec::new();
         if let Some(found) = self.found {
             let row = self.options.width as usize;
-            hits.extend(tile.pixels().map(|(x, y)| found[y as usize * row + x as usize]));
+            hits.extend(
+                tile.pixels()
+                    .map(|(x, y)| found[y as usize * row + x as usize]),
+            );
         } else {
             let ranges = vec![0.0..f64::INFINITY; rays.len()];
             self.accelerator

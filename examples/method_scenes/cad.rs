@@ -46,7 +46,11 @@ fn rounded_box(parts: &mut Parts, low: DVec3, high: DVec3, radius: f64) -> Outco
         let start = FRAC_PI_2 * quarter as f64;
         for top in [0, 1] {
             let frame = Frame::new(pick(bits | top << 2), DVec3::Z, DVec3::X)?;
-            let latitudes = if top == 1 { 0.0..FRAC_PI_2 } else { -FRAC_PI_2..0.0 };
+            let latitudes = if top == 1 {
+                0.0..FRAC_PI_2
+            } else {
+                -FRAC_PI_2..0.0
+            };
             let corner = sphere(&frame, radius, start..start + FRAC_PI_2, latitudes)?;
             parts.face("corner", corner)?;
         }
@@ -154,7 +158,7 @@ pub(crate) fn machine() -> Outcome<Parts> {
     parts.material("steel", [0.62, 0.66, 0.72], 0.6);
     let (size, thick, corner) = (DVec2::new(120.0, 84.0), 14.0, 12.0);
     let holes = [(16.0, 16.0), (104.0, 16.0), (104.0, 68.0), (16.0, 68.0)].map(DVec2::from);
-    let (middle, boss, fillet, bore) = (size * 0.5, 26.0, 7.0, 13.0);
+    let middle = size * 0.5;
     let plate = |z: f64, inner: f64| -> Outcome<Patch> {
         let edges = [DVec3::X * size.x, DVec3::Y * size.y];
         let surface = rectangle(DVec3::Z * z, edges[0], edges[1])?;
@@ -166,8 +170,8 @@ pub(crate) fn machine() -> Outcome<Parts> {
         patch.loops = loops;
         Ok(patch)
     };
-    parts.face("bottom", plate(0.0, bore)?)?;
-    parts.face("top", plate(thick, boss + fillet)?)?;
+    parts.face("bottom", plate(0.0, BORE)?)?;
+    parts.face("top", plate(thick, BOSS + FILLET)?)?;
     for (k, (x, y)) in [
         (size.x - corner, size.y - corner),
         (corner, size.y - corner),
@@ -191,32 +195,61 @@ pub(crate) fn machine() -> Outcome<Parts> {
         let frame = Frame::new(hole.extend(0.0), DVec3::Z, DVec3::X)?;
         parts.face("bolt hole", cylinder(&frame, 6.0, 0.0..TAU, 0.0..thick)?)?;
     }
-    let axis = |z: f64| Frame::new(middle.extend(z), DVec3::Z, DVec3::X);
-    let (top, round) = (58.0, 4.0);
-    let foot = torus(&axis(thick + fillet)?, boss + fillet, fillet, 0.0..TAU, PI..1.5 * PI)?;
-    parts.face("foot fillet", foot)?;
-    let heights = thick + fillet..top - round;
-    parts.face("boss", cylinder(&axis(0.0)?, boss, 0.0..TAU, heights)?)?;
-    let rim = torus(&axis(top - round)?, boss - round, round, 0.0..TAU, 0.0..FRAC_PI_2)?;
-    parts.face("rim fillet", rim)?;
-    let side = 2.0 * boss;
-    let low = (middle - 0.5 * side).extend(top);
-    let mut lid = Patch::from(rectangle(low, DVec3::X * side, DVec3::Y * side)?);
-    let sink = 3.0;
-    let center = DVec2::splat(0.5 * side);
-    lid.loops = vec![circle(center, boss - round)?, circle(center, bore + sink)?];
-    parts.face("lid", lid)?;
-    let chamfer = cone(&axis(top - sink)?, bore, FRAC_PI_4, 0.0..TAU, 0.0..sink)?;
-    parts.face("countersink", chamfer)?;
-    parts.face("bore", cylinder(&axis(0.0)?, bore, 0.0..TAU, 0.0..top - sink)?)?;
+    boss_on(&mut parts, middle, thick)?;
     parts.material("brass", [0.85, 0.68, 0.30], 0.6);
     let out = Frame::new(
-        DVec3::new(middle.x, middle.y - boss + 1.0, 40.0),
+        DVec3::new(middle.x, middle.y - BOSS + 1.0, 40.0),
         DVec3::NEG_Y,
         DVec3::X,
     )?;
     parts.face("oil pipe", cylinder(&out, 3.0, 0.0..TAU, 0.0..8.0)?)?;
     let cup = Frame::new(out.origin() + DVec3::NEG_Y * 11.0, DVec3::Z, DVec3::X)?;
-    parts.face("oil cup", sphere(&cup, 5.0, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2)?)?;
+    parts.face(
+        "oil cup",
+        sphere(&cup, 5.0, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2)?,
+    )?;
     Ok(parts)
+}
+
+/// Radii of the machine's boss, of the fillet around its foot, and of its bore.
+const BOSS: f64 = 26.0;
+const FILLET: f64 = 7.0;
+const BORE: f64 = 13.0;
+
+/// A bored boss with fillets and a countersink.
+fn boss_on(parts: &mut Parts, middle: DVec2, thick: f64) -> Outcome<()> {
+    let axis = |z: f64| Frame::new(middle.extend(z), DVec3::Z, DVec3::X);
+    let (top, round) = (58.0, 4.0);
+    let foot = torus(
+        &axis(thick + FILLET)?,
+        BOSS + FILLET,
+        FILLET,
+        0.0..TAU,
+        PI..1.5 * PI,
+    )?;
+    parts.face("foot fillet", foot)?;
+    let heights = thick + FILLET..top - round;
+    parts.face("boss", cylinder(&axis(0.0)?, BOSS, 0.0..TAU, heights)?)?;
+    let rim = torus(
+        &axis(top - round)?,
+        BOSS - round,
+        round,
+        0.0..TAU,
+        0.0..FRAC_PI_2,
+    )?;
+    parts.face("rim fillet", rim)?;
+    let side = 2.0 * BOSS;
+    let low = (middle - 0.5 * side).extend(top);
+    let mut lid = Patch::from(rectangle(low, DVec3::X * side, DVec3::Y * side)?);
+    let sink = 3.0;
+    let center = DVec2::splat(0.5 * side);
+    lid.loops = vec![circle(center, BOSS - round)?, circle(center, BORE + sink)?];
+    parts.face("lid", lid)?;
+    let chamfer = cone(&axis(top - sink)?, BORE, FRAC_PI_4, 0.0..TAU, 0.0..sink)?;
+    parts.face("countersink", chamfer)?;
+    parts.face(
+        "bore",
+        cylinder(&axis(0.0)?, BORE, 0.0..TAU, 0.0..top - sink)?,
+    )?;
+    Ok(())
 }

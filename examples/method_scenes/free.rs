@@ -23,7 +23,13 @@ pub(crate) fn teapot_plane() -> Outcome<Parts> {
     let floor = teapot.hull_bounds().min.y;
     parts.material("table", [0.82, 0.76, 0.66], 0.05);
     let origin = DVec3::new(-5.0, floor, 5.0);
-    let square = plane(origin, DVec3::X * 10.0, DVec3::Z * -10.0, 0.0..1.0, 0.0..1.0)?;
+    let square = plane(
+        origin,
+        DVec3::X * 10.0,
+        DVec3::Z * -10.0,
+        0.0..1.0,
+        0.0..1.0,
+    )?;
     parts.face("table", square)?;
     Ok(parts)
 }
@@ -43,7 +49,10 @@ fn along_x(stations: &[[f64; 4]], around: usize) -> Outcome<Surface> {
 /// The same surface elsewhere, mirrored in z where `side` is negative.
 fn moved(surface: &Surface, place: DVec3, side: f64) -> Outcome<Surface> {
     let point = |p: DVec3| DVec3::new(p.x, p.y, p.z * side) + place;
-    let points: Vec<_> = surface.points().map(|p| super::parts::short(point(p))).collect();
+    let points: Vec<_> = surface
+        .points()
+        .map(|p| super::parts::short(point(p)))
+        .collect();
     let (u, v) = (surface.knots_u().clone(), surface.knots_v().clone());
     Ok(Surface::new(u, v, &points, None)?)
 }
@@ -66,12 +75,18 @@ fn add_duck(parts: &mut Parts) -> Outcome<()> {
     parts.face("body", body)?;
     let head = |x: f64| DVec3::new(1.15 + x, 1.75, 0.0);
     let balls = |r: f64, high: f64| {
-        let rings: Vec<_> = [[-1.0, 0.0], [-1.0, 0.55], [0.0, 1.1], [1.0, 0.55], [1.0, 0.0]]
-            .map(|[y, wide]| {
-                let center = DVec3::Y * (y * high);
-                ring(center, DVec3::Z * (wide * r), DVec3::X * (wide * r), 8)
-            })
-            .to_vec();
+        let rings: Vec<_> = [
+            [-1.0, 0.0],
+            [-1.0, 0.55],
+            [0.0, 1.1],
+            [1.0, 0.55],
+            [1.0, 0.0],
+        ]
+        .map(|[y, wide]| {
+            let center = DVec3::Y * (y * high);
+            ring(center, DVec3::Z * (wide * r), DVec3::X * (wide * r), 8)
+        })
+        .to_vec();
         tube(&rings)
     };
     parts.face("head", moved(&balls(0.85, 0.85)?, head(0.0), 1.0)?)?;
@@ -193,9 +208,16 @@ pub(crate) fn column() -> Outcome<Parts> {
     for (y, r) in [(-0.35, 0.95), (-0.85, 1.1)] {
         parts.face("base ring", bulge(r, y, 0.4)?)?;
     }
-    parts.face("capital", turned(&[[0.84, 9.5], [0.9, 9.8], [1.35, 9.95], [1.35, 10.1]])?)?;
+    parts.face(
+        "capital",
+        turned(&[[0.84, 9.5], [0.9, 9.8], [1.35, 9.95], [1.35, 10.1]])?,
+    )?;
     for (y, half, high) in [(10.1, 1.5, 0.4), (-1.35, 1.7, 0.5)] {
-        slab(&mut parts, DVec3::new(-half, y, -half), DVec3::new(half, y + high, half))?;
+        slab(
+            &mut parts,
+            DVec3::new(-half, y, -half),
+            DVec3::new(half, y + high, half),
+        )?;
     }
     Ok(parts)
 }
@@ -235,7 +257,8 @@ pub(crate) fn water_lily() -> Outcome<Parts> {
     ] {
         parts.material("petal", color, 0.2);
         for k in 0..count {
-            let angle = TAU * (f64::from(k) + 0.04 * numbers.next() + 0.3 * rise) / f64::from(count);
+            let angle =
+                TAU * (f64::from(k) + 0.04 * numbers.next() + 0.3 * rise) / f64::from(count);
             let out = DVec3::new(angle.cos(), 0.0, angle.sin());
             let side = out.cross(DVec3::Y);
             let row = |s: f64| -> Vec<DVec3> {
@@ -313,7 +336,8 @@ pub(crate) fn skull() -> Outcome<Parts> {
             let latitude = PI * (f64::from(layer) / 6.0 - 0.5);
             let star = |k: usize| {
                 let angle = TAU * k as f64 / 16.0;
-                let r = 22.0 * latitude.cos() * (1.0 + 0.14 * (5.0 * angle).cos() + bump(angle, 9.0));
+                let r =
+                    22.0 * latitude.cos() * (1.0 + 0.14 * (5.0 * angle).cos() + bump(angle, 9.0));
                 DVec3::new(
                     20.0 + r * angle.cos(),
                     48.0 + 17.0 * latitude.sin(),
@@ -334,4 +358,3 @@ fn tube_row(rings: &[Vec<DVec3>], row: usize) -> Outcome<(KnotVector, Vec<DVec3>
     let points = surface.points().skip(row * count).take(count).collect();
     Ok((surface.knots_v().clone(), points))
 }
-

@@ -24,7 +24,7 @@ const SCENES: &[Row] = &[
     ("column.x3d", free::column),
     ("water_lily.x3dv", free::water_lily),
     ("phone.igs", cad::phone),
-    ("machine.igs", cad::machine),
+    ("machine.x3d", cad::machine),
     ("skull.x3dv", free::skull),
 ];
 

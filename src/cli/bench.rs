@@ -113,8 +113,9 @@ fn files(args: &MethodArgs) -> anyhow::Result<Vec<PathBuf>> {
     if !args.files.is_empty() {
         return Ok(args.files.clone());
     }
-    let entries = std::fs::read_dir(SCENES)
-        .with_context(|| format!("{SCENES}: run this where nurbray's samples are, or name files"))?;
+    let entries = std::fs::read_dir(SCENES).with_context(|| {
+        format!("{SCENES}: run this where nurbray's samples are, or name files")
+    })?;
     let mut files = Vec::new();
     for entry in entries {
         let path = entry?.path();
@@ -178,7 +179,9 @@ fn measure_file(
         let verdicts = Raster::of_verdicts(&judgement, args.size);
         for (raster, kind) in [(effort, "effort"), (verdicts, "verdict")] {
             let path = args.output.join(format!("{name}_{kind}.png"));
-            raster.write(&path).with_context(|| path.display().to_string())?;
+            raster
+                .write(&path)
+                .with_context(|| path.display().to_string())?;
         }
         rows.push(Row {
             scene: stem.clone(),

@@ -319,7 +319,8 @@ fn render_scene(
     };
     if let Some(path) = &args.write_map {
         let map = map_picture(scene, &camera, args.size).with_context(|| input::display(file))?;
-        map.write(path).with_context(|| path.display().to_string())?;
+        map.write(path)
+            .with_context(|| path.display().to_string())?;
     }
     let render_time = started.elapsed();
     let certified = args

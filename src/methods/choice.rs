@@ -12,8 +12,8 @@ use super::{
     Counts, Found, Job, Picture, Stopwatch, Times, Trace, VARIANTS, Variant, Weights, map,
 };
 use crate::accelerator::{Accelerator, Workspace};
-use crate::intersect::{Hit, METHODS, Method};
 use crate::film::Film;
+use crate::intersect::{Hit, METHODS, Method};
 use crate::render::{RenderOptions, RenderStats, blocks, render, render_found};
 
 /// Side of a block of pixels whose rays the production method traces together.
@@ -139,7 +139,9 @@ impl Choice {
         ));
         let meshes = scene.placements().iter().filter(|p| is_mesh(p)).count();
         if meshes > 0 {
-            remarks.push(format!("{self}: {meshes} meshes are not seen, it knows surfaces only"));
+            remarks.push(format!(
+                "{self}: {meshes} meshes are not seen, it knows surfaces only"
+            ));
         }
         remarks
     }
@@ -293,7 +295,10 @@ fn one_by_one(accelerator: &Accelerator<'_>, view: &View) -> Trace {
             let range = 0.0..f64::INFINITY;
             let hit = accelerator.nearest(&view.ray(x, y), range, &mut workspace);
             let cells = workspace.cells_examined() - before;
-            (hit.as_ref().map(found), u32::try_from(cells).unwrap_or(u32::MAX))
+            (
+                hit.as_ref().map(found),
+                u32::try_from(cells).unwrap_or(u32::MAX),
+            )
         })
         .unzip();
     Trace {

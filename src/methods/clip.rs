@@ -309,7 +309,11 @@ pub(super) fn direction(
     let last = degrees.p * row;
     let [a, b, c, d] = [0, degrees.q, last, last + degrees.q].map(|k| DVec2::from_array(net[k]));
     // Corners: a and b at the start of u, c and d at its end.
-    let edges = if along_v { (c - a) + (d - b) } else { (b - a) + (d - c) };
+    let edges = if along_v {
+        (c - a) + (d - b)
+    } else {
+        (b - a) + (d - c)
+    };
     let diagonals = [d - a, if along_v { c - b } else { b - c }];
     let longest = if diagonals[0].length() > diagonals[1].length() {
         diagonals[0]

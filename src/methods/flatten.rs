@@ -33,9 +33,16 @@ pub(super) struct Part {
 
 impl Leaves {
     pub(super) fn build(world: &World, rule: Rule) -> Self {
-        let all = world.pieces.iter().fold(Aabb::EMPTY, |b, p| b.union(p.bounds));
+        let all = world
+            .pieces
+            .iter()
+            .fold(Aabb::EMPTY, |b, p| b.union(p.bounds));
         let size = all.diagonal();
-        let constant = if size > 0.0 { FINENESS / size.sqrt() } else { 0.0 };
+        let constant = if size > 0.0 {
+            FINENESS / size.sqrt()
+        } else {
+            0.0
+        };
         let (mut parts, mut boxes) = (Vec::new(), Vec::new());
         let mut pieces = world.pieces.iter();
         for sheet in &world.sheets {
@@ -93,8 +100,8 @@ pub(super) fn span_counts(surface: &Surface, constant: f64) -> Vec<usize> {
     let columns: Vec<Vec<_>> = (0..row)
         .map(|j| points.iter().skip(j).step_by(row).copied().collect())
         .collect();
-    let spans = (knots.degree()..knots.count())
-        .filter(|&i| knots.as_slice()[i] < knots.as_slice()[i + 1]);
+    let spans =
+        (knots.degree()..knots.count()).filter(|&i| knots.as_slice()[i] < knots.as_slice()[i + 1]);
     spans
         .map(|i| {
             let wanted = columns.iter().map(|column| measure(knots, column, i));
@@ -116,12 +123,24 @@ fn measure(knots: &KnotVector, points: &[DVec3], i: usize) -> f64 {
     let (k, t) = (knots.degree() + 1, knots.as_slice());
     let order = k as f64;
     let quotient = |difference: DVec3, wide: f64| {
-        if wide > 0.0 { difference / wide } else { DVec3::ZERO }
+        if wide > 0.0 {
+            difference / wide
+        } else {
+            DVec3::ZERO
+        }
     };
-    let velocity =
-        |j: usize| quotient((points[j] - points[j - 1]) * (order - 1.0), t[j + k - 1] - t[j]);
-    let acceleration =
-        |j: usize| quotient((velocity(j) - velocity(j - 1)) * (order - 2.0), t[j + k - 2] - t[j]);
+    let velocity = |j: usize| {
+        quotient(
+            (points[j] - points[j - 1]) * (order - 1.0),
+            t[j + k - 1] - t[j],
+        )
+    };
+    let acceleration = |j: usize| {
+        quotient(
+            (velocity(j) - velocity(j - 1)) * (order - 2.0),
+            t[j + k - 2] - t[j],
+        )
+    };
     let bend = (i + 3 - k.min(i + 3)..=i)
         .filter(|&j| j >= 2)
         .map(|j| acceleration(j).length())

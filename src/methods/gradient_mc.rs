@@ -81,9 +81,8 @@ impl<'a> Tracer<'a> for Random<'a> {
                 let Some((uv, t)) = minimiser.root(sheet, sheet.at(at), &planes, counts) else {
                     continue;
                 };
-                let is_known = |root: &DVec2| {
-                    ((*root - uv) / sheet.size).abs().max_element() < SAME
-                };
+                let is_known =
+                    |root: &DVec2| ((*root - uv) / sheet.size).abs().max_element() < SAME;
                 if roots.iter().any(is_known) {
                     continue;
                 }

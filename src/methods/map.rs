@@ -45,13 +45,7 @@ struct Fragment {
 }
 
 /// Offers all fragments of a sheet.
-fn draw(
-    world: &World,
-    sheet: &Sheet,
-    view: &View,
-    reach: f64,
-    mut offer: impl FnMut(Fragment),
-) {
+fn draw(world: &World, sheet: &Sheet, view: &View, reach: f64, mut offer: impl FnMut(Fragment)) {
     let [u, v] = sheet.breaks.clone().map(|breaks| subdivided(&breaks));
     let mut counts = Counts::default();
     let corners: Vec<Option<Corner>> = u
@@ -157,8 +151,11 @@ fn fill(view: &View, [a, b, c]: [Corner; 3], reach: f64, offer: &mut impl FnMut(
 )]
 fn pixels(low: f64, high: f64, count: u32) -> Option<std::ops::Range<u32>> {
     let most = f64::from(count);
-    let (low, high) = (low.ceil().clamp(0.0, most), (high.floor() + 1.0).clamp(0.0, most));
-    (low < high).then(|| low as u32..high as u32)
+    let (low, high) = (
+        low.ceil().clamp(0.0, most),
+        (high.floor() + 1.0).clamp(0.0, most),
+    );
+    (low < high).then_some(low as u32..high as u32)
 }
 
 /// The map of the originals.
@@ -271,7 +268,7 @@ impl WideMap {
         let mut map = Self {
             width: view.width,
             offsets: vec![0],
-            starts: Vec::with_capacity(links.len()),
+            starts: Vec::new(),
         };
         for head in heads {
             let first = map.starts.len();

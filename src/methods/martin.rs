@@ -50,9 +50,10 @@ impl<'a> Tracer<'a> for Martin<'a> {
 
     fn ray(&self, shot: &Shot, stack: &mut Stack, counts: &mut Counts) -> Option<Found> {
         let planes = planes(&shot.ray);
-        self.starts.nearest(self.world, shot, stack, |sheet, start| {
-            newton(self.world, self.view, sheet, start, &planes, counts)
-        })
+        self.starts
+            .nearest(self.world, shot, stack, |sheet, start| {
+                newton(self.world, self.view, sheet, start, &planes, counts)
+            })
     }
 }
 

@@ -212,6 +212,7 @@ impl<'a> Minimiser<'a> {
 
 /// A point brought back to the domain, unless it is too far outside.
 pub(super) fn inside(at: DVec2) -> Option<DVec2> {
-    let near = at.cmpge(DVec2::splat(-OUTSIDE)).all() && at.cmple(DVec2::splat(1.0 + OUTSIDE)).all();
+    let near =
+        at.cmpge(DVec2::splat(-OUTSIDE)).all() && at.cmple(DVec2::splat(1.0 + OUTSIDE)).all();
     near.then(|| at.clamp(DVec2::ZERO, DVec2::ONE))
 }

@@ -234,7 +234,7 @@ fn run<'a, T: Tracer<'a>>(job: &Job<'a>) -> Trace {
         .into_par_iter()
         .map(|y| {
             let (mut row, mut sum) = (T::Row::default(), Counts::default());
-            let mut pixels = Vec::with_capacity(view.width as usize);
+            let mut pixels = Vec::new();
             for x in 0..view.width {
                 let mut counts = Counts::default();
                 let shot = Shot {

@@ -60,23 +60,18 @@ impl<'a> Tracer<'a> for Projected<'a> {
     fn ray(&self, shot: &Shot, stack: &mut Stack, counts: &mut Counts) -> Option<Found> {
         let film = DVec2::new(f64::from(shot.x), f64::from(shot.y)) + 0.5;
         let planes = Planes::of(&shot.ray);
-        self.starts.nearest(self.world, shot, stack, |sheet, start| {
-            let uv = self.root(sheet, start, film, counts)?;
-            let t = planes.time(&self.world.value(sheet, uv, counts));
-            Some((uv, t))
-        })
+        self.starts
+            .nearest(self.world, shot, stack, |sheet, start| {
+                let uv = self.root(sheet, start, film, counts)?;
+                let t = planes.time(&self.world.value(sheet, uv, counts));
+                Some((uv, t))
+            })
     }
 }
 
 impl Projected<'_> {
     /// A point of a sheet that is seen at a place of the film (equation 10).
-    fn root(
-        &self,
-        sheet: &Sheet,
-        start: DVec2,
-        film: DVec2,
-        counts: &mut Counts,
-    ) -> Option<DVec2> {
+    fn root(&self, sheet: &Sheet, start: DVec2, film: DVec2, counts: &mut Counts) -> Option<DVec2> {
         counts.starts += 1;
         let mut uv = start;
         let mut is_moved = false;

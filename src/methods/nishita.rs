@@ -21,7 +21,11 @@ impl<'a, const REPAIRED: bool> Tracer<'a> for Clipping<'a, REPAIRED> {
     type Row = Room;
 
     fn prepare(job: &Job<'a>, _: &mut Duration) -> Self {
-        let rules = if REPAIRED { Rules::EFREMOV } else { Rules::NISHITA };
+        let rules = if REPAIRED {
+            Rules::EFREMOV
+        } else {
+            Rules::NISHITA
+        };
         Self(Clipper::new(job.world, job.view, rules))
     }
 

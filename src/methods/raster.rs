@@ -78,7 +78,9 @@ impl Raster {
     reason = "between colours"
 )]
 fn heat(effort: u32) -> [u8; 3] {
-    let place = (f64::from(effort) + 1.0).log(4.0).min(HEAT.len() as f64 - 1.001);
+    let place = (f64::from(effort) + 1.0)
+        .log(4.0)
+        .min(HEAT.len() as f64 - 1.001);
     let k = place as usize;
     let share = place - k as f64;
     std::array::from_fn(|c| (HEAT[k][c] * (1.0 - share) + HEAT[k + 1][c] * share).round() as u8)

@@ -50,7 +50,10 @@ mod tests {
 
     #[test]
     fn waiting_takes_no_time_of_the_processor() {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .unwrap();
         let (asleep, awake) = pool.install(|| {
             let watch = Stopwatch::start();
             std::thread::sleep(Duration::from_millis(50));

@@ -171,7 +171,11 @@ fn minimised(size: f64, descent: Descent, literal: bool) -> Cost {
             direction: down,
         };
         let view = View::new(&above(size), (256, 256));
-        let variants: &[Variant] = if literal { &[Variant::SeedLiteral] } else { &[] };
+        let variants: &[Variant] = if literal {
+            &[Variant::SeedLiteral]
+        } else {
+            &[]
+        };
         let job = Job {
             world: &world,
             view: &view,
@@ -212,7 +216,10 @@ fn reused_directions_save_gradients() {
 #[test]
 fn the_printed_residual_depends_on_the_unit_of_length() {
     let small = minimised(1.0, Descent::Gradient, true);
-    assert!(small.evaluations < 1.5 && small.distance > 1e-3, "{small:?}");
+    assert!(
+        small.evaluations < 1.5 && small.distance > 1e-3,
+        "{small:?}"
+    );
     let relative = |size: f64| minimised(size, Descent::Gradient, false);
     let sizes = [1.0, 1000.0].map(|size| relative(size).evaluations);
     assert!((sizes[0] - sizes[1]).abs() < 0.2, "{sizes:?}");
@@ -270,7 +277,12 @@ fn clips_of_linear_nets_are_exact() {
 fn flattening_counts_are_those_of_the_formula() {
     let knots = KnotVector::bezier(3, 0.0..1.0).unwrap();
     let across = KnotVector::bezier(1, 0.0..1.0).unwrap();
-    let profile = [(0.0, 0.0), (1.0 / 3.0, 0.0), (2.0 / 3.0, 1.0 / 3.0), (1.0, 1.0)];
+    let profile = [
+        (0.0, 0.0),
+        (1.0 / 3.0, 0.0),
+        (2.0 / 3.0, 1.0 / 3.0),
+        (1.0, 1.0),
+    ];
     let points: Vec<_> = profile
         .iter()
         .flat_map(|&(x, y)| [0.0, 1.0].map(|z| DVec3::new(x, y, z)))
@@ -355,8 +367,12 @@ fn the_map_has_the_colours_of_the_seeds() {
 }
 
 fn sample(name: &str) -> Scene {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name);
-    formats::open(path, &formats::Limits::default()).unwrap().scene
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("samples")
+        .join(name);
+    formats::open(path, &formats::Limits::default())
+        .unwrap()
+        .scene
 }
 
 /// Every method with every variant sees the teapot, and those that are meant to be complete
@@ -386,13 +402,18 @@ fn every_method_sees_the_teapot() {
             _ => 40,
         };
         assert!(failed <= allowed, "{name}: {:?}", judgement.counts);
-        assert!(right > 1600 && judgement.error[1] <= 0.03, "{name}: {judgement:?}");
+        assert!(
+            right > 1600 && judgement.error[1] <= 0.03,
+            "{name}: {judgement:?}"
+        );
     }
 }
 
 #[test]
 fn variants_stand_at_their_numbers() {
-    let places = super::VARIANTS.iter().map(|(variant, ..)| *variant as usize);
+    let places = super::VARIANTS
+        .iter()
+        .map(|(variant, ..)| *variant as usize);
     assert!(places.eq(0..super::VARIANTS.len()));
 }
 
@@ -403,13 +424,30 @@ fn refusals_are_in_words() {
     let ball = modelling::sphere(&frame, 1.0, 0.0..6.0, -1.5..1.5).unwrap();
     let scene = scene_of(vec![ball; 256]);
     let check = |name: &str| Choice::parse(name).unwrap().check(&scene);
-    for name in ["gradient-mc", "gradient-map", "descent-map", "descent-map+map8"] {
+    for name in [
+        "gradient-mc",
+        "gradient-map",
+        "descent-map",
+        "descent-map+map8",
+    ] {
         let refusal = check(name).unwrap_err().to_string();
-        assert!(refusal.contains("polynomial") && refusal.contains("256 of 256"), "{refusal}");
+        assert!(
+            refusal.contains("polynomial") && refusal.contains("256 of 256"),
+            "{refusal}"
+        );
     }
     let refusal = check("newton-map+map8").unwrap_err().to_string();
-    assert_eq!(refusal, "the 8-bit map tells 255 surfaces apart; there are 256");
-    for name in ["newton", "newton-map", "newton-map+map8+tree", "martin", "wang"] {
+    assert_eq!(
+        refusal,
+        "the 8-bit map tells 255 surfaces apart; there are 256"
+    );
+    for name in [
+        "newton",
+        "newton-map",
+        "newton-map+map8+tree",
+        "martin",
+        "wang",
+    ] {
         assert_eq!(check(name), Ok(()), "{name}");
     }
     assert!(map_picture(&scene, &above(1.0), (8, 8)).is_err());

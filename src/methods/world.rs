@@ -52,13 +52,14 @@ impl World {
             points: Vec::new(),
             regions: scene.patches().iter().map(Patch::region).collect(),
         };
-        let patches = scene
-            .placements()
-            .into_iter()
-            .filter_map(|placement| match placement.shape {
-                Shape::Patch(id) => Some((id, placement.world_from_object)),
-                Shape::Mesh(_) => None,
-            });
+        let patches =
+            scene
+                .placements()
+                .into_iter()
+                .filter_map(|placement| match placement.shape {
+                    Shape::Patch(id) => Some((id, placement.world_from_object)),
+                    Shape::Mesh(_) => None,
+                });
         for (number, (id, place)) in patches.enumerate() {
             let surface = scene.patch(id).surface.transformed(&place);
             world.add(number, id.index(), surface);
@@ -285,7 +286,11 @@ impl View {
     /// component one along the view.
     pub(super) fn footprint(&self, t: f64) -> f64 {
         let width = 2.0 * self.half.x / f64::from(self.width);
-        if self.is_parallel { width } else { width * t.abs() }
+        if self.is_parallel {
+            width
+        } else {
+            width * t.abs()
+        }
     }
 
     /// How near to the ray a point must be.

@@ -259,7 +259,9 @@ fn page(args: &MethodArgs, pairs: &[(&Row, &Context)]) -> String {
                     for column in COLUMNS {
                         let _ = write!(text, "<td>{}", cell(column, measured, context));
                     }
-                    for (kind, caption) in [("", ""), ("_effort", " effort"), ("_verdict", " verdict")] {
+                    for (kind, caption) in
+                        [("", ""), ("_effort", " effort"), ("_verdict", " verdict")]
+                    {
                         let _ = write!(
                             figures,
                             "<figure><img src=\"{}_{method}{kind}.png\" alt=\"\">\
