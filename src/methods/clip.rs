@@ -352,9 +352,14 @@ pub(super) fn clip(
         if low <= 0.0 && high >= 0.0 {
             meet(place(i));
         }
-        // Hull edges that pass zero join a value above in one column to one below in another.
+        // Edges of the hull that pass zero join extremes of two columns.
         for (j, &(other_low, other_high)) in columns.iter().enumerate().skip(i + 1) {
-            for (a, b) in [(low, other_high), (high, other_low)] {
+            for (a, b) in [
+                (low, other_low),
+                (low, other_high),
+                (high, other_low),
+                (high, other_high),
+            ] {
                 if (a < 0.0) != (b < 0.0) {
                     meet(place(i) + (place(j) - place(i)) * (a / (a - b)));
                 }

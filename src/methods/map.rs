@@ -123,8 +123,12 @@ fn fill(view: &View, [a, b, c]: [Corner; 3], reach: f64, offer: &mut impl FnMut(
             let sum: f64 = clamped.iter().sum();
             let [wa, wb, wc] = clamped.map(|w| w / sum);
             let closest = a.place * wa + b.place * wb + c.place * wc;
-            let outside = closest.distance(place);
-            if outside > reach || (reach == 0.0 && weights.iter().any(|&w| w < 0.0)) {
+            let outside = if weights.iter().all(|&w| w >= 0.0) {
+                0.0
+            } else {
+                closest.distance(place)
+            };
+            if outside > reach {
                 continue;
             }
             // Perspective: shares over depths are linear on the film.
