@@ -339,9 +339,9 @@ pub(crate) fn skull() -> Outcome<Parts> {
                 let r =
                     22.0 * latitude.cos() * (1.0 + 0.14 * (5.0 * angle).cos() + bump(angle, 9.0));
                 DVec3::new(
-                    8.0 + r * angle.cos(),
-                    64.0 + 17.0 * latitude.sin(),
-                    4.0 + r * angle.sin(),
+                    20.0 + r * angle.cos(),
+                    48.0 + 17.0 * latitude.sin(),
+                    10.0 + r * angle.sin(),
                 )
             };
             (0..16).map(star).collect::<Vec<_>>()
