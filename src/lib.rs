@@ -34,6 +34,7 @@ mod integrator;
 mod intersect;
 mod look;
 mod measure;
+pub mod methods;
 pub mod output;
 mod polygons;
 mod render;

@@ -69,12 +69,34 @@ pub fn render(
     options: &RenderOptions,
     progress: &(dyn Fn(u64) + Sync),
 ) -> (Film, RenderStats) {
+    paint_all(accelerator, camera, options, None, progress)
+}
+
+/// Shades hits that have been found before, one for each pixel, top row first; `options` must
+/// ask for one sample.
+pub(crate) fn render_found(
+    accelerator: &Accelerator<'_>,
+    camera: &Camera,
+    options: &RenderOptions,
+    found: &[Option<Hit>],
+) -> (Film, RenderStats) {
+    paint_all(accelerator, camera, options, Some(found), &|_| {})
+}
+
+fn paint_all(
+    accelerator: &Accelerator<'_>,
+    camera: &Camera,
+    options: &RenderOptions,
+    found: Option<&[Option<Hit>]>,
+    progress: &(dyn Fn(u64) + Sync),
+) -> (Film, RenderStats) {
     let integrator = Integrator::new(accelerator, camera, options.shading);
     let painter = Painter {
         accelerator,
         integrator,
         camera,
         options,
+        found,
     };
     let tiles: Vec<_> = tiles(options).collect();
     let done: Vec<_> = tiles
@@ -123,7 +145,7 @@ impl Tile {
 }
 
 /// A rectangle cut into squares, row by row.
-fn blocks(
+pub(crate) fn blocks(
     y: &Range<u32>,
     x: &Range<u32>,
     side: u32,
@@ -150,6 +172,8 @@ struct Painter<'a> {
     integrator: Integrator<'a>,
     camera: &'a Camera,
     options: &'a RenderOptions,
+    /// What the rays through the middles of all pixels meet, if that is known.
+    found: Option<&'a [Option<Hit>]>,
 }
 
 impl Painter<'_> {
@@ -164,9 +188,17 @@ impl Painter<'_> {
             .map(|place| self.ray(place))
             .collect();
         let mut hits = Vec::new();
-        let ranges = vec![0.0..f64::INFINITY; rays.len()];
-        self.accelerator
-            .nearest_many(&rays, &ranges, workspace, &mut hits);
+        if let Some(found) = self.found {
+            let row = self.options.width as usize;
+            hits.extend(
+                tile.pixels()
+                    .map(|(x, y)| found[y as usize * row + x as usize]),
+            );
+        } else {
+            let ranges = vec![0.0..f64::INFINITY; rays.len()];
+            self.accelerator
+                .nearest_many(&rays, &ranges, workspace, &mut hits);
+        }
         stats.trace = started.elapsed();
         stats.primary_rays = rays.len() as u64;
         stats.hits = hits.iter().flatten().count() as u64;

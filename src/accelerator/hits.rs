@@ -98,6 +98,21 @@ impl Accelerator<'_> {
         Some((a? * a_area + b? * b_area + c? * c_area) / (a_area + b_area + c_area))
     }
 
+    /// Instance and item of every patch, by its number.
+    pub(crate) fn places(&self) -> Vec<(u32, u32)> {
+        let mut places = vec![(0, 0); self.counts.patches as usize];
+        for (k, instance) in (0..).zip(&self.instances) {
+            let items = &self.clusters[instance.cluster as usize].items;
+            for (item, number) in items.iter().zip(0..) {
+                if let ItemShape::Patch(_) = item.shape {
+                    let patch = instance.before.patches + item.offset;
+                    places[patch as usize] = (k, number);
+                }
+            }
+        }
+        places
+    }
+
     fn item(&self, hit: &Hit) -> &ClusterItem<'_> {
         let (instance, item) = hit.place;
         let cluster = self.instances[instance as usize].cluster;

@@ -71,7 +71,7 @@ fn all_hits(accelerator: &Accelerator<'_>, ray: &Ray) -> Vec<Hit> {
 
 #[test]
 fn every_method_agrees_with_the_sphere_at_every_scale() {
-    for method in METHODS {
+    for method in METHODS.iter().filter(|m| m.picture.is_none()) {
         for scale in [1e-6, 1.0, 1e6] {
             let scene = scene_of(vec![ball(scale, DVec3::ZERO)]);
             let accelerator = Accelerator::build(&scene, method);

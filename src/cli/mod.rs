@@ -2,6 +2,7 @@
 #![allow(clippy::print_stderr, reason = "this is where the program speaks")]
 
 mod batch;
+mod bench;
 mod compare;
 mod convert;
 mod info;
@@ -46,6 +47,7 @@ enum Command {
     Compare(compare::Args),
     Info(info::Args),
     Probe(probe::Args),
+    Bench(bench::Args),
 }
 
 /// Exit code when a comparison found more than was allowed.
@@ -80,6 +82,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::run(&args).map(Failures::from),
         Command::Probe(args) => probe::run(&args).map(Failures::from),
+        Command::Bench(args) => bench::run(&args).map(Failures::from),
     };
     match result {
         Ok(Failures { count: 0, .. }) => ExitCode::SUCCESS,

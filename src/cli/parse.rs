@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use nurbray::METHODS;
 use nurbray::kernel::linear_from_srgb;
+use nurbray::methods::VARIANTS;
 
 /// The largest picture, in pixels: the film then takes about eight gigabytes.
 const MOST_PIXELS: u64 = 1 << 27;
@@ -32,6 +34,24 @@ pub(super) fn vector(text: &str) -> Result<DVec3, String> {
         Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
         _ => Err(format!("'{text}' is not three numbers such as 1,-2.5,3")),
     }
+}
+
+/// All methods and their variants, for `--help`.
+pub(super) fn methods() -> String {
+    let mut text = "How rays are intersected with surfaces. NAME+VARIANT departs from the \
+                    method's defaults.\n"
+        .to_owned();
+    for method in METHODS {
+        text += &format!("\n  {}: {}", method.name, method.summary);
+        for &variant in method.variants {
+            text += &format!("\n      +{}", VARIANTS[variant as usize].1);
+        }
+    }
+    text += "\n";
+    for (_, name, summary) in VARIANTS {
+        text += &format!("\n  +{name}: {summary}");
+    }
+    text
 }
 
 /// What stands behind everything.

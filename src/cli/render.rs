@@ -11,9 +11,10 @@ use clap::ValueEnum;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use nurbray::kernel::{Camera, Projection, Scene, linear_from_srgb};
+use nurbray::methods::{Choice, map_picture};
 use nurbray::output::{self, Aov, OutputOptions, PngDepth};
 use nurbray::{
-    Accelerator, CertifyStats, METHODS, Method, RenderOptions, RenderStats, Shading, certify_film,
+    Accelerator, CertifyStats, METHODS, RenderOptions, RenderStats, Shading, certify_film,
     over_sky, render,
 };
 use serde_json::{Value, json};
@@ -97,9 +98,19 @@ pub(super) struct Args {
     /// exact.status: 0 miss, 1 hit, 2 tangent, 3 edge, 4 overlap
     #[arg(long)]
     certify: bool,
-    /// How rays are intersected with surfaces
-    #[arg(long, value_name = "NAME", default_value = METHODS[0].name, value_parser = method)]
-    method: &'static Method,
+    /// How rays are intersected with surfaces; NAME+VARIANT departs from the method's defaults
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = METHODS[0].name,
+        value_parser = Choice::parse,
+        long_help = parse::methods()
+    )]
+    method: Choice,
+    /// Write the preliminary map of the methods that start from one: red tells the surface, green
+    /// and blue its parameters
+    #[arg(long, value_name = "PNG")]
+    write_map: Option<PathBuf>,
     /// Threads; 0 uses every core
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
@@ -132,16 +143,6 @@ impl From<ShadingArg> for Shading {
             ShadingArg::None => Self::None,
         }
     }
-}
-
-fn method(name: &str) -> Result<&'static Method, String> {
-    METHODS.iter().find(|m| m.name == name).ok_or_else(|| {
-        let known: Vec<_> = METHODS
-            .iter()
-            .map(|m| format!("{} ({})", m.name, m.summary))
-            .collect();
-        format!("no such method; there are: {}", known.join(", "))
-    })
 }
 
 fn degrees(text: &str) -> Result<f64, String> {
@@ -292,7 +293,7 @@ fn render_scene(
         );
     }
     let started = Instant::now();
-    let accelerator = Accelerator::build(scene, args.method);
+    let accelerator = Accelerator::build(scene, args.method.method);
     let build = started.elapsed();
     let camera = camera(args, scene, &accelerator).with_context(|| input::display(file))?;
     let holds_data = output::picture_format(target).is_some_and(|f| f.holds_data);
@@ -304,9 +305,23 @@ fn render_scene(
         data: holds_data && !output.aovs.is_empty(),
     };
     let started = Instant::now();
-    let bar = progress_bar(&options, file);
-    let (mut film, stats) = render(&accelerator, &camera, &options, &|pixels| bar.inc(pixels));
-    bar.finish_and_clear();
+    let (mut film, stats) = if args.method.is_research() {
+        for remark in args.method.remarks(scene) {
+            eprintln!("nurbray: {}: {remark}", input::display(file));
+        }
+        let rendered = args.method.render(&accelerator, &camera, &options);
+        rendered.with_context(|| input::display(file))?
+    } else {
+        let bar = progress_bar(&options, file);
+        let done = render(&accelerator, &camera, &options, &|pixels| bar.inc(pixels));
+        bar.finish_and_clear();
+        done
+    };
+    if let Some(path) = &args.write_map {
+        let map = map_picture(scene, &camera, args.size).with_context(|| input::display(file))?;
+        map.write(path)
+            .with_context(|| path.display().to_string())?;
+    }
     let render_time = started.elapsed();
     let certified = args
         .certify

@@ -14,6 +14,7 @@ use glam::{DVec2, DVec3};
 use kernel::Ray;
 
 use crate::accelerator::{Accelerator, Workspace};
+use crate::methods::{self, Picture, Variant};
 use net::Degrees;
 
 /// A point where a ray meets a shape, in world coordinates.
@@ -40,19 +41,25 @@ pub struct Hit {
     pub(crate) triangle: u32,
 }
 
-/// A way to find where rays meet patches: one row per file of this folder.
+/// A way to find where rays meet patches: one row per file of this folder or of
+/// [`crate::methods`].
 ///
 /// Each row holds whole-ray functions, compiled for the method; nothing is looked up
-/// within the loop over cells.
+/// within the loop over cells. Methods that work on the whole picture leave single rays to the
+/// production method.
 #[derive(Clone, Copy)]
 pub struct Method {
     /// Name on the command line.
     pub name: &'static str,
     /// One sentence for `--help`.
     pub summary: &'static str,
+    /// Departures from its defaults that it knows.
+    pub variants: &'static [Variant],
     pub(crate) nearest: fn(&Accelerator, &Ray, Range<f64>, &mut Workspace) -> Option<Hit>,
     pub(crate) any: fn(&Accelerator, &Ray, Range<f64>, &mut Workspace) -> bool,
     pub(crate) all: fn(&Accelerator, &Ray, Range<f64>, &mut Workspace, &mut Vec<Hit>),
+    /// What finds the rays of the camera, if not the functions above.
+    pub(crate) picture: Option<Picture>,
 }
 
 impl fmt::Debug for Method {
@@ -62,15 +69,80 @@ impl fmt::Debug for Method {
 }
 
 /// All methods; the first is the default.
-pub const METHODS: &[Method] = &[method::<newton::Newton>()];
+pub const METHODS: &[Method] = &[
+    PRODUCTION,
+    Method {
+        name: "gradient-mc",
+        summary: "random points of each piece, then the gradient (Sisojevs 2011)",
+        variants: &[Variant::SeedLiteral],
+        picture: Some(methods::GRADIENT_MC),
+        ..PRODUCTION
+    },
+    Method {
+        name: "gradient-map",
+        summary: "preliminary map of the picture, then the gradient (Sisojevs 2011)",
+        variants: &[Variant::Map8, Variant::Tree, Variant::SeedLiteral],
+        picture: Some(methods::GRADIENT_MAP),
+        ..PRODUCTION
+    },
+    Method {
+        name: "descent-map",
+        summary: "preliminary map, then steepest descent with directions reused (Sisojevs 2009)",
+        variants: &[Variant::Map8, Variant::Tree, Variant::SeedLiteral],
+        picture: Some(methods::DESCENT_MAP),
+        ..PRODUCTION
+    },
+    Method {
+        name: "newton-map",
+        summary: "preliminary map, then Newton's iteration on the film (Sisojevs 2011)",
+        variants: &[Variant::Map8, Variant::Tree, Variant::Homogeneous],
+        picture: Some(methods::NEWTON_MAP),
+        ..PRODUCTION
+    },
+    Method {
+        name: "martin",
+        summary: "flattening, boxes, Newton's iteration from their middles (Martin 2000)",
+        variants: &[Variant::Tree],
+        picture: Some(methods::MARTIN),
+        ..PRODUCTION
+    },
+    Method {
+        name: "nishita",
+        summary: "Bezier clipping (Nishita 1990)",
+        variants: &[],
+        picture: Some(methods::NISHITA),
+        ..PRODUCTION
+    },
+    Method {
+        name: "efremov",
+        summary: "Bezier clipping with repairs (Efremov 2005)",
+        variants: &[],
+        picture: Some(methods::EFREMOV),
+        ..PRODUCTION
+    },
+    Method {
+        name: "wang",
+        summary: "Newton's iteration from the neighbouring pixel, else clipping (Wang 2001)",
+        variants: &[],
+        picture: Some(methods::WANG),
+        ..PRODUCTION
+    },
+];
+
+const PRODUCTION: Method = Method {
+    variants: &[Variant::Single],
+    ..method::<newton::Newton>()
+};
 
 const fn method<I: Intersector>() -> Method {
     Method {
         name: I::NAME,
         summary: I::SUMMARY,
+        variants: &[],
         nearest: |a, ray, range, w| a.nearest_with::<I>(ray, range, w),
         any: |a, ray, range, w| a.any_with::<I>(ray, range, w),
         all: |a, ray, range, w, hits| a.all_with::<I>(ray, range, w, hits),
+        picture: None,
     }
 }
 

@@ -77,7 +77,7 @@ pub(crate) fn evaluate(net: &[f64], degrees: Degrees, u: &[Row; 2], v: &[Row; 2]
     sums
 }
 
-/// A coefficient: a number, or the four coordinates of a homogeneous point.
+/// A coefficient: a number, or the coordinates of a point.
 pub(crate) trait Coefficient: Copy {
     /// The point between `self` and `other` at `t`.
     #[must_use]
@@ -91,75 +91,91 @@ impl Coefficient for f64 {
     }
 }
 
-impl Coefficient for [f64; 4] {
+impl<const K: usize> Coefficient for [f64; K] {
     #[inline(always)]
     fn towards(self, other: Self, t: f64) -> Self {
         std::array::from_fn(|k| self[k] + (other[k] - self[k]) * t)
     }
 }
 
-/// Homogeneous point and first derivatives of a net of points.
+/// Point and first derivatives of a net of points, from the Bernstein rows of u and v.
 #[inline(always)]
-pub(crate) fn evaluate4(
-    net: &[[f64; 4]],
+fn evaluate_rows<const K: usize>(
+    net: &[[f64; K]],
     degrees: Degrees,
     u: &[Row; 2],
     v: &[Row; 2],
-) -> [DVec4; 3] {
-    let mut sums = [[0.0; 4]; 3];
+) -> [[f64; K]; 3] {
+    let mut sums = [[0.0; K]; 3];
     for (i, line) in net.chunks_exact(degrees.q + 1).enumerate() {
-        let (mut value, mut along_v) = ([0.0; 4], [0.0; 4]);
+        let (mut value, mut along_v) = ([0.0; K], [0.0; K]);
         for (j, point) in line.iter().enumerate() {
-            for k in 0..4 {
+            for k in 0..K {
                 value[k] += point[k] * v[0][j];
                 along_v[k] += point[k] * v[1][j];
             }
         }
-        for k in 0..4 {
+        for k in 0..K {
             sums[0][k] += value[k] * u[0][i];
             sums[1][k] += value[k] * u[1][i];
             sums[2][k] += along_v[k] * u[0][i];
         }
     }
-    sums.map(DVec4::from_array)
+    sums
 }
 
 /// Homogeneous point and first derivatives of a piece in its local parameters.
 #[inline(always)]
 pub(crate) fn evaluate_at(piece: &PieceNet<'_>, u: f64, v: f64) -> [DVec4; 3] {
+    evaluate_points(piece.points, piece.degrees, u, v).map(DVec4::from_array)
+}
+
+/// Point and first derivatives of a net of points; the derivatives cost nothing where they are
+/// not used.
+#[inline(always)]
+pub(crate) fn evaluate_points<const K: usize>(
+    net: &[[f64; K]],
+    degrees: Degrees,
+    u: f64,
+    v: f64,
+) -> [[f64; K]; 3] {
     macro_rules! by_degree {
         ($($p:literal, $q:literal;)*) => {
-            match (piece.degrees.p, piece.degrees.q) {
-                $(($p, $q) => evaluate_fixed::<{ $p + 1 }, { $q + 1 }>(piece.points, u, v),)*
-                (p, q) => evaluate4(piece.points, piece.degrees, &bernstein(p, u), &bernstein(q, v)),
+            match (degrees.p, degrees.q) {
+                $(($p, $q) => evaluate_fixed::<{ $p + 1 }, { $q + 1 }, K>(net, u, v),)*
+                (p, q) => evaluate_rows(net, degrees, &bernstein(p, u), &bernstein(q, v)),
             }
         };
     }
     by_degree! { 1, 1; 1, 2; 1, 3; 2, 1; 2, 2; 2, 3; 3, 1; 3, 2; 3, 3; }
 }
 
-/// As [`evaluate4`], for orders known at compile time.
+/// As [`evaluate_rows`], for orders known at compile time.
 #[inline(always)]
-fn evaluate_fixed<const M: usize, const N: usize>(net: &[[f64; 4]], u: f64, v: f64) -> [DVec4; 3] {
+fn evaluate_fixed<const M: usize, const N: usize, const K: usize>(
+    net: &[[f64; K]],
+    u: f64,
+    v: f64,
+) -> [[f64; K]; 3] {
     let (bu, du) = bernstein_fixed::<M>(u);
     let (bv, dv) = bernstein_fixed::<N>(v);
-    let mut sums = [[0.0; 4]; 3];
+    let mut sums = [[0.0; K]; 3];
     for i in 0..M {
-        let (mut value, mut along_v) = ([0.0; 4], [0.0; 4]);
+        let (mut value, mut along_v) = ([0.0; K], [0.0; K]);
         for j in 0..N {
             let point = &net[i * N + j];
-            for k in 0..4 {
+            for k in 0..K {
                 value[k] += point[k] * bv[j];
                 along_v[k] += point[k] * dv[j];
             }
         }
-        for k in 0..4 {
+        for k in 0..K {
             sums[0][k] += value[k] * bu[i];
             sums[1][k] += value[k] * du[i];
             sums[2][k] += along_v[k] * bu[i];
         }
     }
-    sums.map(DVec4::from_array)
+    sums
 }
 
 /// Bernstein polynomials and derivatives of order `N` at `t`.
@@ -217,15 +233,15 @@ pub(crate) fn split_v<C: Coefficient>(left: &mut [C], right: &mut [C], degrees: 
 ///
 /// `spare` has the length of the net; what it holds is overwritten.
 #[inline(always)]
-pub(crate) fn restrict(
-    net: &mut [f64],
-    spare: &mut [f64],
+pub(crate) fn restrict<C: Coefficient>(
+    net: &mut [C],
+    spare: &mut [C],
     degrees: Degrees,
     u: (f64, f64),
     v: (f64, f64),
 ) {
-    type Split = fn(&mut [f64], &mut [f64], Degrees, f64);
-    for (split, (start, end)) in [(split_u as Split, u), (split_v, v)] {
+    type Split<C> = fn(&mut [C], &mut [C], Degrees, f64);
+    for (split, (start, end)) in [(split_u as Split<C>, u), (split_v, v)] {
         if end < 1.0 {
             spare.copy_from_slice(net);
             split(net, spare, degrees, end);
