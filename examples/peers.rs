@@ -55,7 +55,9 @@ fn main() -> Result<(), Failure> {
         "" => 1.0,
         number => number.parse()?,
     };
-    let n = (1..=50).find(|n| f64::from(n * n * n) >= teapots).unwrap_or(50);
+    let n = (1..=50)
+        .find(|n| f64::from(n * n * n) >= teapots)
+        .unwrap_or(50);
     let back = match n {
         3 => 3.0,
         _ => 0.9 * f64::from(n),

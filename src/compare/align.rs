@@ -195,8 +195,9 @@ fn solve(mut rows: [[f64; 7]; 6]) -> Option<[f64; 6]> {
         for i in 0..6 {
             if i != k {
                 let factor = rows[i][k] / rows[k][k];
-                for j in k..7 {
-                    rows[i][j] -= factor * rows[k][j];
+                let pivot = rows[k];
+                for (entry, above) in rows[i].iter_mut().zip(&pivot).skip(k) {
+                    *entry -= factor * above;
                 }
             }
         }

@@ -90,7 +90,7 @@ pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, budget: us
         .map(|cell| (cell.found(), cell.clone()))
         .collect();
     let top = largest(&function, cells, FLOOR * size, budget);
-    reach(top, all, size, |cell| function.worst(cell))
+    reach(&top, all, size, |cell| function.worst(cell))
 }
 
 /// The distance from the triangles to the nearest points of the surfaces.
@@ -119,7 +119,7 @@ pub(crate) fn from_mesh(
         .map(|cell| (cell.found(), cell.clone()))
         .collect();
     let top = largest(&function, cells, FLOOR * size, budget);
-    reach(top, all, size, |cell| function.worst(cell))
+    reach(&top, all, size, |cell| function.worst(cell))
 }
 
 /// The nearest point of the surfaces for every point of a mesh; empty if there is no surface.
@@ -131,7 +131,7 @@ pub(crate) fn feet(exact: &Exact<'_>, soup: &Soup) -> Vec<Foot> {
 /// Puts together what was found: the worst places are chosen among the cells at the start
 /// and those with the largest values at the end.
 fn reach<C>(
-    top: Supremum<C>,
+    top: &Supremum<C>,
     mut all: Vec<(f64, C)>,
     size: f64,
     worst: impl Fn(&C) -> Worst,

@@ -10,7 +10,7 @@ use super::images::Picture;
 const COLORS: [[f32; 3]; 9] = [
     [0.267, 0.005, 0.329],
     [0.278, 0.176, 0.482],
-    [0.231, 0.318, 0.545],
+    [0.231, 0.3179, 0.545],
     [0.172, 0.443, 0.557],
     [0.129, 0.565, 0.552],
     [0.153, 0.678, 0.506],
@@ -66,10 +66,10 @@ pub(crate) fn legend(picture: &mut Picture, largest: f64) {
             put(picture, margin + x, y, shade);
         }
     }
-    for part in 0..=2 {
-        let text = number(largest * f64::from(part) / 2.0);
+    for (part, share) in [0.0, 0.5, 1.0].into_iter().enumerate() {
+        let text = number(largest * share);
         let along = text.chars().count() * 4 * BIG;
-        let at = margin + length * part as usize / 2;
+        let at = margin + length * part / 2;
         let left = match part {
             0 => at,
             1 => at.saturating_sub(along / 2),
@@ -239,6 +239,6 @@ mod tests {
         assert_eq!(number(0.25), "0.25000");
         let mut picture = Picture::new(200, 150, vec![[1.0; 3]; 30_000]).unwrap();
         legend(&mut picture, 0.25);
-        assert!(picture.pixels().iter().any(|p| *p == [0.1; 3]));
+        assert!(picture.pixels().contains(&[0.1; 3]));
     }
 }

@@ -227,7 +227,7 @@ fn hunt([lightness, a, b]: [f32; 3]) -> [f32; 3] {
     [lightness, a * share, b * share]
 }
 
-/// The distance HyAB: along lightness and across it.
+/// The distance `HyAB`: along lightness and across it.
 fn distance(p: [f32; 3], q: [f32; 3]) -> f32 {
     (p[0] - q[0]).abs() + (p[1] - q[1]).hypot(p[2] - q[2])
 }

@@ -185,7 +185,7 @@ mod tests {
     fn equal_pictures_do_not_differ_and_a_known_step_has_a_known_ratio() {
         let flat = |value: f32| Picture::new(16, 12, vec![[value; 3]; 16 * 12]).unwrap();
         let (a, b) = (flat(0.5), flat(0.6));
-        assert_eq!(psnr(&a, &a), f64::INFINITY);
+        assert!(psnr(&a, &a).is_infinite());
         assert!((psnr(&a, &b) - 20.0).abs() < 1e-5);
         assert!((ssim(&a, &a) - 1.0).abs() < 1e-9);
         assert!(flip(&a, &a) < 1e-9);

@@ -230,8 +230,7 @@ impl Reader<'_> {
         }];
         // A tree has no more nodes than there are; what passes that is no tree.
         let mut visited = 0;
-        loop {
-            let Some(top) = open.last_mut() else { break };
+        while let Some(top) = open.last_mut() {
             if let Some(index) = top.children.pop() {
                 let depth = top.depth + 1;
                 visited += 1;

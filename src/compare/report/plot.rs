@@ -20,9 +20,9 @@ const BOTTOM: f64 = 44.0;
 struct Axes([(f64, f64); 2]);
 
 impl Axes {
-    fn around<'a>(points: impl Iterator<Item = &'a [f64; 2]> + Clone) -> Self {
+    fn around(points: &[&[f64; 2]]) -> Self {
         let range = |axis: usize| {
-            let logs = points.clone().map(|p| p[axis].log10());
+            let logs = points.iter().map(|p| p[axis].log10());
             let (low, high) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
                 (low.min(v), high.max(v))
             });
@@ -81,7 +81,8 @@ pub(super) fn plot(title: &str, along: &str, series: &[Series<'_>]) -> String {
     if series.iter().all(|s| seen(s) < 2) {
         return String::new();
     }
-    let axes = Axes::around(series.iter().flat_map(|s| s.points.iter().filter(is_seen)));
+    let seen = series.iter().flat_map(|s| s.points.iter().filter(is_seen));
+    let axes = Axes::around(&seen.collect::<Vec<_>>());
     let mut svg = format!(
         "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{title}\"><text class=\"title\" \
          x=\"{LEFT}\" y=\"18\">{title}</text>",
