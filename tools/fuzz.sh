@@ -19,5 +19,5 @@ for file in samples/* samples/broken/* ../shared/corpus/*/*; do
     [ "$(wc -c <"$file")" -le 20000 ] || continue
     { printf "$row"; cat "$file"; } >"$seeds/$(basename "$file")"
 done
-exec cargo +nightly fuzz run read -- -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=200 \
+exec cargo +nightly fuzz run read -- -timeout=30 -rss_limit_mb=2048 -malloc_limit_mb=200 \
     -max_len=30000 "$@"

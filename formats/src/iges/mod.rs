@@ -28,6 +28,7 @@ mod offset;
 mod parameters;
 mod quadric;
 mod records;
+mod ruled;
 mod sheets;
 #[cfg(test)]
 mod testing;
