@@ -2,7 +2,6 @@
 //!
 //! The largest files of each kind in `../shared/corpus`, or else in `samples`; criterion prints
 //! bytes per second.
-#![expect(missing_docs, reason = "criterion makes public items")]
 
 use std::fs;
 use std::hint::black_box;
