@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: build test lint doc bench peers bless floors check soak
+.PHONY: build test lint doc bench peers bless floors check soak fuzz
 
 build:
 	$(CARGO) build --release
@@ -39,6 +39,10 @@ floors:
 	done | diff docs/floors.txt - && echo "floors: as in docs/floors.txt"
 
 check: lint doc floors
+
+# Random files for all readers, for half an hour: needs nightly and cargo-fuzz.
+fuzz:
+	tools/fuzz.sh -max_total_time=1800
 
 # Long random sweeps: the tests that are ignored otherwise.
 soak:

@@ -74,6 +74,14 @@ impl Film {
         self.data[index] = data;
     }
 
+    /// Gives one pixel a colour, linear and times its coverage, and no data; `x` counts from the
+    /// left, `y` from the top. Pixels outside of the film are passed over.
+    pub fn paint(&mut self, x: u32, y: u32, color: [f32; 4]) {
+        if x < self.width && y < self.height {
+            self.set(x, y, color, PixelData::MISS);
+        }
+    }
+
     /// Linear red, green and blue times coverage, and coverage.
     pub fn colors(&self) -> &[[f32; 4]] {
         &self.colors

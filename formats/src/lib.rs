@@ -66,6 +66,8 @@ pub struct Import {
     pub warnings: Warnings,
     /// What became of the entities of the file, by type; empty for formats without entities.
     pub ledger: Vec<Tally>,
+    /// The levels, or layers, of what is shown; empty where nothing is said.
+    pub levels: Vec<Level>,
     /// The same scene at other times, if anything in it moves by itself.
     pub animation: Option<Animation>,
 }
@@ -83,6 +85,17 @@ pub struct Tally {
     pub repaired: Vec<usize>,
     /// Those that were wanted and could not be used. What is in neither list was not needed.
     pub refused: Vec<usize>,
+}
+
+/// A level, or layer: a number by which entities are shown and hidden together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Level {
+    /// Its number.
+    pub number: i64,
+    /// Its name, or empty.
+    pub name: String,
+    /// How many faces, surfaces, curves and points are on it.
+    pub count: usize,
 }
 
 /// All formats, those with the surest signs first.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use nurbray::formats::{Import, Tally, Warning};
+use nurbray::formats::{Import, Level, Tally, Warning};
 use nurbray::kernel::{Child, Item, Node, NodeId, Patch, Scene, Shape, Wire, WireShape};
 use nurbray::measure;
 use serde_json::{Value, json};
@@ -222,8 +222,27 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
         writeln!(text, "  tree")?;
         tree(text, scene, root)?;
     }
+    levels(text, &import.levels)?;
     ledger(text, &import.ledger)?;
     warnings(text, import.warnings.as_slice())
+}
+
+/// A line for each level: its number, its name, and how much is on it.
+fn levels(text: &mut String, levels: &[Level]) -> std::fmt::Result {
+    for Level {
+        number,
+        name,
+        count,
+    } in levels
+    {
+        let name = if name.is_empty() {
+            String::new()
+        } else {
+            format!(" {name}")
+        };
+        writeln!(text, "  level      {number}{name}: {count} shapes")?;
+    }
+    Ok(())
 }
 
 /// A line for each type of entity: how many there are, and what became of them.
@@ -363,6 +382,7 @@ fn to_json(file: &Path, import: &Import) -> Value {
             "height": image.height(),
         })).collect::<Vec<_>>(),
         "wires": scene.wires().iter().map(wire_json).collect::<Vec<_>>(),
+        "levels": import.levels.iter().map(level_json).collect::<Vec<_>>(),
         "entities": import.ledger.iter().map(tally_json).collect::<Vec<_>>(),
         "cameras": scene.cameras.iter().map(|c| &c.name).collect::<Vec<_>>(),
         "lights": scene.lights.len(),
@@ -399,6 +419,10 @@ fn wire_json(wire: &Wire) -> Value {
             "points": points.iter().map(|p| p.to_array()).collect::<Vec<_>>(),
         }),
     }
+}
+
+fn level_json(level: &Level) -> Value {
+    json!({ "number": level.number, "name": level.name, "count": level.count })
 }
 
 fn tally_json(tally: &Tally) -> Value {

@@ -11,6 +11,7 @@ mod mesh;
 mod parse;
 mod probe;
 mod render;
+mod sheet;
 mod sizes;
 
 use std::process::ExitCode;

@@ -14,13 +14,20 @@ use nurbray::kernel::{Camera, Projection, Scene, linear_from_srgb};
 use nurbray::methods::{Choice, map_picture};
 use nurbray::output::{self, Aov, OutputOptions, PngDepth};
 use nurbray::{
-    Accelerator, CertifyStats, METHODS, RenderOptions, RenderStats, Shading, certify_film,
+    Accelerator, CertifyStats, Film, METHODS, RenderOptions, RenderStats, Shading, certify_film,
     over_sky, render,
 };
 use serde_json::{Value, json};
 
 use super::input::{self, Loaded, ReadArgs};
 use super::parse::{self, Background};
+use super::sheet::{self, Sheet};
+
+/// Pixels of a picture, unless the user wants others.
+const SIZE: (u32, u32) = (960, 720);
+
+/// What to do about a name without an ending that is known.
+const ENDINGS: &str = "the ending tells the format; use .png or .exr";
 
 /// The colour behind the scene where neither file nor user names one, as sRGB.
 const DEFAULT_BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
@@ -37,11 +44,14 @@ pub(super) struct Args {
     files: Vec<PathBuf>,
     /// Picture to write, .png or .exr; {stem} stands for the input's name without its ending,
     /// {frame} for the number of the frame in four digits
-    #[arg(short, long, value_name = "OUT")]
-    output: String,
-    /// Size of the picture in pixels
-    #[arg(long, value_name = "WxH", default_value = "960x720", value_parser = parse::size)]
-    size: (u32, u32),
+    #[arg(short, long, value_name = "OUT", required_unless_present = "sheet")]
+    output: Option<String>,
+    /// One picture of all files instead: small ones side by side, with their names
+    #[arg(long, value_name = "OUT", conflicts_with_all = ["output", "frames", "certify", "stats"])]
+    sheet: Option<PathBuf>,
+    /// Size of the picture in pixels [default: 960x720, with --sheet 240x180]
+    #[arg(long, value_name = "WxH", value_parser = parse::size)]
+    size: Option<(u32, u32)>,
     /// N x N samples per pixel; one passes exactly through the middle
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
     samples: u32,
@@ -126,7 +136,8 @@ Examples:
   nurbray render samples/teapot.obj -o teapot.png
   nurbray render wing.igs -o wing.exr --eye 3,-4,2 --target 0,0,0 --up 0,0,1 --fov 30
   nurbray render parts/*.igs -o 'out/{stem}.png' --stats stats.jsonl
-  nurbray render robot.x3dv -o 'out/{frame}.png' --frames 0..47";
+  nurbray render robot.x3dv -o 'out/{frame}.png' --frames 0..47
+  nurbray render parts/*.igs --sheet parts.png";
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ShadingArg {
@@ -160,6 +171,9 @@ fn rate(text: &str) -> Result<f64, String> {
 
 /// Renders every file; the result is how many failed.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    if let Some(target) = &args.sheet {
+        return run_sheet(args, target);
+    }
     let targets = targets(args)?;
     let output = output_options(args, &targets)?;
     let mut stats = Stats::new(args.stats.as_deref());
@@ -179,21 +193,59 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     Ok(failed)
 }
 
+/// Renders every file onto one sheet; the result is how many failed.
+fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
+    if output::picture_format(target).is_none() {
+        bail!("{}: {ENDINGS}", target.display());
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads)
+        .build()?;
+    let size = args.size.unwrap_or(sheet::SIZE);
+    let mut sheet = Sheet::new(args.files.len(), size)?;
+    let mut failed = 0;
+    for file in &args.files {
+        let label = input::stem(file);
+        match pool.install(|| thumbnail(args, file, size)) {
+            Ok(film) => sheet.add(film.as_ref(), &label),
+            Err(error) => {
+                failed += 1;
+                eprintln!("nurbray: {error:#}");
+                sheet.add(None, &format!("! {label}"));
+            }
+        }
+    }
+    let options = OutputOptions {
+        aovs: Vec::new(),
+        ..OutputOptions::default()
+    };
+    output::write(&sheet.into_film(), target, &options)
+        .with_context(|| target.display().to_string())?;
+    Ok(failed)
+}
+
+/// The picture of a file; nothing if there is no surface in it.
+fn thumbnail(args: &Args, file: &Path, size: (u32, u32)) -> anyhow::Result<Option<Film>> {
+    let loaded = load(args, file, args.time)?;
+    if loaded.import.scene.placement_count() == 0 {
+        return Ok(None);
+    }
+    Ok(Some(shot(args, &loaded, file, size, false)?.film))
+}
+
 /// The picture of each file; no two may be the same.
 fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
-    let target = |file: &PathBuf| PathBuf::from(args.output.replace("{stem}", &input::stem(file)));
+    let output = args.output.as_deref().unwrap_or_default();
+    let target = |file: &PathBuf| PathBuf::from(output.replace("{stem}", &input::stem(file)));
     let targets: Vec<_> = args.files.iter().map(target).collect();
     let pairs = args.files.iter().map(PathBuf::as_path);
     input::check_distinct(pairs.zip(targets.iter().map(PathBuf::as_path)))?;
     for target in &targets {
         if output::picture_format(target).is_none() {
-            bail!(
-                "{}: the ending tells the format; use .png or .exr",
-                target.display()
-            );
+            bail!("{}: {ENDINGS}", target.display());
         }
     }
-    if args.frames.is_some() != args.output.contains("{frame}") {
+    if args.frames.is_some() != output.contains("{frame}") {
         bail!("--frames A..B and {{frame}} in -o need each other");
     }
     Ok(targets)
@@ -240,6 +292,23 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
     })
 }
 
+/// Reads a file and tells what is wrong with it; at a moment, if one is given.
+fn load(args: &Args, file: &Path, seconds: Option<f64>) -> anyhow::Result<Loaded> {
+    let mut loaded = args.read.load(file)?;
+    input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
+    move_to(&mut loaded, file, seconds)?;
+    Ok(loaded)
+}
+
+/// Shows an animated scene at a moment.
+fn move_to(loaded: &mut Loaded, file: &Path, seconds: Option<f64>) -> anyhow::Result<()> {
+    if let (Some(seconds), Some(animation)) = (seconds, &loaded.import.animation) {
+        let scene = animation.scene_at(seconds);
+        loaded.import.scene = scene.with_context(|| input::display(file))?;
+    }
+    Ok(())
+}
+
 /// Renders a file, or each frame of it.
 fn render_file(
     args: &Args,
@@ -248,18 +317,14 @@ fn render_file(
     output: &OutputOptions,
     stats: &mut Stats<'_>,
 ) -> anyhow::Result<()> {
-    let mut loaded = args.read.load(file)?;
-    input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
+    let mut loaded = load(args, file, None)?;
     let frames = args
         .frames
         .clone()
         .map_or(vec![None], |range| range.map(Some).collect());
     for frame in frames {
         let seconds = frame.map(|frame| f64::from(frame) / args.fps).or(args.time);
-        if let (Some(seconds), Some(animation)) = (seconds, &loaded.import.animation) {
-            let scene = animation.scene_at(seconds);
-            loaded.import.scene = scene.with_context(|| input::display(file))?;
-        }
+        move_to(&mut loaded, file, seconds)?;
         let name = frame.map_or_else(String::new, |frame| format!("{frame:04}"));
         let target = target.to_string_lossy().replace("{frame}", &name);
         let mut report = render_scene(args, &loaded, file, target.as_ref(), output)?;
@@ -292,17 +357,50 @@ fn render_scene(
             import.format
         );
     }
+    let holds_data = output::picture_format(target).is_some_and(|f| f.holds_data);
+    let data = holds_data && !output.aovs.is_empty();
+    let shot = shot(args, loaded, file, args.size.unwrap_or(SIZE), data)?;
+    let started = Instant::now();
+    if let Some(folder) = target.parent().filter(|f| !f.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    output::write(&shot.film, target, output).with_context(|| target.display().to_string())?;
+    eprintln!("{}", shot.sentence(file, target));
+    Ok(shot.json(file, target, started.elapsed()))
+}
+
+/// A picture, and how it was made.
+struct Shot<'a> {
+    film: Film,
+    loaded: &'a Loaded,
+    accelerator: Accelerator<'a>,
+    stats: RenderStats,
+    build: Duration,
+    render_time: Duration,
+    certified: Option<CertifyStats>,
+}
+
+/// Renders the scene of a file that shows something, with data channels or without.
+fn shot<'a>(
+    args: &Args,
+    loaded: &'a Loaded,
+    file: &Path,
+    size: (u32, u32),
+    data: bool,
+) -> anyhow::Result<Shot<'a>> {
+    let scene = &loaded.import.scene;
     let started = Instant::now();
     let accelerator = Accelerator::build(scene, args.method.method);
     let build = started.elapsed();
-    let camera = camera(args, scene, &accelerator).with_context(|| input::display(file))?;
-    let holds_data = output::picture_format(target).is_some_and(|f| f.holds_data);
+    let aspect = f64::from(size.0) / f64::from(size.1);
+    let camera = camera(args, scene, &accelerator, aspect);
+    let camera = camera.with_context(|| input::display(file))?;
     let options = RenderOptions {
-        width: args.size.0,
-        height: args.size.1,
+        width: size.0,
+        height: size.1,
         samples: args.samples,
         shading: args.shading.into(),
-        data: holds_data && !output.aovs.is_empty(),
+        data,
     };
     let started = Instant::now();
     let (mut film, stats) = if args.method.is_research() {
@@ -318,7 +416,7 @@ fn render_scene(
         done
     };
     if let Some(path) = &args.write_map {
-        let map = map_picture(scene, &camera, args.size).with_context(|| input::display(file))?;
+        let map = map_picture(scene, &camera, size).with_context(|| input::display(file))?;
         map.write(path)
             .with_context(|| path.display().to_string())?;
     }
@@ -332,25 +430,24 @@ fn render_scene(
         (None, Some(sky), _) => over_sky(film, &camera, sky),
         (None, None, None) => film.over(linear_from_srgb(DEFAULT_BACKGROUND)),
     };
-    let started = Instant::now();
-    if let Some(folder) = target.parent().filter(|f| !f.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    }
-    output::write(&film, target, output).with_context(|| target.display().to_string())?;
-    let report = Report {
+    Ok(Shot {
+        film,
         loaded,
-        accelerator: &accelerator,
+        accelerator,
         stats,
         build,
         render_time,
         certified,
-    };
-    eprintln!("{}", report.sentence(file, target));
-    Ok(report.json(file, target, started.elapsed()))
+    })
 }
 
 /// The camera of the command line, or of the file, or one that shows everything.
-fn camera(args: &Args, scene: &Scene, accelerator: &Accelerator<'_>) -> anyhow::Result<Camera> {
+fn camera(
+    args: &Args,
+    scene: &Scene,
+    accelerator: &Accelerator<'_>,
+    aspect: f64,
+) -> anyhow::Result<Camera> {
     let bounds = accelerator.bounds();
     let camera = if let Some(eye) = args.eye {
         let target = args.target.unwrap_or_else(|| bounds.center());
@@ -383,10 +480,7 @@ fn camera(args: &Args, scene: &Scene, accelerator: &Accelerator<'_>) -> anyhow::
             }
             None => match scene.cameras.first() {
                 Some(camera) => camera.clone(),
-                None => {
-                    let aspect = f64::from(args.size.0) / f64::from(args.size.1);
-                    Camera::framing(&accelerator.outline(), scene.up.direction(), aspect)
-                }
+                None => Camera::framing(&accelerator.outline(), scene.up.direction(), aspect),
             },
         };
         let distance = camera.eye().distance(bounds.center());
@@ -412,17 +506,7 @@ fn progress_bar(options: &RenderOptions, file: &Path) -> ProgressBar {
     bar
 }
 
-/// What there is to say about a finished picture.
-struct Report<'a> {
-    loaded: &'a Loaded,
-    accelerator: &'a Accelerator<'a>,
-    stats: RenderStats,
-    build: Duration,
-    render_time: Duration,
-    certified: Option<CertifyStats>,
-}
-
-impl Report<'_> {
+impl Shot<'_> {
     fn sentence(&self, file: &Path, target: &Path) -> String {
         let warnings = self.loaded.import.warnings.as_slice().len();
         let warned = match warnings {
@@ -437,6 +521,10 @@ impl Report<'_> {
         } else {
             String::new()
         };
+        let wires = match self.loaded.import.scene.wires().len() {
+            0 => String::new(),
+            count => format!(", {count} free curves and points not shown"),
+        };
         let certified = self.certified.map_or_else(String::new, |stats| {
             let certain = stats.counts[0] + stats.counts[1];
             format!(
@@ -446,7 +534,7 @@ impl Report<'_> {
             )
         });
         format!(
-            "{} -> {}: {patches} patches{polygonal}, {:.2} s{certified}{warned}",
+            "{} -> {}: {patches} patches{polygonal}, {:.2} s{wires}{certified}{warned}",
             input::display(file),
             target.display(),
             (self.loaded.took + self.build + self.render_time).as_secs_f64(),

@@ -81,13 +81,12 @@ fn root(roots: &mut [usize], mut k: usize) -> usize {
     k
 }
 
-/// A straight part of a border, and which curve it is of.
+/// A straight part of a border.
 #[derive(Clone, Copy)]
 struct Chord {
     ends: [DVec3; 2],
     /// The point of the curve between them.
     middle: DVec3,
-    curve: usize,
 }
 
 impl Chord {
@@ -109,9 +108,44 @@ impl Chord {
     }
 }
 
+/// A piece of a border between two knots.
+struct Stretch {
+    chords: Vec<Chord>,
+    /// Which curve of the border it is of.
+    curve: usize,
+    /// A box around all that is near, but for the slack.
+    bounds: Aabb,
+}
+
+impl Stretch {
+    fn new(chords: Vec<Chord>, curve: usize) -> Self {
+        let longest = chords.iter().map(Chord::length).fold(0.0, f64::max);
+        let around = Aabb::around(chords.iter().flat_map(|chord| chord.ends));
+        Self {
+            chords,
+            curve,
+            bounds: grown(around, longest * NEAR[0]),
+        }
+    }
+
+    /// Whether a point is as near to a chord as the curve may be.
+    fn is_near(&self, point: DVec3, slack: f64) -> bool {
+        let bounds = grown(self.bounds, slack);
+        let is_inside = point.cmpge(bounds.min).all() && point.cmple(bounds.max).all();
+        is_inside && self.chords.iter().any(|chord| chord.is_near(point, slack))
+    }
+}
+
+fn grown(bounds: Aabb, reach: f64) -> Aabb {
+    Aabb {
+        min: bounds.min - reach,
+        max: bounds.max + reach,
+    }
+}
+
 /// The border of a face.
 struct Border {
-    chords: Vec<Chord>,
+    stretches: Vec<Stretch>,
     /// A box around all that it may meet.
     bounds: Aabb,
     slack: f64,
@@ -121,67 +155,65 @@ struct Border {
 impl Border {
     fn of(face: &Face) -> Self {
         let surface = &face.patch.surface;
-        let mut chords = Vec::new();
+        let mut stretches = Vec::new();
         let mut whole = Vec::new();
         if face.patch.loops.is_empty() {
             whole = sides(surface);
         }
         let trims = face.patch.loops.iter().flat_map(|trim| trim.segments());
         for (number, curve) in whole.iter().chain(trims).enumerate() {
-            chords.extend(along(curve, surface, number));
+            let chords = along(curve, surface).into_iter();
+            stretches.extend(chords.map(|chords| Stretch::new(chords, number)));
         }
         let slack = face.bounds.diagonal() * NEAR[1];
-        let longest = chords.iter().map(Chord::length).fold(0.0, f64::max);
-        let reach = longest * NEAR[0] + slack;
+        let chords = stretches.iter().flat_map(|stretch| &stretch.chords);
+        let longest = chords.map(Chord::length).fold(0.0, f64::max);
         Self {
-            chords,
-            bounds: Aabb {
-                min: face.bounds.min - reach,
-                max: face.bounds.max + reach,
-            },
+            stretches,
+            bounds: grown(face.bounds, longest * NEAR[0] + slack),
             slack,
             number: face.number,
         }
     }
 
-    /// Chords that have a length.
-    fn long(&self) -> impl Iterator<Item = &Chord> {
-        self.chords
-            .iter()
-            .filter(|chord| chord.length() > self.slack)
+    /// Chords that have a length, each with its curve.
+    fn long(&self) -> impl Iterator<Item = (&Chord, usize)> {
+        let stretches = self.stretches.iter();
+        let chords = stretches.flat_map(|s| s.chords.iter().map(|chord| (chord, s.curve)));
+        chords.filter(|(chord, _)| chord.length() > self.slack)
     }
 
     fn length(&self) -> f64 {
-        self.long().map(Chord::length).sum()
+        self.long().map(|(chord, _)| chord.length()).sum()
     }
 
     /// Whether an end of a chord of one border is near a chord of the other.
     fn touches(&self, other: &Self) -> bool {
         let slack = self.slack.min(other.slack);
         let meets = |a: &Self, b: &Self| {
-            let mut ends = a.chords.iter().map(|chord| chord.ends[0]);
-            ends.any(|end| b.chords.iter().any(|chord| chord.is_near(end, slack)))
+            let chords = a.stretches.iter().flat_map(|stretch| &stretch.chords);
+            let mut ends = chords.map(|chord| chord.ends[0]);
+            ends.any(|end| b.stretches.iter().any(|other| other.is_near(end, slack)))
         };
         meets(self, other) || meets(other, self)
     }
 
     /// The length of chords that meet no other curve of the borders around, itself among them.
     fn open_length(&self, around: &[&Self]) -> f64 {
-        let meets = |chord: &&Chord| {
-            let point = chord.middle;
+        let meets = |chord: &Chord, curve: usize| {
             let own = chord.length() * NEAR[0];
             around.iter().any(|border| {
                 let is_same = border.number == self.number;
-                let mut others = border.chords.iter();
+                let mut others = border.stretches.iter();
                 let slack = own + self.slack.max(border.slack);
                 others.any(|other| {
-                    !(is_same && other.curve == chord.curve) && other.is_near(point, slack)
+                    !(is_same && other.curve == curve) && other.is_near(chord.middle, slack)
                 })
             })
         };
         self.long()
-            .filter(|chord| !meets(chord))
-            .map(Chord::length)
+            .filter(|(chord, curve)| !meets(chord, *curve))
+            .map(|(chord, _)| chord.length())
             .sum()
     }
 }
@@ -194,22 +226,22 @@ fn sides(surface: &Surface) -> Vec<Curve<DVec2>> {
     segments.flat_map(Curve::bezier_pieces).collect()
 }
 
-/// The chords of a curve of the parameter domain, cut at its knots.
-fn along(curve: &Curve<DVec2>, surface: &Surface, number: usize) -> Vec<Chord> {
+/// The chords of a curve of the parameter domain, between each two knots.
+fn along(curve: &Curve<DVec2>, surface: &Surface) -> Vec<Vec<Chord>> {
     let spans = [surface.knots_u(), surface.knots_v()].map(|knots| knots.breaks().len());
     let chords = spans[0].max(spans[1]).clamp(CHORDS[0], CHORDS[1]);
     let mut found = Vec::new();
     for pair in curve.knots().breaks().windows(2) {
         let step = (pair[1] - pair[0]) / chords as f64;
         let at = |k: f64| surface.evaluate(curve.evaluate(pair[0] + step * k));
-        found.extend((0..chords).map(|k| {
+        let chord = |k: usize| {
             let k = k as f64;
             Chord {
                 ends: [at(k), at(k + 1.0)],
                 middle: at(k + 0.5),
-                curve: number,
             }
-        }));
+        };
+        found.push((0..chords).map(chord).collect());
     }
     found
 }

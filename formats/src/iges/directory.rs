@@ -29,6 +29,8 @@ pub(super) struct Entry {
     pub form: i64,
     /// Number of the first parameter card.
     pub data: i64,
+    /// Level, or a negative pointer to a list of levels.
+    pub level: i64,
     /// Pointer to a transformation, or zero.
     pub transform: i64,
     /// Colour number, or a negative pointer.
@@ -64,37 +66,51 @@ pub(super) fn entries(cards: &[Card<'_>], mut broken: impl FnMut(Place)) -> Vec<
 
 /// The entry of two cards.
 fn entry(first: &Card<'_>, second: &Card<'_>) -> Entry {
-    let field = |card: &Card<'_>, index: usize| {
-        parameters::integer(card.field(index * 8)).unwrap_or_default()
+    let field = |k: usize| match k {
+        1..=9 => first.field(8 * (k - 1)),
+        _ => second.field(8 * (k - 11)),
     };
-    let status = status(first.data.get(64..first.data.len().min(72)));
-    let subscript = match field(second, 8) {
-        0 => String::new(),
-        subscript => subscript.to_string(),
-    };
-    let mut label = String::from_utf8_lossy(second.field(56)).into_owned();
-    if !label.is_empty() {
-        label += &subscript;
-    }
-    Entry {
-        number: first.number,
-        line: first.line,
-        kind: field(first, 0),
-        form: field(second, 4),
-        data: field(first, 1),
-        transform: field(first, 6),
-        color: field(second, 2),
-        blanked: status[0] == 1,
-        dependent: matches!(status[1], 1 | 3),
-        entity_use: status[2],
-        label,
+    // Its blanks count as zeros.
+    let status = first.data.get(64..first.data.len().min(72));
+    Entry::of_fields(first.number, first.line, status.unwrap_or_default(), field)
+}
+
+impl Entry {
+    /// The entry at a line, of the status field and the others, which have the numbers that the
+    /// standard gives them, from 1 to 20.
+    pub(super) fn of_fields<'a>(
+        number: usize,
+        line: usize,
+        status: &[u8],
+        field: impl Fn(usize) -> &'a [u8],
+    ) -> Self {
+        let integer = |k: usize| parameters::integer(field(k)).unwrap_or_default();
+        let status = statuses(status);
+        let mut label = String::from_utf8_lossy(field(18)).into_owned();
+        let subscript = integer(19);
+        if !label.is_empty() && subscript != 0 {
+            label += &subscript.to_string();
+        }
+        Self {
+            number,
+            line,
+            kind: integer(1),
+            form: integer(15),
+            data: integer(2),
+            level: integer(5),
+            transform: integer(7),
+            color: integer(13),
+            blanked: status[0] == 1,
+            dependent: matches!(status[1], 1 | 3),
+            entity_use: status[2],
+            label,
+        }
     }
 }
 
 /// The four two-digit numbers of a status field; blanks count as zeros.
-fn status(field: Option<&[u8]>) -> [u8; 4] {
+fn statuses(field: &[u8]) -> [u8; 4] {
     let mut padded = [b'0'; 8];
-    let field = field.unwrap_or_default();
     let free = 8 - field.len().min(8);
     for (target, &source) in padded[free..].iter_mut().zip(field) {
         *target = if source.is_ascii_digit() {
@@ -285,10 +301,10 @@ mod tests {
 
     #[test]
     fn status_fields_are_four_numbers() {
-        assert_eq!(status(Some(b"01020304")), [1, 2, 3, 4]);
-        assert_eq!(status(Some(b" 1 0 0 1")), [1, 0, 0, 1]);
-        assert_eq!(status(Some(b"10500")), [0, 1, 5, 0]);
-        assert_eq!(status(None), [0; 4]);
+        assert_eq!(statuses(b"01020304"), [1, 2, 3, 4]);
+        assert_eq!(statuses(b" 1 0 0 1"), [1, 0, 0, 1]);
+        assert_eq!(statuses(b"10500"), [0, 1, 5, 0]);
+        assert_eq!(statuses(b""), [0; 4]);
     }
 
     #[test]

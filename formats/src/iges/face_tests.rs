@@ -306,6 +306,19 @@ fn swept_and_spline_surfaces_have_their_points() {
         point.distance(DVec3::new(0.75, 0.5, 0.5)) < 1e-15,
         "{point}"
     );
+    // Beside an arc, equal shares of its angle and of the line are joined.
+    let (beside, warnings) = read(&[
+        part(100, 0, "0.,0.,0.,1.,0.,0.,1."),
+        part(110, 0, "3.,0.,1.,0.,3.,1."),
+        made(118, "1,3,0,0"),
+    ]);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    for u in [0.0, 0.1, 0.3, 0.5, 0.8, 1.0] {
+        let surface = &beside.patches()[0].surface;
+        let [arc, line] = [0.0, 1.0].map(|v| surface.evaluate(DVec2::new(u, v)));
+        let share = arc.y.atan2(arc.x) / FRAC_PI_2;
+        assert!((line.y / 3.0 - share).abs() < 1e-8, "{u}: {share} {line}");
+    }
     // x = s, y = t, z = s t^2 over 0..2 and 1..2, in one piece, with a dummy block.
     let mut coefficients = vec![0.0; 48];
     coefficients[1] = 1.0;

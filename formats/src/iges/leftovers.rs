@@ -36,7 +36,7 @@ pub(super) fn tell(
                 }
             }
             Class::Missing => format!("{noun} (type {kind}) is not read yet"),
-            Class::Shown | Class::Annotation if (kind, form) != (406, 15) => {
+            Class::Shown | Class::Annotation if !is_used_property(kind, form) => {
                 *annotation.entry(kind).or_default() += 1;
                 first.get_or_insert(index);
                 continue;
@@ -56,6 +56,11 @@ pub(super) fn tell(
         );
         warnings.unsupported(file.place(first), text);
     }
+}
+
+/// Whether it is a property that is read: levels and names.
+fn is_used_property(kind: i64, form: i64) -> bool {
+    kind == 406 && matches!(form, 1 | 3 | 15)
 }
 
 /// Whether an entity is neither a definition nor of a parameter domain.

@@ -1,15 +1,17 @@
-//! IGES, in its fixed form of 80-column cards.
+//! IGES, in its fixed form of 80-column cards and in its compressed form.
 //!
-//! `records` finds the cards, `directory` the entities, `parameters` their numbers. `curves`
+//! `records` finds the cards, `directory` the entities (`compressed` those of the compressed
+//! form), `parameters` their numbers. `curves`
 //! (with `conic`) and `sheets` (with `net`, `quadric` and `offset`) make curves and surfaces of
 //! them, `boundary` finds what bounds a face and `trims` makes trim loops of it. `tree` makes
-//! the scene, and `leftovers` tells what is not in it. Entities are found by the positions of
+//! the scene, `levels` its layers, and `leftovers` tells what is not in it. Entities are found by the positions of
 //! their cards, not by the counts that go with them, because programs write the former right
 //! and the latter not always.
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 
 mod boundary;
+mod compressed;
 mod conic;
 mod curves;
 mod directory;
@@ -20,11 +22,13 @@ mod global;
 #[cfg(test)]
 mod hostile_tests;
 mod leftovers;
+mod levels;
 mod net;
 mod offset;
 mod parameters;
 mod quadric;
 mod records;
+mod ruled;
 mod sheets;
 #[cfg(test)]
 mod testing;
@@ -56,15 +60,13 @@ fn error(place: Place, problem: Problem) -> Error {
 }
 
 fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
-    let refuse = |text: &str| Err(error(Place::line(1), Problem::Unsupported(text.to_owned())));
-    if bytes.first() == Some(&b'B') && bytes.iter().take(64).any(|&b| b == 0) {
-        return refuse("the binary form of IGES is not read; save the file in fixed form");
-    }
-    if records::is_compressed(bytes) {
-        return refuse("the compressed form of IGES is not read; save the file in fixed form");
+    if records::is_binary(bytes) {
+        let text = "the binary form of IGES is not read; save the file in fixed form";
+        let problem = Problem::Unsupported(text.to_owned());
+        return Err(error(Place::line(1), problem));
     }
     let sections = records::sections(bytes);
-    if sections.directory.is_empty() {
+    if sections.directory.is_empty() && sections.data.is_empty() {
         let text = "no directory section; IGES files have section letters in column 73";
         return Err(error(Place::default(), Problem::Invalid(text.to_owned())));
     }
@@ -90,10 +92,20 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     for problem in problems {
         warnings.add(Place::item(0, "the global section"), problem);
     }
-    let entries = directory::entries(&sections.directory, |place| {
-        let text = "one of the two lines of a directory entry is missing; it is skipped";
-        warnings.invalid(place, text);
-    });
-    let file = directory::File::new(global, entries, sections.parameters);
+    let (entries, parameters) = if sections.data.is_empty() {
+        let entries = directory::entries(&sections.directory, |place| {
+            let text = "one of the two lines of a directory entry is missing; it is skipped";
+            warnings.invalid(place, text);
+        });
+        (entries, sections.parameters)
+    } else {
+        let end = global.delimiters.record;
+        let entities = compressed::entities(&sections.data, end, limit, |place| {
+            let text = "a directory field is not written as in @1_128; it is skipped";
+            warnings.invalid(place, text);
+        });
+        entities.map_err(|problem| error(Place::default(), problem))?
+    };
+    let file = directory::File::new(global, entries, parameters);
     tree::read(&file, options.limits, warnings)
 }

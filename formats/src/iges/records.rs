@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use super::compressed::Line;
+
 /// Columns that hold data.
 const DATA: usize = 72;
 
@@ -45,19 +47,28 @@ pub(super) struct Sections<'a> {
     pub directory: Vec<Card<'a>>,
     /// The parameters.
     pub parameters: Vec<Card<'a>>,
+    /// The lines that hold both, in the compressed form.
+    pub data: Vec<Line<'a>>,
     /// The first line that belongs to no section, and how many there are.
     pub stray: Option<(usize, usize)>,
     /// Whether the terminating card is there.
     pub terminated: bool,
 }
 
-/// Splits a file in fixed form into its sections.
+/// Splits a file in fixed or compressed form into its sections.
 pub(super) fn sections(bytes: &[u8]) -> Sections<'_> {
     let mut sections = Sections::default();
+    let is_compressed = is_compressed(bytes);
     for (index, text) in lines(bytes).enumerate() {
         let line = index + 1;
         if text.first() == Some(&0x1a) {
             break;
+        }
+        if is_compressed && !text.get(DATA).is_some_and(|b| b"CSGT".contains(b)) {
+            if !text.trim_ascii().is_empty() {
+                sections.data.push((line, text.trim_ascii_end()));
+            }
+            continue;
         }
         let Some(split) = split(text) else {
             if !text.trim_ascii().is_empty() {
@@ -81,7 +92,7 @@ pub(super) fn sections(bytes: &[u8]) -> Sections<'_> {
             }
             b'D' => sections.directory.push(card),
             b'P' => sections.parameters.push(card),
-            b'T' if !sections.directory.is_empty() => {
+            b'T' if !(sections.directory.is_empty() && sections.data.is_empty()) => {
                 sections.terminated = true;
                 break;
             }
@@ -95,25 +106,37 @@ pub(super) fn sections(bytes: &[u8]) -> Sections<'_> {
 
 /// Whether the first lines look like the start of a file in fixed or compressed form.
 pub(super) fn looks_like_iges(bytes: &[u8]) -> bool {
-    first_card(bytes).is_some_and(|split| {
-        matches!(split.letter, b'S' | b'C') && split.number == 1 && split.data.end >= PARAMETERS
-    })
+    let first = |letter| {
+        move |split: &Split| {
+            split.letter == letter && split.number == 1 && split.data.end >= PARAMETERS
+        }
+    };
+    let [one, two] = first_cards(bytes);
+    is_binary(bytes)
+        || one.filter(first(b'S')).is_some()
+        || is_compressed(bytes) && two.filter(first(b'S')).is_some()
 }
 
-/// Whether the first card is the flag of the compressed form.
+/// Whether the first card is the flag of the compressed form; it need not have a number.
 pub(super) fn is_compressed(bytes: &[u8]) -> bool {
-    first_card(bytes).is_some_and(|split| split.letter == b'C')
+    let [flag, _] = first_cards(bytes);
+    flag.is_some_and(|split| split.letter == b'C' && split.data.end == DATA)
+}
+
+/// Whether the file begins with the flag section of the binary form: a letter, and how many
+/// bytes follow.
+pub(super) fn is_binary(bytes: &[u8]) -> bool {
+    matches!(bytes, [b'B', 0, 0, 0, 75, ..] | [b'B', 75, 0, 0, 0, ..])
 }
 
 /// How many bytes are looked at to know a file.
 const HEAD: usize = 4096;
 
-/// The first line that is not blank, if it is a card.
-fn first_card(bytes: &[u8]) -> Option<Split> {
+/// The first two lines that are not blank, if they are cards.
+fn first_cards(bytes: &[u8]) -> [Option<Split>; 2] {
     let head = &bytes[..bytes.len().min(HEAD)];
-    lines(head)
-        .find(|line| !line.trim_ascii().is_empty())
-        .and_then(split)
+    let mut lines = lines(head).filter(|line| !line.trim_ascii().is_empty());
+    [lines.next(), lines.next()].map(|line| line.and_then(split))
 }
 
 /// Replaces numbers that do not rise from 1 on by positions.

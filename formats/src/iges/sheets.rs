@@ -10,7 +10,7 @@ use super::curves::{self, Rail, Reader};
 use super::directory::WHOLE;
 use super::parameters::Parameters;
 use super::quadric::{self, Quadric, wound};
-use super::{net, offset};
+use super::{net, offset, ruled};
 use crate::Problem;
 
 /// A surface before it is trimmed.
@@ -43,7 +43,7 @@ pub(super) struct Warp {
 
 impl Warp {
     /// The warp along a rail, or along a parameter that is an angle everywhere.
-    fn new(rail: &Rail) -> Self {
+    pub(super) fn new(rail: &Rail) -> Self {
         let knots = rail.curve.knots().clone();
         let arcs = rail.arcs.clone();
         Self {
@@ -127,7 +127,7 @@ fn nested(
         }
         190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(file, entry, p)?),
         114 => one(cubics(p, limit)?, Default::default()),
-        118 => ruled(reader, index, p, entry.form)?,
+        118 => ruled::surface(reader, index, p, entry.form)?,
         120 => revolved(reader, p)?,
         122 => {
             let rail = reader.rail(p.integer()?)?;
@@ -175,43 +175,6 @@ fn nested(
         border,
         name,
     })
-}
-
-/// A ruled surface (type 118) between points with equal parameters.
-fn ruled(
-    reader: &mut Reader<'_, '_>,
-    index: usize,
-    parameters: &mut Parameters<'_>,
-    form: i64,
-) -> Result<SheetShape, Problem> {
-    let [first, second] = [parameters.integer()?, parameters.integer()?];
-    let reversed = parameters.integer_or(0)? == 1;
-    let (first, mut second) = (reader.rail(first)?, reader.rail(second)?);
-    // Along lines and arcs the length grows evenly with the parameter.
-    let is_even = |rail: &Rail| {
-        rail.arcs == [rail.curve.domain()]
-            || rail.curve.degree() == 1 && rail.curve.points().count() == 2
-    };
-    if form == 0 && !(is_even(&first) && is_even(&second)) {
-        let text = "points of equal arc length are joined in the file, of equal parameters here";
-        reader
-            .repairs
-            .push((index, Problem::Unsupported(text.to_owned())));
-    }
-    if reversed {
-        second.curve = second.curve.reversed();
-    }
-    let geometry = Problem::Geometry;
-    let curves = [&first, &second].map(|rail| rail.curve.remapped(0.0..1.0));
-    let [a, b] = curves;
-    let surface = modelling::ruled(&a.map_err(geometry)?, &b.map_err(geometry)?);
-    let warp = if first.arcs.is_empty() {
-        Warp::new(&second)
-    } else {
-        Warp::new(&first)
-    };
-    let surface = surface.map_err(Problem::Geometry)?;
-    Ok(SheetShape::Splines(vec![surface], [warp, Warp::default()]))
 }
 
 /// A surface of revolution (type 120).

@@ -8,6 +8,8 @@ pub(super) struct Made {
     pub kind: i64,
     /// Form number.
     pub form: i64,
+    /// Level, or pointer to a list of levels.
+    pub level: i64,
     /// Transformation pointer.
     pub transform: i64,
     /// Status number.
@@ -25,6 +27,7 @@ pub(super) fn made(kind: i64, parameters: &str) -> Made {
     Made {
         kind,
         form: 0,
+        level: 0,
         transform: 0,
         status: "00000000",
         color: 0,
@@ -59,6 +62,7 @@ pub(super) fn file_with(global: &str, entities: &[Made]) -> String {
         let Made {
             kind,
             form,
+            level,
             transform,
             status,
             color,
@@ -77,7 +81,7 @@ pub(super) fn file_with(global: &str, entities: &[Made]) -> String {
         let zero = 0;
         let _ = writeln!(
             directory,
-            "{kind:>8}{start:>8}{zero:>8}{zero:>8}{zero:>8}{zero:>8}{transform:>8}{zero:>8}\
+            "{kind:>8}{start:>8}{zero:>8}{zero:>8}{level:>8}{zero:>8}{transform:>8}{zero:>8}\
              {status}D{:>7}",
             d + 1
         );

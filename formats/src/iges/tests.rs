@@ -369,14 +369,43 @@ fn files_without_surfaces_that_work_are_errors() {
         "IGES the file: no directory section; IGES files have section letters in column 73"
     );
     assert_eq!(
-        error(&format!("{:72}C{:>7}\n", "", 1)),
-        "IGES line 1: the compressed form of IGES is not read; save the file in fixed form"
+        error("B\0\0\0\x4b\x20\x40"),
+        "IGES line 1: the binary form of IGES is not read; save the file in fixed form"
     );
-    assert!(matches!(
-        try_read(b"B\0\0\0\x48").unwrap_err().problem,
-        Problem::Unsupported(_)
-    ));
     assert!(try_read(b"").is_err());
+}
+
+#[test]
+fn levels_are_counted_and_named() {
+    let mut shapes = [square(0.0), square(1.0), square(2.0), made(116, "1.,2.,3.")];
+    for (shape, level) in shapes.iter_mut().zip([7, 0, -9, 7]) {
+        shape.level = level;
+    }
+    let mut list = made(406, "2,4,7");
+    list.form = 1;
+    let mut name = made(406, "2,0,4HHull");
+    (name.form, name.level) = (3, 7);
+    let entities: Vec<_> = shapes.into_iter().chain([list, name]).collect();
+    let import = try_read(file(&entities).as_bytes()).unwrap();
+    assert!(
+        import.warnings.as_slice().is_empty(),
+        "{:?}",
+        import.warnings
+    );
+    let levels = import
+        .levels
+        .iter()
+        .map(|l| (l.number, l.name.as_str(), l.count));
+    assert_eq!(
+        levels.collect::<Vec<_>>(),
+        [(0, "", 1), (4, "", 1), (7, "Hull", 3)]
+    );
+    assert!(
+        try_read(file(&[square(0.0)]).as_bytes())
+            .unwrap()
+            .levels
+            .is_empty()
+    );
 }
 
 #[test]

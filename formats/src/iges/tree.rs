@@ -15,6 +15,7 @@ use super::curves::Reader;
 use super::directory::{Entry, File};
 use super::entities::{self, Content, Entity};
 use super::leftovers::{self, is_geometry};
+use super::levels;
 use super::transform::Transforms;
 use super::types::{self, Class};
 use super::{sheets, trims};
@@ -56,6 +57,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
         return Err(error);
     }
     let ledger = tree.ledger();
+    let levels = levels::read(file, tree.shown());
     leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
     if tree.scene.patches().is_empty()
         && tree.scene.wires().is_empty()
@@ -97,6 +99,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
         scene,
         warnings,
         ledger,
+        levels,
         ..Import::default()
     })
 }
@@ -380,6 +383,14 @@ impl<'a, 'b> Tree<'a, 'b> {
             self.repaired.insert(index);
             self.problem(index, problem);
         }
+    }
+
+    /// The entities that became a shape.
+    fn shown(&self) -> impl Iterator<Item = usize> {
+        let built = self.known.iter().filter(|(_, child)| child.is_some());
+        let indices: BTreeSet<usize> = built.map(|((index, _), _)| *index).collect();
+        let is_shape = |index: &usize| !types::is_composed(self.file.entries[*index].kind);
+        indices.into_iter().filter(is_shape)
     }
 
     /// What became of the entities, by type.

@@ -141,6 +141,11 @@ pub(super) fn is_group(kind: i64, form: i64) -> bool {
     kind == 402 && matches!(form, 1 | 7 | 14 | 15)
 }
 
+/// Whether it shows only what its members are.
+pub(super) fn is_composed(kind: i64) -> bool {
+    matches!(kind, 186 | 308 | 402 | 408 | 430 | 514)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

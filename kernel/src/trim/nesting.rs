@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::{TrimLoop, TrimRegion};
+use crate::Curve;
 
 /// An outer loop and the holes right inside it, by their places in a list of loops.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,13 +81,26 @@ fn hull(trim: &TrimLoop) -> (DVec2, DVec2) {
     points.fold(start, |(min, max), p| (min.min(p), max.max(p)))
 }
 
-/// A point on every curve of a loop.
+/// How far inside a loop its probes are, as a share of its size.
+const ASIDE: f64 = 1e-6;
+
+/// A point beside the middle of every span of a loop, inside of it: loops may share sides.
 fn probes(trim: &TrimLoop) -> Vec<DVec2> {
-    let middle = |t: std::ops::Range<f64>| t.start.midpoint(t.end);
-    let segments = trim.segments().iter();
-    segments
-        .map(|curve| curve.evaluate(middle(curve.domain())))
-        .collect()
+    let (min, max) = hull(trim);
+    let size = (max - min).max(DVec2::splat(f64::MIN_POSITIVE));
+    let side = trim.signed_area().signum() * ASIDE;
+    let beside = |curve: &Curve<DVec2>, t: f64| {
+        let at = curve.derivatives(t);
+        let inwards = (at.first / size).perp().normalize_or_zero() * side;
+        at.point + inwards * size
+    };
+    let mut probes = Vec::new();
+    for curve in trim.segments() {
+        let breaks = curve.knots().breaks();
+        let middles = breaks.windows(2).map(|span| span[0].midpoint(span[1]));
+        probes.extend(middles.map(|t| beside(curve, t)));
+    }
+    probes
 }
 
 #[cfg(test)]
@@ -121,5 +135,21 @@ mod tests {
         let loops = [square([0.0, 0.0], 1.0), square([2.0, 0.0], 1.0)];
         assert_eq!(nesting(&loops).len(), 2);
         assert_eq!(nesting(&[]), []);
+    }
+
+    #[test]
+    fn loops_that_share_sides_may_hold_each_other() {
+        // A band around a cylinder, from its lower border to the upper circle less the lower one.
+        let bands = [-0.05..0.0, -0.05..50.0].map(|v| TrimLoop::border(&(0.0..1.0), &v).unwrap());
+        let nest = Nest {
+            outer: 1,
+            holes: vec![0],
+        };
+        assert_eq!(nesting(&bands), [nest]);
+        let areas = oriented(&bands)
+            .iter()
+            .map(TrimLoop::signed_area)
+            .sum::<f64>();
+        assert!((areas - 50.0).abs() < 1e-12, "{areas}");
     }
 }

@@ -1,0 +1,120 @@
+//! Ruled surfaces (type 118): lines between two rails.
+//!
+//! The lines join points of equal shares of the parameter or, in form 0, of the length, which is
+//! the same along lines and arcs. The parameter of an arc is its angle, which that of no rational
+//! curve is; so the rail beside an arc is fitted unless it is such an arc itself.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use kernel::{Curve, modelling};
+
+use super::curves::{Rail, Reader};
+use super::parameters::Parameters;
+use super::sheets::{SheetShape, Warp};
+use crate::Problem;
+
+/// The domain of the surface.
+const UNIT: Range<f64> = 0.0..1.0;
+
+/// How far a fitted rail may stray, as a share of its size.
+const ACCURACY: f64 = 1e-9;
+
+/// Parameters this close are the same.
+const SAME: f64 = 1e-12;
+
+/// Reads a ruled surface.
+pub(super) fn surface(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    parameters: &mut Parameters<'_>,
+    form: i64,
+) -> Result<SheetShape, Problem> {
+    let [first, second] = [parameters.integer()?, parameters.integer()?];
+    let reversed = parameters.integer_or(0)? == 1;
+    let (first, mut second) = (reader.rail(first)?, reader.rail(second)?);
+    let mut tell = |text: &str| {
+        let problem = Problem::Unsupported(text.to_owned());
+        reader.repairs.push((index, problem));
+    };
+    // Along lines and arcs the length grows evenly with the parameter.
+    let is_even = |rail: &Rail| {
+        rail.arcs == [rail.curve.domain()]
+            || rail.curve.degree() == 1 && rail.curve.points().count() == 2
+    };
+    if form == 0 && !(is_even(&first) && is_even(&second)) {
+        tell("points of equal arc length are joined in the file, of equal parameters here");
+    }
+    if reversed {
+        second = turned(&second);
+    }
+    let warps = [Warp::new(&first), Warp::new(&second)];
+    let geometry = Problem::Geometry;
+    let unit = |rail: &Rail| rail.curve.remapped(UNIT).map_err(geometry);
+    let mut rails = [unit(&first)?, unit(&second)?];
+    let kept = usize::from(warps[0].is_identity());
+    let [of_kept, of_other] = [&warps[kept], &warps[1 - kept]];
+    let is_same = |k: u32| {
+        let share = f64::from(k) / 64.0;
+        (of_kept.apply(share, &UNIT) - of_other.apply(share, &UNIT)).abs() <= SAME
+    };
+    let has_length = rails[1 - kept].hull_bounds().diagonal() > 0.0;
+    if has_length && !(0..=64).all(is_same) {
+        rails[1 - kept] = beside(&rails[kept], of_kept, &rails[1 - kept], of_other)?;
+        tell(&format!(
+            "the rail beside an arc is fitted to {ACCURACY:e} of its size"
+        ));
+    }
+    let [first, second] = &rails;
+    let surface = modelling::ruled(first, second).map_err(geometry)?;
+    let warps = [of_kept.clone(), Warp::default()];
+    Ok(SheetShape::Splines(vec![surface], warps))
+}
+
+/// A rail that is run through backwards.
+fn turned(rail: &Rail) -> Rail {
+    let Range { start, end } = rail.curve.domain();
+    let turned = |arc: &Range<f64>| start + end - arc.end..start + end - arc.start;
+    Rail {
+        curve: rail.curve.reversed(),
+        arcs: rail.arcs.iter().rev().map(turned).collect(),
+    }
+}
+
+/// A rail with the points of `other` where those of `kept` have the same parameter in the file.
+fn beside(
+    kept: &Curve<DVec3>,
+    of_kept: &Warp,
+    other: &Curve<DVec3>,
+    of_other: &Warp,
+) -> Result<Curve<DVec3>, Problem> {
+    let at = |parameter: f64| {
+        let share = inverse(|share| of_kept.apply(share, &UNIT), parameter);
+        other.evaluate(of_other.apply(share, &UNIT).clamp(0.0, 1.0))
+    };
+    let mut breaks = kept.knots().breaks();
+    let inner = other.knots().breaks().into_iter().map(|own| {
+        let share = inverse(|share| of_other.apply(share, &UNIT), own);
+        of_kept.apply(share, &UNIT)
+    });
+    breaks.extend(inner.filter(|own| (SAME..1.0 - SAME).contains(own)));
+    breaks.sort_by(f64::total_cmp);
+    breaks.dedup_by(|a, b| (*a - *b).abs() <= SAME);
+    let tolerance = other.hull_bounds().diagonal() * ACCURACY;
+    let fit = modelling::fit(at, &breaks, tolerance, DVec3::distance);
+    Ok(fit.map_err(Problem::Geometry)?.curve)
+}
+
+/// Where a rising function from 0..1 to 0..1 has a value.
+fn inverse(function: impl Fn(f64) -> f64, value: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = f64::midpoint(low, high);
+        if function(middle) < value {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}

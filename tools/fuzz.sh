@@ -1,0 +1,23 @@
+#!/bin/sh
+# Fuzzes all readers, from the samples and, if it is there, ../shared/corpus on. Needs a nightly
+# toolchain and `cargo install cargo-fuzz`. Further arguments go to the fuzzer:
+#   tools/fuzz.sh -max_total_time=1800
+# What it finds lies in fuzz/artifacts; add it to samples/broken when it is mended.
+set -eu
+cd "$(dirname "$0")/.."
+seeds=fuzz/corpus/read
+mkdir -p "$seeds"
+for file in samples/* samples/broken/* ../shared/corpus/*/*; do
+    # The first byte of a seed is the row of FORMATS.
+    case $file in
+        *.x3d | *.x3dv | *.x3dj) row='\000' ;;
+        *.wrl) row='\001' ;;
+        *.igs | *.iges) row='\002' ;;
+        *.obj) row='\003' ;;
+        *) continue ;;
+    esac
+    [ "$(wc -c <"$file")" -le 20000 ] || continue
+    { printf "$row"; cat "$file"; } >"$seeds/$(basename "$file")"
+done
+exec cargo +nightly fuzz run read -- -timeout=30 -rss_limit_mb=2048 -malloc_limit_mb=200 \
+    -max_len=30000 "$@"
