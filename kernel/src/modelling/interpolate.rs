@@ -54,8 +54,8 @@ pub struct Interpolation {
 /// all derivatives that the surface has inside it also has across the seam.
 ///
 /// # Errors
-/// If there are too few points for the degree (`degree + 1`, and at least 3 to be closed), a
-/// point is not finite, or neighbouring rows or columns coincide.
+/// If there are too few points for the degree (`degree + 1`; if closed, at least 3, and one less
+/// for odd degrees), a point is not finite, or neighbouring rows or columns coincide.
 pub fn interpolate(
     points: &[DVec3],
     count_u: usize,
@@ -106,16 +106,15 @@ pub fn interpolate_curve<P: Point>(
 }
 
 /// The periodic curve through points at the given parameters, at the last of which the first
-/// point comes again. Where there are not more points than the degree, it is raised from a lower one.
+/// point comes again. An odd degree takes at least as many points.
 pub(super) fn through_parameters(
     points: &[DVec3],
     parameters: &[f64],
     degree: usize,
 ) -> Result<Curve<DVec3>, Error> {
-    let lower = degree.min(points.len() - 1);
-    let basis = Basis::at(parameters.to_vec(), points.len(), lower, true)?;
+    let basis = Basis::at(parameters.to_vec(), points.len(), degree, true)?;
     let curve = Curve::new(basis.knots.clone(), &basis.control_points(points), None)?;
-    curve.restricted(curve.domain())?.elevated(degree)
+    curve.restricted(curve.domain())
 }
 
 /// The lines that run across the given ones.
@@ -144,7 +143,11 @@ impl Basis {
             return Err(Error::Degree { found: degree });
         }
         let count = lines.first().map_or(0, |line| line.as_ref().len());
-        let expected = (degree + 1).max(if is_closed { 3 } else { 2 });
+        let expected = if is_closed {
+            (degree / 2 * 2 + 1).max(3)
+        } else {
+            degree + 1
+        };
         if count < expected {
             return Err(Error::PointCount {
                 found: count,
@@ -459,6 +462,9 @@ mod tests {
             found: 3,
             expected: 4,
         };
+        let ring = [DVec3::X, DVec3::Y, -DVec3::ONE];
+        let (curve, at) = interpolate_curve(&ring, closed).unwrap();
+        assert!((0..3).all(|k| curve.evaluate(at[k]).distance(ring[k]) < 1e-15));
         assert_eq!(few, Err(expected));
         for ring in points.chunks_exact_mut(8) {
             ring[5] = ring[4];
