@@ -25,7 +25,7 @@ use glam::DVec3;
 use crate::Error;
 
 pub use arc::{arc, arc_parameter, circle};
-pub use blend::{blend, blended_contour};
+pub use blend::blend;
 pub use cap::{Cap, cap};
 pub use coons::{Twist, coons};
 pub use fit::{Fit, FitSurface, fit, fit_surface};

@@ -6,10 +6,12 @@ mod convert;
 mod info;
 mod input;
 mod mesh;
+mod model;
 mod parse;
 mod probe;
 mod render;
 mod sizes;
+mod volume;
 
 use std::process::ExitCode;
 
@@ -32,6 +34,8 @@ Examples:
   nurbray render *.igs -o 'pictures/{stem}.exr' --size 1920x1080 --samples 4
   nurbray convert samples/goblet.x3d -o goblet.igs
   nurbray info samples/goblet.x3d
+  nurbray model scan.dcm -o scan.glb
+  nurbray volume samples/sphere_torus.x3d
   echo 0,5,0,0,-1,0 | nurbray probe samples/teapot.obj --rays - --all
 
 Exit codes: 0 done, 1 a comparison found a difference, 2 something went wrong,
@@ -43,6 +47,8 @@ enum Command {
     Convert(convert::Args),
     Info(info::Args),
     Probe(probe::Args),
+    Model(Box<model::Args>),
+    Volume(volume::Args),
 }
 
 /// Exit code when something went wrong.
@@ -73,6 +79,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Convert(args) => convert::run(&args),
         Command::Info(args) => info::run(&args).map(Failures::from),
         Command::Probe(args) => probe::run(&args).map(Failures::from),
+        Command::Model(args) => model::run(&args).map(Failures::from),
+        Command::Volume(args) => volume::run(&args).map(Failures::from),
     };
     match result {
         Ok(Failures { count: 0, .. }) => ExitCode::SUCCESS,

@@ -16,7 +16,7 @@ mod freeform;
 mod materials;
 mod polygons;
 mod scene;
-mod statements;
+pub(crate) mod statements;
 
 mod trims;
 mod write;

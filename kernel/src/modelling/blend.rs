@@ -10,20 +10,10 @@ use glam::DVec3;
 use super::layers::{Ring, matched, rings};
 use crate::{Curve, Error, KnotVector, Surface};
 
-/// The closed curve that blends the points of a contour, over its chord length from 0 to 1.
-///
-/// Quadratic and continuous; pieces end beside the points, not at them.
-///
-/// # Errors
-/// If there are fewer than three points, one is not finite, or two neighbours coincide.
-pub fn blended_contour(points: &[DVec3], parameters: &[f64]) -> Result<Curve<DVec3>, Error> {
+/// The closed curve that blends the points of a contour over its parameters, at the last of which
+/// the first point comes again. Quadratic and continuous.
+fn blended_contour(points: &[DVec3], parameters: &[f64]) -> Result<Curve<DVec3>, Error> {
     let count = points.len();
-    if count < 3 || parameters.len() != count + 1 {
-        return Err(Error::PointCount {
-            found: count,
-            expected: (parameters.len().max(4)) - 1,
-        });
-    }
     // Line `k` fits the points before, at and after point `k`.
     let line = |k: usize| {
         let before = (k + count - 1) % count;
