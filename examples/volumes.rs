@@ -6,8 +6,8 @@ use nurbray::formats::PointSet;
 use nurbray::kernel::VolumeRule;
 use nurbray::kernel::modelling::{Along, Spacing, Twist};
 use nurbray::{
-    Caps, Measure, ModelMethod, ModelOptions, Synthetic, VolumeMethod, body_volume, measure, model,
-    sections, synthetic,
+    Caps, Measure, ModelMethod, ModelOptions, SliceRule, Synthetic, VolumeMethod, measure, model,
+    synthetic, volumes,
 };
 
 const KINDS: [(&str, Synthetic); 3] = [
@@ -72,18 +72,23 @@ fn methods() -> Result<(), Box<dyn std::error::Error>> {
             "printed 100 x 100",
             Some(VolumeMethod::Pieces(VolumeRule::Printed(100))),
         ),
-        ("trapezoid, 12 slabs", Some(VolumeMethod::Trapezoid(12))),
-        ("cavalieri, 12 slabs", Some(VolumeMethod::Cavalieri(12))),
+        (
+            "trapezoid, 12 slabs",
+            Some(VolumeMethod::Slices(SliceRule::Trapezoid, 12)),
+        ),
+        (
+            "cavalieri, 12 slabs",
+            Some(VolumeMethod::Slices(SliceRule::Cavalieri, 12)),
+        ),
     ];
     let mut bodies = Vec::new();
     for (_, kind) in KINDS {
         let (scene, _, found) = body(kind, 13, 40, cubic)?;
-        let triangles = sections(&scene);
-        bodies.push((scene, triangles, found));
+        bodies.push((scene, found));
     }
     for (name, method) in methods {
         print!("| {name} |");
-        for (scene, triangles, found) in &bodies {
+        for (scene, found) in &bodies {
             let [body] = found.bodies.as_slice() else {
                 print!(" no body |");
                 continue;
@@ -92,7 +97,7 @@ fn methods() -> Result<(), Box<dyn std::error::Error>> {
             match method {
                 None => print!(" {exact:.4} |"),
                 Some(method) => {
-                    let volume = body_volume(scene, body, method, Some(triangles))?;
+                    let volume = volumes(scene, &found.bodies, method)?[0];
                     print!(
                         " {volume:.4} ({:.2e} %) |",
                         (volume / exact - 1.0).abs() * 100.0
@@ -116,9 +121,8 @@ fn rules() -> Result<(), Box<dyn std::error::Error>> {
         let mut errors = [0.0; 2];
         let rules = [VolumeRule::Midpoint(nodes), VolumeRule::Printed(nodes)];
         for (error, rule) in errors.iter_mut().zip(rules) {
-            let body = &found.bodies[0];
-            let volume = body_volume(&scene, body, VolumeMethod::Pieces(rule), None)?;
-            *error = (volume / body.volume - 1.0).abs();
+            let volume = volumes(&scene, &found.bodies, VolumeMethod::Pieces(rule))?;
+            *error = (volume[0] / found.bodies[0].volume - 1.0).abs();
         }
         let orders = before.map(|before| [0, 1].map(|k| (before[k] / errors[k]).log2()));
         print!("| {nodes} |");

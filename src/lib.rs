@@ -53,4 +53,4 @@ pub use simd::Instructions;
 pub use tessellate::{
     FaceMesh, Screen, Shell, TessellateOptions, Tessellation, Tolerance, tessellate,
 };
-pub use volume::{Unsuitable, VolumeMethod, body_volume, sections};
+pub use volume::{SliceRule, Unsuitable, VolumeMethod, volumes};

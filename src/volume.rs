@@ -2,11 +2,13 @@
 
 use std::fmt;
 
-use glam::DVec3;
-use kernel::{Patch, Placement, Scene, Shape, VolumeRule};
+use glam::{DAffine3, DMat3, DVec3};
+use kernel::{Patch, Scene, Shape, UpAxis, VolumeRule};
 
-use crate::tessellate::Tessellation;
 use crate::{Body, TessellateOptions, Tolerance, tessellate};
+
+/// How far triangles are from the surfaces for sections, as a share of the size of the scene.
+const TOLERANCE: f64 = 2e-5;
 
 /// A face is level if its points differ in height by this share of its size at most.
 const LEVEL: f64 = 1e-9;
@@ -19,10 +21,17 @@ const INSIDE: f64 = 1e-9;
 pub enum VolumeMethod {
     /// Over the Bézier pieces of faces.
     Pieces(VolumeRule),
-    /// Sections between this many slabs, by the trapezoid rule.
-    Trapezoid(usize),
-    /// Sections in the middle of this many slabs, times their thickness.
-    Cavalieri(usize),
+    /// By sections of as many slabs.
+    Slices(SliceRule, usize),
+}
+
+/// How sections make a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SliceRule {
+    /// Sections between slabs, by the trapezoid rule.
+    Trapezoid,
+    /// Sections in the middles of slabs, times their thickness.
+    Cavalieri,
 }
 
 /// Why a method does not suit a face.
@@ -46,70 +55,76 @@ impl fmt::Display for Unsuitable {
 
 impl std::error::Error for Unsuitable {}
 
-/// The volume of a body by `method`.
+/// The volumes of bodies by `method`.
 ///
-/// Rules over pieces take the volume between faces and the z axis; level faces have none, and
-/// may be trimmed. Sections lie at right angles to the z axis, and are those of the triangles of
-/// [`sections`].
+/// Rules over pieces take the volume between faces and an upright axis; level faces have none,
+/// and may be trimmed. Sections are level, and those of triangles within 2e-5 of the size of the
+/// scene.
 ///
 /// # Errors
 /// If a face does not suit the method.
-pub fn body_volume(
+pub fn volumes(
     scene: &Scene,
-    body: &Body,
+    bodies: &[Body],
     method: VolumeMethod,
-    triangles: &Tessellation,
-) -> Result<f64, Unsuitable> {
+) -> Result<Vec<f64>, Unsuitable> {
     let placements = scene.placements();
-    let faces = body.sides.iter().filter_map(|side| {
-        let placement = &placements[side.placement];
-        match placement.shape {
-            Shape::Patch(id) => Some((placement, id, side.sign)),
-            Shape::Mesh(_) => None,
-        }
+    // All with z upwards.
+    let upright = DAffine3::from_mat3(match scene.up {
+        UpAxis::Y => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
+        UpAxis::Z => DMat3::IDENTITY,
     });
-    match method {
+    let faces = |body: &Body| {
+        let sides = body
+            .sides
+            .iter()
+            .map(|side| (&placements[side.placement], side.sign));
+        let faces = sides.filter_map(|(placement, sign)| match placement.shape {
+            Shape::Patch(id) => Some((upright * placement.world_from_object, id, sign)),
+            Shape::Mesh(_) => None,
+        });
+        faces.collect::<Vec<_>>()
+    };
+    let (rule, slabs) = match method {
+        VolumeMethod::Slices(rule, slabs) => (rule, slabs),
         VolumeMethod::Pieces(rule) => {
-            let mut sum = 0.0;
-            for (placement, id, sign) in faces {
-                sum += sign * face_volume(placement, scene.patch(id), rule)?;
-            }
-            Ok(sum)
+            let volume = |body: &Body| -> Result<f64, Unsuitable> {
+                let mut sum = 0.0;
+                for (place, id, sign) in faces(body) {
+                    sum += sign * face_volume(&place, scene.patch(id), rule)?;
+                }
+                Ok(sum)
+            };
+            return bodies.iter().map(volume).collect();
         }
-        VolumeMethod::Trapezoid(count) | VolumeMethod::Cavalieri(count) => {
-            let mut solid = Solid::default();
-            for (placement, id, sign) in faces {
-                let Some(face) = &triangles.faces[id.index()] else {
-                    continue;
-                };
-                let sign = if face.flipped { -sign } else { sign };
-                let place = |k: u32| {
-                    let point = face.mesh.positions()[k as usize];
-                    placement.world_from_object.transform_point3(point)
-                };
-                let corners = face.mesh.triangles().iter().map(|t| (t.map(place), sign));
-                solid.triangles.extend(corners);
-            }
-            Ok(match method {
-                VolumeMethod::Trapezoid(_) => solid.trapezoid(count),
-                _ => solid.cavalieri(count),
-            })
-        }
-    }
-}
-
-/// Triangles for sections: finer than what sections are used for.
-pub fn sections(scene: &Scene) -> Tessellation {
+    };
     let options = TessellateOptions {
-        tolerance: Tolerance::Relative(2e-5),
+        tolerance: Tolerance::Relative(TOLERANCE),
         ..TessellateOptions::default()
     };
-    tessellate(scene, &options)
+    let triangles = tessellate(scene, &options);
+    let volume = |body: &Body| {
+        let mut solid = Solid::default();
+        for (place, id, sign) in faces(body) {
+            let Some(face) = &triangles.faces[id.index()] else {
+                continue;
+            };
+            let sign = if face.flipped { -sign } else { sign };
+            let corner = |k: u32| place.transform_point3(face.mesh.positions()[k as usize]);
+            let corners = face.mesh.triangles().iter().map(|t| (t.map(corner), sign));
+            solid.triangles.extend(corners);
+        }
+        match rule {
+            SliceRule::Trapezoid => solid.trapezoid(slabs),
+            SliceRule::Cavalieri => solid.cavalieri(slabs),
+        }
+    };
+    Ok(bodies.iter().map(volume).collect())
 }
 
 /// The volume between a face and the z axis.
-fn face_volume(placement: &Placement, patch: &Patch, rule: VolumeRule) -> Result<f64, Unsuitable> {
-    let surface = patch.surface.transformed(&placement.world_from_object);
+fn face_volume(place: &DAffine3, patch: &Patch, rule: VolumeRule) -> Result<f64, Unsuitable> {
+    let surface = patch.surface.transformed(place);
     let bounds = surface.hull_bounds();
     if bounds.max.z - bounds.min.z <= LEVEL * bounds.diagonal() {
         return Ok(0.0);

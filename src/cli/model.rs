@@ -7,8 +7,8 @@ use clap::ValueEnum;
 use nurbray::convert::Target;
 use nurbray::formats::{Export, Limits, PointBody, PointFormat, PointSet, open_points};
 use nurbray::gltf::Source;
-use nurbray::kernel::Unit;
 use nurbray::kernel::modelling::{Along, Spacing, Twist};
+use nurbray::kernel::{MAX_DEGREE, Unit};
 use nurbray::{Caps, ModelMethod, ModelOptions, Synthetic, model, synthetic};
 
 use super::convert;
@@ -214,7 +214,7 @@ fn degrees(text: &str) -> Result<[usize; 2], String> {
         let [p, q] = [p, q].map(|degree| degree.trim().parse().ok());
         Some([p?, q?])
     });
-    let is_valid = |degree: &usize| (1..=nurbray::kernel::MAX_DEGREE).contains(degree);
+    let is_valid = |degree: &usize| (1..=MAX_DEGREE).contains(degree);
     let found = found.filter(|degrees: &[usize; 2]| degrees.iter().all(is_valid));
     found.ok_or_else(|| format!("'{text}' is not two degrees such as 3,3"))
 }

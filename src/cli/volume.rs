@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::ValueEnum;
 use nurbray::kernel::{Scene, VolumeRule};
-use nurbray::{Body, Measure, VolumeMethod, body_volume, measure, sections};
+use nurbray::{Body, Measure, SliceRule, VolumeMethod, measure};
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
@@ -18,7 +18,7 @@ use super::sizes;
 /// Bodies are found by their borders and by rays. Volumes are exact up to the error that is
 /// given: Gauss's rule takes polynomial pieces exactly and halves all others until two answers
 /// agree, and trimmed faces are integrated along their trim curves. The other methods are those
-/// of the literature on measured bodies, for comparison; z is the axis along which they go.
+/// of the literature on measured bodies, for comparison; they go along the upward axis.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
@@ -72,8 +72,8 @@ impl Args {
             Method::Formula => VolumeMethod::Pieces(VolumeRule::Formula),
             Method::Printed => VolumeMethod::Pieces(VolumeRule::Printed(nodes)),
             Method::Midpoint => VolumeMethod::Pieces(VolumeRule::Midpoint(nodes)),
-            Method::Trapezoid => VolumeMethod::Trapezoid(slices),
-            Method::Cavalieri => VolumeMethod::Cavalieri(slices),
+            Method::Trapezoid => VolumeMethod::Slices(SliceRule::Trapezoid, slices),
+            Method::Cavalieri => VolumeMethod::Slices(SliceRule::Cavalieri, slices),
         })
     }
 }
@@ -156,13 +156,7 @@ fn others(scene: &Scene, measure: &Measure, args: &Args) -> anyhow::Result<Optio
     let Some(method) = args.method() else {
         return Ok(None);
     };
-    let triangles = match method {
-        VolumeMethod::Pieces(_) => None,
-        _ => Some(sections(scene)),
-    };
-    let volume = |body: &Body| body_volume(scene, body, method, triangles.as_ref());
-    let volumes: Result<Vec<f64>, _> = measure.bodies.iter().map(volume).collect();
-    Ok(Some(volumes?))
+    Ok(Some(nurbray::volumes(scene, &measure.bodies, method)?))
 }
 
 fn describe(text: &mut String, name: &str, body: &Body) {

@@ -82,11 +82,9 @@ const COLORS: [[f64; 3]; 6] = [
 /// that repeat, bodies that branch.
 pub fn model(points: &PointSet, options: &ModelOptions) -> Result<Modelled, Error> {
     let mut warnings = Warnings::default();
-    let mut scene = Scene {
-        unit: points.unit.clone(),
-        up: UpAxis::Z,
-        ..Scene::default()
-    };
+    let mut scene = Scene::default();
+    scene.unit.clone_from(&points.unit);
+    scene.up = UpAxis::Z;
     let mut children = Vec::new();
     for (number, body) in points.bodies.iter().enumerate() {
         let about = About {
