@@ -2,9 +2,9 @@
 //! convergence. `cargo run --release --example volumes`
 #![allow(clippy::print_stdout, reason = "that is all it does")]
 
-use nurbray::formats::PointSet;
-use nurbray::kernel::VolumeRule;
+use nurbray::formats::{Error, PointSet};
 use nurbray::kernel::modelling::{Along, Spacing, Twist};
+use nurbray::kernel::{Scene, VolumeRule};
 use nurbray::{
     Caps, Measure, ModelMethod, ModelOptions, SliceRule, Synthetic, VolumeMethod, measure, model,
     synthetic, volumes,
@@ -30,7 +30,7 @@ fn body(
     layers: usize,
     points: usize,
     method: ModelMethod,
-) -> Result<(nurbray::kernel::Scene, f64, Measure), nurbray::formats::Error> {
+) -> Result<(Scene, f64, Measure), Error> {
     let (body, volume) = synthetic(kind, 1, layers, points);
     let set = PointSet {
         bodies: vec![body],

@@ -65,10 +65,7 @@ fn structure_sets_become_bodies_of_known_volume() {
         }
         let total = answer["total"]["volume"].as_f64().unwrap();
         assert!((total / (found[0].1 + found[1].1) - 1.0).abs() < 1e-14);
-        assert_eq!(
-            answer["unit"]["name"],
-            if ending == "igs" { "mm" } else { "mm" }
-        );
+        assert_eq!(answer["unit"]["name"], "mm");
     }
     let run = place.run("model head.dcm -o head.glb --tolerance 1%");
     assert_eq!(run.code, Some(0), "{}", run.stderr);

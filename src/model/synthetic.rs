@@ -180,7 +180,7 @@ impl Shape {
     }
 }
 
-/// Numbers from 0 to 1 (Steele, Lea and Flood's SplitMix64).
+/// Numbers from 0 to 1 (Steele, Lea and Flood's `SplitMix64`).
 struct Noise(u64);
 
 impl Noise {

@@ -222,12 +222,9 @@ fn bodies(rows: &[Row<'_>], has_layers: bool) -> Result<Vec<PointBody>, Error> {
         before = Some(row);
         let layers = &mut bodies[index].layers;
         if is_next {
-            if has_layers {
-                if let Some(first) = seen.insert((row.body, row.layer), row.line) {
-                    let text =
-                        format!("layer '{}' goes on, which began at line {first}", row.layer);
-                    return Err(FORMAT.invalid(Place::line(row.line), text));
-                }
+            if has_layers && let Some(first) = seen.insert((row.body, row.layer), row.line) {
+                let text = format!("layer '{}' goes on, which began at line {first}", row.layer);
+                return Err(FORMAT.invalid(Place::line(row.line), text));
             }
             let name = if has_layers {
                 row.layer.to_owned()

@@ -17,14 +17,13 @@ fn blended_contour(points: &[DVec3], parameters: &[f64]) -> Result<Curve<DVec3>,
     // Line `k` fits the points before, at and after point `k`.
     let line = |k: usize| {
         let before = (k + count - 1) % count;
-        let place = k % count;
-        let at = parameters[place];
+        let turn = if k == 0 { 1.0 } else { 0.0 };
         let offsets = [
-            parameters[before] - if k % count == 0 { 1.0 } else { 0.0 } - at,
+            parameters[before] - turn - parameters[k],
             0.0,
-            parameters[place + 1] - at,
+            parameters[k + 1] - parameters[k],
         ];
-        let near = [before, place, (k + 1) % count].map(|k| points[k]);
+        let near = [before, k, (k + 1) % count].map(|k| points[k]);
         Line::fitted(offsets, near)
     };
     let lines: Vec<Line> = (0..count).map(line).collect();

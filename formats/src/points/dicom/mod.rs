@@ -124,7 +124,7 @@ fn layer(
     budget.take(count / 3).map_err(refused)?;
     let numbers: Result<Vec<f64>, String> = data.split('\\').map(|x| number(x.trim())).collect();
     let numbers = numbers.map_err(|text| FORMAT.invalid(place.clone(), text))?;
-    if count % 3 != 0 {
+    if !count.is_multiple_of(3) {
         let text = format!("{count} coordinates; they come in threes");
         return Err(FORMAT.invalid(place.clone(), text));
     }

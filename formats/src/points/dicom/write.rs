@@ -25,7 +25,7 @@ pub(super) fn write(set: &PointSet) -> Vec<u8> {
     let mut names = String::new();
     for (number, body) in (1..).zip(&set.bodies) {
         let number = format!("{number}");
-        let _ = write!(names, "{}\n", body.name);
+        let _ = writeln!(names, "{}", body.name);
         let layers = body.layers.iter().map(|layer| contour(layer, millimetres));
         let layers = sequence(CONTOURS, &layers.collect::<Vec<_>>());
         let color = body.color.map_or(Vec::new(), |color| {
