@@ -35,21 +35,25 @@ mod intersect;
 mod look;
 mod measure;
 pub mod methods;
+mod model;
 pub mod output;
 mod polygons;
 mod render;
 mod simd;
 mod tessellate;
+mod volume;
 
 pub use accelerator::{Accelerator, Workspace};
 pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film};
 pub use film::{Film, PixelData};
 pub use integrator::Shading;
 pub use intersect::{Hit, METHODS, Method};
-pub use measure::{Body, Measure, measure};
+pub use measure::{Body, Measure, Side, measure};
+pub use model::{Caps, ModelMethod, ModelOptions, Modelled, Synthetic, model, synthetic};
 pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
 pub use tessellate::{
     FaceMesh, Screen, Shell, TessellateOptions, Tessellation, Tolerance, tessellate,
 };
+pub use volume::{SliceRule, Unsuitable, VolumeMethod, volumes};

@@ -37,6 +37,45 @@ pub struct Measure {
     pub open_faces: usize,
 }
 
+impl Measure {
+    /// All bodies as one; `None` if there is none. Where they lie in each other the space counts
+    /// for each of them.
+    pub fn total(&self) -> Option<Body> {
+        let [first, rest @ ..] = self.bodies.as_slice() else {
+            return None;
+        };
+        let mut total = first.clone();
+        for body in rest {
+            let volume = total.volume + body.volume;
+            let centroid = (total.centroid * total.volume + body.centroid * body.volume) / volume;
+            let moved = |body: &Body| body.inertia + about(body.centroid - centroid) * body.volume;
+            total = Body {
+                name: String::new(),
+                faces: total.faces + body.faces,
+                turned: total.turned + body.turned,
+                sides: [total.sides.as_slice(), &body.sides].concat(),
+                area: total.area + body.area,
+                area_error: total.area_error + body.area_error,
+                volume,
+                volume_error: total.volume_error + body.volume_error,
+                centroid,
+                inertia: moved(&total) + moved(body),
+            };
+        }
+        Some(total)
+    }
+}
+
+/// The tensor of inertia of a unit of mass at a place, about the origin.
+fn about(place: DVec3) -> DMat3 {
+    let [x, y, z] = place.to_array();
+    DMat3::from_cols(
+        DVec3::new(y * y + z * z, -x * y, -z * x),
+        DVec3::new(-x * y, z * z + x * x, -y * z),
+        DVec3::new(-z * x, -y * z, x * x + y * y),
+    )
+}
+
 /// A closed body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
@@ -46,6 +85,8 @@ pub struct Body {
     pub faces: usize,
     /// How many of them have a normal that points inwards.
     pub turned: usize,
+    /// Its faces.
+    pub sides: Vec<Side>,
     /// Its area.
     pub area: f64,
     /// The error of the area.
@@ -60,12 +101,23 @@ pub struct Body {
     pub inertia: DMat3,
 }
 
+/// A face of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Side {
+    /// Which of the scene's placements it is.
+    pub placement: usize,
+    /// 1 if its normal points outwards, -1 if inwards.
+    pub sign: f64,
+}
+
 /// A face where it stands.
 struct Face {
     patch: Patch,
     bounds: Aabb,
     /// Its number in the order of placements, as hits have it.
     number: u32,
+    /// Which of the scene's placements it is.
+    placement: usize,
     /// The innermost group around it.
     group: Option<NodeId>,
     /// The name of a body that it belongs to.
@@ -73,7 +125,12 @@ struct Face {
 }
 
 impl Face {
-    fn new(scene: &Scene, placement: &Placement, patch: &Patch, number: u32) -> Self {
+    fn new(
+        scene: &Scene,
+        (index, placement): (usize, &Placement),
+        patch: &Patch,
+        number: u32,
+    ) -> Self {
         let surface = patch.surface.transformed(&placement.world_from_object);
         let patch = Patch {
             surface,
@@ -93,6 +150,7 @@ impl Face {
         Self {
             bounds: patch.bounds(),
             number,
+            placement: index,
             group,
             name: name.unwrap_or(&patch.name).clone(),
             patch,
@@ -105,17 +163,18 @@ pub fn measure(scene: &Scene) -> Measure {
     let placements = scene.placements();
     let patches = placements
         .iter()
-        .filter_map(|placement| match placement.shape {
+        .enumerate()
+        .filter_map(|placement| match placement.1.shape {
             Shape::Patch(id) => Some((placement, scene.patch(id))),
             Shape::Mesh(_) => None,
         });
     let patches: Vec<_> = patches.zip(0_u32..).collect();
-    let face = |((placement, patch), number): &((&Placement, &Patch), u32)| {
-        Face::new(scene, placement, patch, *number)
+    let face = |((placement, patch), number): &(((usize, &Placement), &Patch), u32)| {
+        Face::new(scene, *placement, patch, *number)
     };
     let faces: Vec<Face> = patches.par_iter().map(face).collect();
     let mut groups: BTreeMap<(Option<usize>, Vec<usize>), Vec<&Face>> = BTreeMap::new();
-    for (face, ((placement, _), _)) in faces.iter().zip(&patches) {
+    for (face, (((_, placement), _), _)) in faces.iter().zip(&patches) {
         // The same group at another place is another one.
         let group = face.group.map(NodeId::index);
         let path = placement.path.iter().map(|id| id.index());
@@ -207,6 +266,14 @@ impl Part {
             name: faces[0].name.clone(),
             faces: faces.len(),
             turned,
+            sides: faces
+                .iter()
+                .zip(&signs)
+                .map(|(face, &sign)| Side {
+                    placement: face.placement,
+                    sign,
+                })
+                .collect(),
             area: sum.area(),
             area_error: sum.area_error(),
             volume: sum.volume(),

@@ -22,6 +22,8 @@ fn help() {
         ("render --help", "help_render.txt"),
         ("info --help", "help_info.txt"),
         ("probe --help", "help_probe.txt"),
+        ("model --help", "help_model.txt"),
+        ("volume --help", "help_volume.txt"),
     ] {
         let run = place.run(line);
         assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
@@ -57,6 +59,13 @@ const MISTAKES: &[&str] = &[
     "probe samples/teapot.obj",
     "probe samples/teapot.obj --rays - --uv -",
     "probe - --rays -",
+    "model",
+    "model samples/phantom.dcm -o phantom.doc",
+    "model samples/phantom.dcm -o phantom.x3d --opacity Nobody=0.5",
+    "model samples/phantom.dcm -o phantom.x3d --opacity 2",
+    "model samples/phantom.dcm -o phantom.x3d --method interpolate",
+    "model samples/teapot.mtl -o teapot.x3d",
+    "volume",
 ];
 
 #[test]

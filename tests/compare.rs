@@ -6,6 +6,7 @@ use std::fs;
 
 use serde_json::Value;
 
+#[expect(dead_code, reason = "other tests use more of it")]
 mod program;
 
 use program::{Place, assert_snapshot};

@@ -29,6 +29,7 @@ mod limits;
 mod nodes;
 mod obj;
 mod pictures;
+mod points;
 mod triangulate;
 mod vrml;
 mod write;
@@ -37,6 +38,9 @@ mod x3d;
 pub use error::{Error, Place, Problem, Warning, Warnings};
 pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
 pub use nodes::Animation;
+pub use points::{
+    Layer, POINT_FORMATS, PointBody, PointFormat, PointSet, open_points, read_points,
+};
 pub use write::{Export, WRITERS, Write, Writer};
 
 /// A file format: one row per folder of this crate.

@@ -88,6 +88,15 @@ pub enum Error {
         /// The number found.
         found: f64,
     },
+    /// Two neighbours that must be apart are not.
+    Coincide {
+        /// Position of the first of them.
+        index: usize,
+    },
+    /// The points do not determine a curve or surface.
+    Singular,
+    /// A rim cannot be seen as a whole from its middle.
+    NotStarShaped,
     /// A direction has no length.
     NoDirection,
     /// A loop has no curves.
@@ -170,6 +179,13 @@ impl fmt::Display for Error {
                 )
             }
             Self::NotPositive { found } => write!(f, "{found} must be positive and finite"),
+            Self::Coincide { index } => {
+                write!(f, "points or rows {index} and {} coincide", index + 1)
+            }
+            Self::Singular => write!(f, "the points do not determine a curve or surface"),
+            Self::NotStarShaped => {
+                write!(f, "the rim cannot be seen as a whole from its middle")
+            }
             Self::NoDirection => write!(f, "a direction has no length"),
             Self::EmptyLoop => write!(f, "a trim loop without curves"),
             Self::LoopGap {

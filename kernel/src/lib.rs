@@ -48,7 +48,7 @@ pub use knots::{KnotVector, MAX_DEGREE};
 pub use material::{
     Falloff, Light, LightKind, Material, MetallicRoughness, linear_from_srgb, srgb_from_linear,
 };
-pub use measure::Integrals;
+pub use measure::{Integrals, VolumeRule};
 pub use mesh::Mesh;
 pub use normal::regular as regular_normal;
 pub use patch::Patch;

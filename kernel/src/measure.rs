@@ -7,12 +7,15 @@
 
 mod extent;
 mod piece;
+mod rules;
 mod sums;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{DAffine2, DVec2, DVec3};
+
+pub use self::rules::VolumeRule;
 
 use self::piece::Piece;
 use self::sums::Sums;

@@ -1,12 +1,21 @@
-//! Exact rational curves and surfaces: arcs, quadrics, tori, and what sweeps make of curves.
+//! Exact rational curves and surfaces: arcs, quadrics, tori, and what sweeps make of curves; and
+//! surfaces from measured points.
 //!
 //! Everything here is exact up to the rounding of the control points, but what [`fit()`],
-//! [`fit_surface`] and [`swept`] make.
+//! [`fit_surface`] and [`swept`] make. [`coons`] and [`interpolate`] join grids of points,
+//! [`blend`] and [`loft`] contours in layers, and [`cap`] closes their ends.
 //! A parameter that is an angle equals it, in radians, at the knots, which stand every 90
 //! degrees or closer; between them see [`arc_parameter`].
 
 mod arc;
+mod banded;
+mod blend;
+mod cap;
+mod coons;
 mod fit;
+mod interpolate;
+mod layers;
+mod loft;
 mod quadric;
 mod sweep;
 mod swept;
@@ -16,7 +25,12 @@ use glam::DVec3;
 use crate::Error;
 
 pub use arc::{arc, arc_angle, arc_parameter, circle};
+pub use blend::blend;
+pub use cap::{Cap, cap};
+pub use coons::{Twist, coons};
 pub use fit::{Fit, FitSurface, fit, fit_surface};
+pub use interpolate::{Along, Interpolation, Spacing, interpolate, interpolate_curve};
+pub use loft::loft;
 pub use quadric::{cone, cylinder, plane, sphere, torus};
 pub use sweep::{extrude, revolve, ruled, swung};
 pub use swept::{Swept, swept};
@@ -111,5 +125,7 @@ fn check_positive(found: f64) -> Result<(), Error> {
     }
 }
 
+#[cfg(test)]
+mod testing;
 #[cfg(test)]
 mod tests;

@@ -9,6 +9,8 @@ use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
 use nurbray::formats::{Export, FORMATS};
+use nurbray::gltf::Source;
+use nurbray::kernel::Scene;
 use nurbray::{output, tessellate};
 use serde_json::{Value, json};
 
@@ -147,12 +149,10 @@ fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
                 Target::of
             };
             let Some(target) = target(&path) else {
-                let known: Vec<_> = Target::all().flat_map(Target::extensions).collect();
-                let known: Vec<_> = known.iter().map(|e| format!(".{e}")).collect();
                 bail!(
                     "{}: the ending tells the format; use one of {}",
                     path.display(),
-                    known.join(", ")
+                    endings()
                 );
             };
             if path
@@ -260,23 +260,8 @@ fn convert(job: &Job, args: &Args) -> anyhow::Result<Value> {
         bail!("{}: there is nothing to convert", input::display(source));
     }
     let started = Instant::now();
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let mut report = json!({});
-    let export = match target {
-        Target::Surfaces(writer) => {
-            let export = (writer.write)(scene, &stem);
-            export.with_context(|| path.display().to_string())?
-        }
-        Target::Triangles(writer) => {
-            let options = args.mesh.options(scene);
-            let options = options.with_context(|| input::display(source))?;
-            let triangles = tessellate(scene, &options);
-            report = mesh::report(&triangles);
-            report["tessellate_s"] = started.elapsed().as_secs_f64().into();
-            let export = (writer.write)(scene, &triangles, &origin, &stem);
-            export.with_context(|| path.display().to_string())?
-        }
-    };
+    let (export, mut report) = export(scene, *target, path, &args.mesh, &origin)
+        .map_err(|error| error.context(input::display(source)))?;
     input::report_warnings(path, target.name(), &export.warnings);
     store(path, &export)?;
     if let Some(record) = &record {
@@ -311,8 +296,41 @@ fn convert(job: &Job, args: &Args) -> anyhow::Result<Value> {
     Ok(report)
 }
 
+/// The content of a file, and what there is to say about its triangles.
+pub(super) fn export(
+    scene: &Scene,
+    target: Target,
+    path: &Path,
+    mesh: &MeshArgs,
+    origin: &Source,
+) -> anyhow::Result<(Export, Value)> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let written = || path.display().to_string();
+    match target {
+        Target::Surfaces(writer) => {
+            let export = (writer.write)(scene, &stem).with_context(written)?;
+            Ok((export, json!({})))
+        }
+        Target::Triangles(writer) => {
+            let started = Instant::now();
+            let triangles = tessellate(scene, &mesh.options(scene)?);
+            let mut report = mesh::report(&triangles);
+            report["tessellate_s"] = started.elapsed().as_secs_f64().into();
+            let export = (writer.write)(scene, &triangles, origin, &stem).with_context(written)?;
+            Ok((export, report))
+        }
+    }
+}
+
+/// The endings of all formats that are written.
+pub(super) fn endings() -> String {
+    let known = Target::all().flat_map(Target::extensions);
+    let known: Vec<_> = known.map(|e| format!(".{e}")).collect();
+    known.join(", ")
+}
+
 /// Writes a file and those beside it, the file itself last.
-fn store(path: &Path, export: &Export) -> anyhow::Result<()> {
+pub(super) fn store(path: &Path, export: &Export) -> anyhow::Result<()> {
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }

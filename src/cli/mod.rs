@@ -8,11 +8,13 @@ mod convert;
 mod info;
 mod input;
 mod mesh;
+mod model;
 mod parse;
 mod probe;
 mod render;
 mod sheet;
 mod sizes;
+mod volume;
 
 use std::process::ExitCode;
 
@@ -36,6 +38,8 @@ Examples:
   nurbray convert samples/goblet.x3d -o goblet.igs
   nurbray compare samples/teapot.obj -o report
   nurbray info samples/goblet.x3d
+  nurbray model scan.dcm -o scan.glb
+  nurbray volume samples/sphere_torus.x3d
   echo 0,5,0,0,-1,0 | nurbray probe samples/teapot.obj --rays - --all
 
 Exit codes: 0 done, 1 a comparison found a difference, 2 something went wrong,
@@ -49,6 +53,8 @@ enum Command {
     Info(info::Args),
     Probe(probe::Args),
     Bench(bench::Args),
+    Model(Box<model::Args>),
+    Volume(volume::Args),
 }
 
 /// Exit code when a comparison found more than was allowed.
@@ -84,6 +90,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Info(args) => info::run(&args).map(Failures::from),
         Command::Probe(args) => probe::run(&args).map(Failures::from),
         Command::Bench(args) => bench::run(&args).map(Failures::from),
+        Command::Model(args) => model::run(&args).map(Failures::from),
+        Command::Volume(args) => volume::run(&args).map(Failures::from),
     };
     match result {
         Ok(Failures { count: 0, .. }) => ExitCode::SUCCESS,

@@ -72,7 +72,8 @@ pub(super) fn to_json(measure: &Measure) -> Value {
     })
 }
 
-fn body(body: &Body) -> Value {
+/// A body with all numbers.
+pub(super) fn body(body: &Body) -> Value {
     json!({
         "name": body.name,
         "faces": body.faces,

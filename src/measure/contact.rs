@@ -94,17 +94,21 @@ impl Chord {
         self.ends[0].distance(self.ends[1])
     }
 
-    /// Whether a point is as near as the curve may be.
+    /// Whether a point is as near as the curve may be: it passes both ends and the middle.
     fn is_near(&self, point: DVec3, slack: f64) -> bool {
         let [from, to] = self.ends;
-        let along = to - from;
-        let share = (point - from).dot(along) / along.length_squared();
-        let share = if share.is_finite() {
-            share.clamp(0.0, 1.0)
-        } else {
-            0.0
+        let distance = |from: DVec3, to: DVec3| {
+            let along = to - from;
+            let share = (point - from).dot(along) / along.length_squared();
+            let share = if share.is_finite() {
+                share.clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            point.distance(from + along * share)
         };
-        point.distance(from + along * share) <= self.length() * NEAR[0] + slack
+        let near = distance(from, self.middle).min(distance(self.middle, to));
+        near <= self.length() * NEAR[0] + slack
     }
 }
 

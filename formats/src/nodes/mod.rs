@@ -362,8 +362,8 @@ mod field_tests {
         let mut warnings = Warnings::default();
         let numbers = node(" 1,2 ,\t-3.5e-1,,\n+4 ").numbers("a", &mut warnings);
         assert_eq!(numbers, [1.0, 2.0, -0.35, 4.0]);
-        assert_eq!(node("").numbers("a", &mut warnings), []);
-        assert_eq!(node("1").numbers("b", &mut warnings), []);
+        assert_eq!(node("").numbers("a", &mut warnings), [0.0_f64; 0]);
+        assert_eq!(node("1").numbers("b", &mut warnings), [0.0_f64; 0]);
         assert!(warnings.as_slice().is_empty());
     }
 
@@ -371,7 +371,10 @@ mod field_tests {
     fn what_is_no_number_is_told_with_its_place() {
         for bad in ["nan", "inf", "1e999", "1.0.0", "0x10"] {
             let mut warnings = Warnings::default();
-            assert_eq!(node(&format!("1 {bad}")).numbers("a", &mut warnings), []);
+            assert_eq!(
+                node(&format!("1 {bad}")).numbers("a", &mut warnings),
+                [0.0_f64; 0]
+            );
             assert_eq!(
                 warnings.as_slice()[0].to_string(),
                 format!(

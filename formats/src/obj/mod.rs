@@ -19,7 +19,7 @@ mod polygons;
 mod scene;
 mod seams;
 mod specials;
-mod statements;
+pub(crate) mod statements;
 mod trims;
 mod write;
 

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 /// The text of a file: UTF-16, with a byte order mark or told by the zeros of its first two
 /// characters, or UTF-8; damaged characters are replaced.
-pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
+pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     let wide = |rest: &[u8], unit: fn([u8; 2]) -> u16| -> Cow<'_, str> {
         let units = rest.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
         let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
@@ -24,9 +24,9 @@ pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
 
 /// One statement: a keyword and its arguments, on one line or on several joined ones.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Statement<'a> {
+pub(crate) struct Statement<'a> {
     /// The line it begins on, from 1 on.
-    pub(super) line: usize,
+    pub(crate) line: usize,
     /// Whether a `\` stood in the middle of a line.
     pub(super) misprinted: bool,
     text: Cow<'a, str>,
@@ -46,18 +46,18 @@ impl<'a> Statement<'a> {
     }
 
     /// The first word.
-    pub(super) fn keyword(&self) -> &str {
+    pub(crate) fn keyword(&self) -> &str {
         &self.text[..self.split]
     }
 
     /// The words after the keyword, up to a comment.
-    pub(super) fn arguments(&self) -> impl Iterator<Item = &str> + Clone {
+    pub(crate) fn arguments(&self) -> impl Iterator<Item = &str> + Clone {
         let words = self.text[self.split..].split_ascii_whitespace();
         words.take_while(|word| !word.starts_with('#'))
     }
 
     /// All that follows the keyword, for names with blanks.
-    pub(super) fn rest(&self) -> &str {
+    pub(crate) fn rest(&self) -> &str {
         self.text[self.split..].trim()
     }
 }
@@ -69,7 +69,7 @@ const NAMING: [&str; 8] = [
 
 /// Cuts a text into statements; blank lines and comments are left out.
 #[derive(Clone, Debug)]
-pub(super) struct Statements<'a> {
+pub(crate) struct Statements<'a> {
     rest: &'a str,
     line: usize,
     /// What ends a line; old files use a lone carriage return.
@@ -78,7 +78,7 @@ pub(super) struct Statements<'a> {
 
 impl<'a> Statements<'a> {
     /// The statements of `text`.
-    pub(super) fn new(text: &'a str) -> Self {
+    pub(crate) fn new(text: &'a str) -> Self {
         let end = if text.contains('\n') { '\n' } else { '\r' };
         Self {
             rest: text,
@@ -168,7 +168,7 @@ pub(super) fn shown(word: &str) -> String {
 }
 
 /// A finite number.
-pub(super) fn number(word: &str) -> Result<f64, String> {
+pub(crate) fn number(word: &str) -> Result<f64, String> {
     match word.parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
         _ => Err(format!("\"{}\" is not a finite number", shown(word))),
@@ -197,7 +197,7 @@ pub(super) fn some_numbers<'a, const N: usize>(
 
 /// The position in a list of `count` entries that a reference means: 1 is the first entry,
 /// -1 the latest one. `list` names the entries in messages.
-pub(super) fn reference(word: &str, count: usize, list: &str) -> Result<usize, String> {
+pub(crate) fn reference(word: &str, count: usize, list: &str) -> Result<usize, String> {
     let number: i64 = word
         .parse()
         .map_err(|_| format!("\"{}\" is not a reference to {list}", shown(word)))?;

@@ -16,13 +16,13 @@ const NODES: Range<usize> = 6..17;
 /// Nodes and weights of Gauss and Legendre over 0..1: exact for polynomials of degree
 /// `2 n - 1` \[Davis 84, section 2.7\].
 #[derive(Clone, Debug)]
-struct Rule {
-    nodes: Vec<(f64, f64)>,
+pub(super) struct Rule {
+    pub(super) nodes: Vec<(f64, f64)>,
 }
 
 impl Rule {
     /// The rule with `count` nodes, by Newton's method on the Legendre polynomial.
-    fn new(count: usize) -> Self {
+    pub(super) fn new(count: usize) -> Self {
         let n = count as f64;
         let node = |k: usize| {
             let mut x = (std::f64::consts::PI * (k as f64 + 0.75) / (n + 0.5)).cos();
@@ -59,7 +59,7 @@ pub(super) struct Piece {
 }
 
 /// A column of control points: the piece at one `t`, and its derivative along `t`.
-struct Row {
+pub(super) struct Row {
     points: [DVec4; MAX_DEGREE + 1],
     slopes: [DVec4; MAX_DEGREE + 1],
 }
@@ -80,7 +80,7 @@ impl Piece {
     }
 
     /// The piece at `t`.
-    fn row(&self, t: f64) -> Row {
+    pub(super) fn row(&self, t: f64) -> Row {
         let [p, q] = self.degrees;
         let mut row = Row {
             points: [DVec4::ZERO; MAX_DEGREE + 1],
@@ -94,8 +94,8 @@ impl Piece {
         row
     }
 
-    /// What is integrated, at `s` of a row.
-    fn density(&self, row: &Row, s: f64) -> Sums {
+    /// The point at `s` of a row, about the origin, and the normal there, as long as its area.
+    pub(super) fn at(&self, row: &Row, s: f64) -> (DVec3, DVec3) {
         let p = self.degrees[0];
         let mut work = row.points;
         let [h, hs] = casteljau(&mut work[..=p], s);
@@ -104,7 +104,13 @@ impl Piece {
         let point = h.truncate() / h.w;
         let along_s = (hs.truncate() - point * hs.w) / h.w;
         let along_t = (ht.truncate() - point * ht.w) / h.w;
-        Sums::density(point, along_s.cross(along_t))
+        (point, along_s.cross(along_t))
+    }
+
+    /// What is integrated, at `s` of a row.
+    fn density(&self, row: &Row, s: f64) -> Sums {
+        let (point, normal) = self.at(row, s);
+        Sums::density(point, normal)
     }
 
     /// One application of the rules to a rectangle.
