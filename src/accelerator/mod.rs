@@ -17,17 +17,20 @@ mod leaf;
 mod model;
 mod packet;
 mod room;
+mod seal;
+mod strip;
 mod trace;
 mod tree;
 
 use glam::{DAffine3, DVec3};
-use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
+use kernel::{Aabb, MaterialId, Mesh, Patch, Scene, Shape, TrimRegion};
 
 use crate::intersect::{Method, Scratch};
 use crate::simd::Instructions;
 use block::Block;
 use cells::Pieces;
 use room::PacketRoom;
+use seal::Seal;
 use tree::Tree;
 
 /// Everything that rays can meet, prepared for the search.
@@ -36,6 +39,8 @@ pub struct Accelerator<'a> {
     scene: &'a Scene,
     clusters: Vec<Cluster<'a>>,
     instances: Vec<Instance>,
+    /// What closes the gaps of each cluster; empty if nothing does.
+    seals: Vec<Seal>,
     top: Tree,
     counts: Counts,
     method: &'static Method,
@@ -94,7 +99,7 @@ struct ClusterItem<'a> {
 
 #[derive(Clone, Copy, Debug)]
 enum ItemShape<'a> {
-    Patch(&'a Surface),
+    Patch(&'a Patch),
     Mesh(&'a Mesh),
 }
 
@@ -182,7 +187,8 @@ impl<'a> Accelerator<'a> {
                 + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + c.tree.bytes()
         });
-        clusters.sum::<usize>() + size_of_val(&self.instances[..]) + self.top.bytes()
+        let seals = self.seals.iter().map(Seal::bytes).sum::<usize>();
+        clusters.sum::<usize>() + seals + size_of_val(&self.instances[..]) + self.top.bytes()
     }
 
     /// Traces packets with other instructions than the widest of this processor; those that
@@ -207,7 +213,7 @@ impl<'a> Accelerator<'a> {
 impl ItemShape<'_> {
     fn of(scene: &Scene, shape: Shape) -> ItemShape<'_> {
         match shape {
-            Shape::Patch(id) => ItemShape::Patch(&scene.patch(id).surface),
+            Shape::Patch(id) => ItemShape::Patch(scene.patch(id)),
             Shape::Mesh(id) => ItemShape::Mesh(scene.mesh(id)),
         }
     }

@@ -12,7 +12,7 @@ use super::finish::{self, Lines};
 use super::leaf::{self, Bits, Verdict};
 use super::model::Model;
 use super::room::{Found, Met, PacketRoom};
-use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps};
+use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
 use super::tree::{IS_LEAF, WIDTH};
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
@@ -59,6 +59,9 @@ impl Accelerator<'_> {
                     None => self.work_out(&rays[lane], &found.candidate),
                 });
             }
+            for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
+                *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
+            }
         }
     }
 
@@ -81,7 +84,10 @@ impl Accelerator<'_> {
             };
             self.instructions.run(task);
             let met = workspace.packet.met;
-            blocked.extend((0..rays.len()).map(|lane| met >> lane & 1 == 1));
+            blocked.extend(rays.iter().enumerate().map(|(lane, ray)| {
+                let is_met = met >> lane & 1 == 1;
+                is_met || self.sealed_any(ray, &ranges[lane], workspace.rooms())
+            }));
         }
     }
 }
@@ -507,6 +513,8 @@ impl<S: Simd> Tracer<'_, '_, S> {
             stray: f64::INFINITY,
         };
         Newton::roots(self.scratch, &target);
+        let place = (&self.rays[lane], instance);
+        settle(place, cluster, (piece, line.slack), &mut self.scratch.roots);
         for k in 0..self.scratch.roots.len() {
             let root = self.scratch.roots[k];
             if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {

@@ -6,6 +6,7 @@ pub(crate) mod newton;
 mod subdivide;
 mod tangent;
 pub(crate) mod triangle;
+mod twofold;
 
 use std::fmt;
 use std::ops::Range;
@@ -15,6 +16,8 @@ use kernel::Ray;
 
 use crate::accelerator::{Accelerator, Workspace};
 use net::Degrees;
+
+pub(crate) use tangent::Touch;
 
 /// A point where a ray meets a shape, in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +35,8 @@ pub struct Hit {
     /// Whether the ray only touches, runs along the surface, or meets a singular point, so
     /// that the root could not be proven to be a simple crossing.
     pub tangential: bool,
+    /// Whether it stands for a gap between two faces that the ray passes through.
+    pub filled: bool,
     /// Bound on the error of `point`, in scene units.
     pub error: f64,
     /// Instance and item of the accelerator that were hit.
