@@ -1,5 +1,7 @@
 //! From a scene to clusters and instances.
 
+use std::sync::Arc;
+
 use glam::DAffine3;
 use kernel::{Aabb, Child, NodeId, Scene, Shape, Surface, TrimRegion};
 
@@ -51,6 +53,7 @@ impl<'a> Accelerator<'a> {
             top,
             counts,
             method,
+            mark: Arc::default(),
             instructions: Instructions::best(),
         }
     }

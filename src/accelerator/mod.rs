@@ -22,6 +22,8 @@ mod strip;
 mod trace;
 mod tree;
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 use kernel::{Aabb, MaterialId, Mesh, Patch, Scene, Shape, TrimRegion};
 
@@ -44,6 +46,8 @@ pub struct Accelerator<'a> {
     top: Tree,
     counts: Counts,
     method: &'static Method,
+    /// Tells it from others, as long as anybody holds it.
+    mark: Arc<()>,
     instructions: Instructions,
 }
 
@@ -123,9 +127,24 @@ pub struct Workspace {
     scratch: Scratch,
     packet: PacketRoom,
     candidates: Vec<trace::Candidate>,
+    /// Whose cells the packets have at hand.
+    served: Option<Arc<()>>,
 }
 
 impl Workspace {
+    /// Forgets the cells of another accelerator.
+    fn serve(&mut self, accelerator: &Accelerator<'_>) {
+        let mark = &accelerator.mark;
+        if !self
+            .served
+            .as_ref()
+            .is_some_and(|served| Arc::ptr_eq(served, mark))
+        {
+            self.packet = PacketRoom::default();
+            self.served = Some(Arc::clone(mark));
+        }
+    }
+
     fn rooms(&mut self) -> trace::Rooms<'_> {
         (&mut self.top_stack, &mut self.stack, &mut self.scratch)
     }

@@ -39,6 +39,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         hits: &mut Vec<Option<Hit>>,
     ) {
+        workspace.serve(self);
         hits.clear();
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let task = Trace {
@@ -73,6 +74,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         blocked: &mut Vec<bool>,
     ) {
+        workspace.serve(self);
         blocked.clear();
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let task = Trace {

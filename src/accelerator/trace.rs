@@ -154,7 +154,7 @@ pub(super) fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool 
     region.is_none_or(|k| cluster.regions[k as usize].contains(uv))
 }
 
-/// Asks again about roots with a piece that could not be proven to be simple crossings;
+/// Asks again about roots with a piece that are blurred, or not proven to be simple crossings;
 /// distances in the units of the piece are known to `slack`.
 pub(super) fn settle(
     (ray, instance): (&Ray, &Instance),
@@ -167,7 +167,7 @@ pub(super) fn settle(
         return;
     };
     for k in 0..roots.len() {
-        if !roots[k].tangential {
+        if !(roots[k].tangential || roots[k].blurred) {
             continue;
         }
         let touch = Touch {

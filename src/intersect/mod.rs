@@ -144,6 +144,8 @@ pub(crate) struct Root {
     pub(crate) v: f64,
     /// Whether it could not be proven to be a simple crossing.
     pub(crate) tangential: bool,
+    /// Whether rounding hides more than [`newton::BLUR`] of its place.
+    pub(crate) blurred: bool,
 }
 
 /// Memory that the solvers reuse from cell to cell.

@@ -304,6 +304,7 @@ fn unresolved_roots(roots: &mut Vec<Root>, target: &Target<'_>, rect: Rect) {
         u,
         v,
         tangential: true,
+        blurred: false,
     };
     let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < THIN, rect.v.1 - rect.v.0 < THIN);
     if thin_u && thin_v {

@@ -64,9 +64,14 @@ pub(crate) struct Touch<'a> {
 }
 
 impl Touch<'_> {
-    /// What becomes of a root that could not be proven to be a simple crossing.
+    /// What becomes of a root that is blurred, or could not be proven to be a simple crossing.
     pub(crate) fn settled(&self, root: Root) -> [Option<Root>; 2] {
         let near = DVec2::new(root.u, root.v);
+        if !root.tangential {
+            let sharp = inside(refined(&|at| self.distances(at), near));
+            let tangential = false;
+            return [sharp.map(|root| Root { tangential, ..root }), None];
+        }
         let slacks = [TWOFOLD_SLACK, self.slack];
         match contact(&|at| self.distances(at), near, slacks) {
             Contact::None => [None; 2],
@@ -210,5 +215,6 @@ fn inside(at: DVec2) -> Option<Root> {
         u: at.x.clamp(0.0, 1.0),
         v: at.y.clamp(0.0, 1.0),
         tangential: true,
+        blurred: false,
     })
 }
