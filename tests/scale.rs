@@ -9,10 +9,7 @@ use nurbray::{Accelerator, Film, METHODS, RenderOptions, RenderStats, formats, r
 
 /// The scene with every patch for itself, and all coordinates times a factor.
 fn scaled(scene: &Scene, factor: f64) -> Scene {
-    let mut result = Scene {
-        up: scene.up,
-        ..Scene::default()
-    };
+    let mut result = Scene::default();
     let map = DAffine3::from_scale(DVec3::splat(factor));
     let mut children = Vec::new();
     for place in scene.placements() {
@@ -34,6 +31,7 @@ fn scaled(scene: &Scene, factor: f64) -> Scene {
         children,
         ..Node::default()
     };
+    result.up = scene.up;
     let root = result.add_node(root).unwrap();
     result.set_root(root).unwrap();
     result

@@ -103,20 +103,22 @@ pub(super) fn border_key(surface: &Surface, curve: &Curve<DVec2>) -> Option<Vec<
         let span = start[axis].min(end[axis])..start[axis].max(end[axis]);
         span == domain
     };
-    let is_along = |a: f64, b: f64| a.to_bits() == b.to_bits();
-    let places: Vec<usize> = if is_along(start.x, end.x) && is_long(1, v.domain()) {
-        let row = if start.x <= u.domain().start {
-            0
-        } else {
-            rows - 1
-        };
+    let is_at =
+        |axis: usize, x: f64| [start[axis], end[axis]].map(f64::to_bits) == [x.to_bits(); 2];
+    let border = |axis: usize, domain: &Range<f64>, count: usize| {
+        let sides = [(domain.start, 0), (domain.end, count - 1)];
+        sides
+            .into_iter()
+            .find(|(at, _)| is_at(axis, *at))
+            .map(|(_, k)| k)
+    };
+    let places: Vec<usize> = if let Some(row) = border(0, &u.domain(), rows)
+        && is_long(1, v.domain())
+    {
         (0..columns).map(|j| row * columns + j).collect()
-    } else if is_along(start.y, end.y) && is_long(0, u.domain()) {
-        let column = if start.y <= v.domain().start {
-            0
-        } else {
-            columns - 1
-        };
+    } else if let Some(column) = border(1, &v.domain(), columns)
+        && is_long(0, u.domain())
+    {
         (0..rows).map(|i| i * columns + column).collect()
     } else {
         return None;
@@ -131,9 +133,11 @@ pub(super) fn border_key(surface: &Surface, curve: &Curve<DVec2>) -> Option<Vec<
     Some(forwards.min(backwards))
 }
 
-/// How far the ends of curves that meet at each vertex are apart.
+/// How far the ends of curves of three and more faces that meet at a vertex are apart; zero where
+/// there are fewer faces.
 fn spreads(sewn: &Sewn, faces: &[Face<'_>]) -> Vec<f64> {
     let mut boxes = vec![Aabb::EMPTY; sewn.vertices.len()];
+    let mut owners: Vec<Vec<usize>> = vec![Vec::new(); sewn.vertices.len()];
     for edge in &sewn.edges {
         for used in &edge.uses {
             let mut points =
@@ -141,12 +145,22 @@ fn spreads(sewn: &Sewn, faces: &[Face<'_>]) -> Vec<f64> {
             if used.reversed {
                 points.reverse();
             }
-            for (end, point) in edge.ends.iter().zip(points) {
-                boxes[*end] = boxes[*end].union(Aabb::around([point]));
+            for (&end, point) in edge.ends.iter().zip(points) {
+                boxes[end] = boxes[end].union(Aabb::around([point]));
+                if !owners[end].contains(&used.face) {
+                    owners[end].push(used.face);
+                }
             }
         }
     }
-    boxes.iter().map(|b| b.diagonal()).collect()
+    let spread = |(bounds, owners): (&Aabb, &Vec<usize>)| {
+        if owners.len() > 2 {
+            bounds.diagonal()
+        } else {
+            0.0
+        }
+    };
+    boxes.iter().zip(&owners).map(spread).collect()
 }
 
 /// The strips of one edge.
