@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DAffine3;
-use kernel::{Aabb, Child, NodeId, Scene, Shape, Surface, TrimRegion};
+use kernel::{Aabb, Child, NodeId, Scene, Surface, TrimRegion};
 
 use rayon::prelude::*;
 

@@ -60,8 +60,10 @@ impl Accelerator<'_> {
                     None => self.work_out(&rays[lane], &found.candidate),
                 });
             }
-            for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
-                *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
+            if !self.seals.is_empty() {
+                for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
+                    *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
+                }
             }
         }
     }
