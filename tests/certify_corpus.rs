@@ -2,7 +2,11 @@
 //! instructions.
 //!
 //! The bodies are those of a corpus beside the project; without it the tests are skipped.
-#![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
+#![expect(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "helpers of tests are tests, too"
+)]
 
 mod reference;
 mod shots;

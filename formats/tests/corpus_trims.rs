@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
-use kernel::{Cover, Curve, Patch, TrimLoop, TrimRegion};
+use kernel::{Cover, Curve, Patch, TrimRegion};
 use nurbray_formats::Limits;
 use slow_trims::Random;
 
@@ -66,10 +66,10 @@ fn compare(count: usize) {
         let region = TrimRegion::of(patch);
         building += clock.elapsed();
         bytes += region.bytes();
-        let pieces = slow_trims::pieces_of(&patch.trim_curves());
+        let pieces = slow_trims::pieces(&patch.trim_curves());
         // Every third point lies next to a curve.
         let place = |k: usize| {
-            if k % 3 > 0 {
+            if !k.is_multiple_of(3) {
                 return start + size * random.point();
             }
             let pick = random.number() * pieces.len() as f64;

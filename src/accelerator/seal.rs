@@ -198,6 +198,7 @@ impl Accelerator<'_> {
             shape: place.before.patches + owner.offset,
             tangential: false,
             filled: true,
+            triangle: 0,
             error: crossing.width * place.stretch,
             place: (instance, item),
         }

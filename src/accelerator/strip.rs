@@ -168,19 +168,17 @@ impl Part {
     }
 
     fn halves(&self) -> [Self; 2] {
-        let mut halves = [self.sides, self.sides];
-        for side in 0..2 {
-            for level in 1..ORDER {
+        let (mut left, mut right) = (self.sides, self.sides);
+        for (left, right) in left.iter_mut().zip(&mut right) {
+            for (level, end) in left.iter_mut().enumerate().skip(1) {
                 for k in 0..ORDER - level {
-                    let right = &mut halves[1][side];
                     right[k] = (right[k] + right[k + 1]) * 0.5;
                 }
-                halves[0][side][level] = halves[1][side][0];
+                *end = right[0];
             }
         }
         let (start, end) = self.range;
         let middle = 0.5 * (start + end);
-        let [left, right] = halves;
         [(left, (start, middle)), (right, (middle, end))]
             .map(|(sides, range)| Self { sides, range })
     }

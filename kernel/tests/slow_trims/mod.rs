@@ -1,18 +1,13 @@
 //! Whether a point lies inside trim loops, slowly and in another way than the library.
 
-use super::{Curve, TrimLoop};
+use super::Curve;
 use glam::{DVec2, DVec3};
 
 /// How often a piece is halved before its middle decides.
 const DEPTH: u32 = 60;
 
-/// The homogeneous Bézier pieces of some loops.
-pub(crate) fn pieces(loops: &[TrimLoop]) -> Vec<Vec<DVec3>> {
-    pieces_of(loops.iter().flat_map(TrimLoop::segments))
-}
-
 /// The homogeneous Bézier pieces of curves that together are closed.
-pub(crate) fn pieces_of<'a>(curves: impl IntoIterator<Item = &'a Curve<DVec2>>) -> Vec<Vec<DVec3>> {
+pub(crate) fn pieces<'a>(curves: impl IntoIterator<Item = &'a Curve<DVec2>>) -> Vec<Vec<DVec3>> {
     let pieces = curves.into_iter().flat_map(Curve::bezier_pieces);
     pieces.map(|piece| piece.homogeneous().to_vec()).collect()
 }
