@@ -36,7 +36,7 @@ struct Found {
 fn camera(accelerator: &Accelerator<'_>, side: usize) -> Camera {
     let bounds = accelerator.bounds();
     let mut axis = DVec3::ZERO;
-    axis[side / 2] = if side % 2 == 0 { 1.0 } else { -1.0 };
+    axis[side / 2] = if side.is_multiple_of(2) { 1.0 } else { -1.0 };
     let up = if side / 2 == 2 { DVec3::Y } else { DVec3::Z };
     let eye = bounds.center() + axis * bounds.diagonal() * 1.6;
     let vertical_fov = 35.0_f64.to_radians();
