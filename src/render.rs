@@ -51,6 +51,8 @@ pub struct RenderStats {
     pub secondary_rays: u64,
     /// Rays from the camera that met something.
     pub hits: u64,
+    /// Those of them that stand for a gap between two faces.
+    pub filled: u64,
     /// Cells that the leaf solver examined.
     pub cells_examined: u64,
     /// Time for rays from the camera, summed over threads.
@@ -123,6 +125,7 @@ impl RenderStats {
         self.primary_rays += other.primary_rays;
         self.secondary_rays += other.secondary_rays;
         self.hits += other.hits;
+        self.filled += other.filled;
         self.cells_examined += other.cells_examined;
         self.trace += other.trace;
         self.shade += other.shade;
@@ -202,6 +205,7 @@ impl Painter<'_> {
         stats.trace = started.elapsed();
         stats.primary_rays = rays.len() as u64;
         stats.hits = hits.iter().flatten().count() as u64;
+        stats.filled = hits.iter().flatten().filter(|hit| hit.filled).count() as u64;
         let started = Instant::now();
         let per_pixel = self.rays_per_pixel();
         let mut light = Vec::new();

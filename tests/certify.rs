@@ -3,12 +3,14 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod reference;
+mod shots;
 
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DVec3};
 use kernel::{Child, Item, KnotVector, Mesh, Node, Patch, Ray, Scene, Shape, Surface};
 use nurbray::{Accelerator, Certificate, Certifier, METHODS, Workspace, formats};
 use reference::{scenes, vector};
 use serde_json::Value;
+use shots::{Dice, Targets};
 
 /// Accuracy that the production path promises, relative to the scene's size.
 const ACCURACY: f64 = 1e-9;
@@ -81,72 +83,6 @@ fn references_are_never_contradicted() {
     assert!(open.is_empty(), "robust but not certified");
 }
 
-/// Numbers that look random, the same in every run.
-struct Dice(u64);
-
-impl Dice {
-    /// From 0 to 1.
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        let mut step = || self.next() * 2.0 - 1.0;
-        DVec3::new(step(), step(), step()).normalize_or(DVec3::X)
-    }
-}
-
-/// A ray past a random point of the scene: across, tangential, or tangential with a small
-/// offset.
-fn ray(scene: &Scene, dice: &mut Dice, size: f64) -> Option<Ray> {
-    let placements = scene.placements();
-    let choice = dice.next() * placements.len() as f64;
-    let place = placements
-        .iter()
-        .zip(1_u32..)
-        .find(|(_, k)| choice < f64::from(*k))?
-        .0;
-    let Shape::Patch(id) = place.shape else {
-        return None;
-    };
-    let surface = scene
-        .patch(id)
-        .surface
-        .transformed(&place.world_from_object);
-    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    let uv = DVec2::new(
-        u.start + (u.end - u.start) * dice.next(),
-        v.start + (v.end - v.start) * dice.next(),
-    );
-    let d = surface.derivatives(uv);
-    let normal = surface.normal(uv)?;
-    let turned = std::f64::consts::TAU * dice.next();
-    let along = (d.du.normalize_or_zero() * turned.cos() + d.dv.normalize_or_zero() * turned.sin())
-        .try_normalize()?;
-    let kind = dice.next();
-    let (direction, offset) = if kind < 0.3 {
-        (dice.direction(), 0.0)
-    } else {
-        let tilt = if kind < 0.6 {
-            0.0
-        } else {
-            10.0_f64.powf(-8.0 * dice.next())
-        };
-        let offset = 10.0_f64.powf(-1.0 - 10.0 * dice.next());
-        let side = if dice.next() < 0.5 { -1.0 } else { 1.0 };
-        ((along + normal * tilt).normalize(), offset * side)
-    };
-    let point = d.point + normal * (offset * size);
-    Some(Ray {
-        origin: point - direction * (size * (0.2 + 2.0 * dice.next())),
-        direction: direction * (0.5 + dice.next()),
-    })
-}
-
 /// Shoots rays at the samples; all contradictions, and how many rays have which status.
 fn compare(rays: usize, seed: u64) -> (Vec<String>, [usize; 5]) {
     let (mut found, mut counts) = (Vec::new(), [0; 5]);
@@ -160,8 +96,9 @@ fn compare(rays: usize, seed: u64) -> (Vec<String>, [usize; 5]) {
         let certifier = Certifier::build(&scene);
         let mut workspace = Workspace::default();
         let size = accelerator.bounds().diagonal();
+        let targets = Targets::of(&scene, size);
         for _ in 0..rays / 3 {
-            let Some(ray) = ray(&scene, &mut dice, size) else {
+            let Some(ray) = targets.ray(&mut dice) else {
                 continue;
             };
             let certificate = certifier.certify(&ray);

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
-use kernel::{Curve, Patch, TrimLoop, TrimRegion};
+use kernel::{Cover, Curve, Patch, TrimRegion};
 use nurbray_formats::Limits;
 use slow_trims::Random;
 
@@ -51,7 +51,7 @@ fn faces() -> Vec<(String, Patch)> {
 fn compare(count: usize) {
     let faces = faces();
     let mut random = Random(1);
-    let (mut asked, mut near) = (0, 0);
+    let (mut asked, mut near, mut decided) = (0, 0, 0);
     let (mut building, mut asking, mut bytes) = (Duration::ZERO, Duration::ZERO, 0);
     for (name, patch) in &faces {
         let (u, v) = (
@@ -63,18 +63,44 @@ fn compare(count: usize) {
             DVec2::new(u.end - u.start, v.end - v.start),
         );
         let clock = Instant::now();
-        let region = TrimRegion::new(&patch.loops, u, v);
+        let region = TrimRegion::of(patch);
         building += clock.elapsed();
         bytes += region.bytes();
-        let pieces = slow_trims::pieces(&patch.loops);
-        let points: Vec<_> = (0..count / faces.len() + 1)
-            .map(|_| start + size * random.point())
-            .collect();
+        let pieces = slow_trims::pieces(&patch.trim_curves());
+        // Every third point lies next to a curve.
+        let place = |k: usize| {
+            if !k.is_multiple_of(3) {
+                return start + size * random.point();
+            }
+            let pick = random.number() * pieces.len() as f64;
+            let piece = (1_u32..).zip(&pieces).find(|(k, _)| pick < f64::from(*k));
+            let net = piece.map_or(&pieces[0], |(_, net)| net);
+            let near = slow_trims::point(net, random.number());
+            let offset = 10.0_f64.powf(-1.0 - 8.0 * random.number());
+            let off = size * (random.point() - 0.5) * offset;
+            (near + off).clamp(start, start + size)
+        };
+        let points: Vec<_> = (0..count / faces.len() + 1).map(place).collect();
         let clock = Instant::now();
         let answers: Vec<bool> = points.iter().map(|p| region.contains(*p)).collect();
         asking += clock.elapsed();
         asked += points.len();
         for (p, found) in points.into_iter().zip(answers) {
+            // What is said of a box around the point holds for it, too.
+            let [low, high] = [0, 1].map(|_| size * random.point() * 0.02);
+            let [min, max] = [(p - low).max(start), (p + high).min(start + size)];
+            let cover = region.classify(min.x..max.x, min.y..max.y);
+            decided += usize::from(cover != Cover::Mixed);
+            let agrees = match cover {
+                Cover::Mixed => true,
+                Cover::Inside => found,
+                Cover::Outside => !found,
+            };
+            assert!(
+                agrees,
+                "{name}, {}: {p} in a box that is {cover:?}",
+                patch.source
+            );
             if found != slow_trims::contains(&pieces, p) {
                 let distance = slow_trims::distance(&pieces, p);
                 let source = &patch.source;
@@ -87,8 +113,8 @@ fn compare(count: usize) {
         }
     }
     println!(
-        "{} faces, {bytes} bytes, built in {building:?}; {asked} points in {asking:?}; {near} \
-         on a curve differ",
+        "{} faces, {bytes} bytes, built in {building:?}; {asked} points in {asking:?}, {decided} \
+         of them decided by a box around; {near} on a curve differ",
         faces.len()
     );
 }

@@ -173,6 +173,8 @@ pub struct Scene {
     pub sky: Option<Sky>,
     /// The unit of length, if the file names one.
     pub unit: Option<Unit>,
+    /// The least distance that counts, in units of the scene, if the file names one.
+    pub resolution: Option<f64>,
     /// The upward axis.
     pub up: UpAxis,
 }
@@ -193,6 +195,7 @@ impl Default for Scene {
             background: None,
             sky: None,
             unit: None,
+            resolution: None,
             up: UpAxis::default(),
         }
     }

@@ -57,7 +57,7 @@ fn wild(random: &mut Random, degree: usize, count: usize) -> TrimLoop {
 /// Compares with the reference at random points, and at the heights and widths of ends.
 fn agrees(name: &str, loops: &[TrimLoop], random: &mut Random, count: usize) {
     let region = TrimRegion::new(loops, UNIT, UNIT);
-    let pieces = slow_trims::pieces(loops);
+    let pieces = slow_trims::pieces(loops.iter().flat_map(TrimLoop::segments));
     let ends: Vec<DVec2> = pieces.iter().map(|p| p[0].truncate() / p[0].z).collect();
     for k in 0..count {
         let mut p = random.point();
@@ -283,7 +283,7 @@ fn segments_thinner_than_rounding_errors_keep_their_place() {
     let loops = [TrimLoop::new(vec![spline, rest], 1e-6).unwrap()];
     let (u, v) = (2.981424101..11.43551636, -26.0..-2.333333436);
     let region = TrimRegion::new(&loops, u.clone(), v.clone());
-    let pieces = slow_trims::pieces(&loops);
+    let pieces = slow_trims::pieces(loops.iter().flat_map(TrimLoop::segments));
     let mut random = Random(9);
     for _ in 0..20_000 {
         let size = DVec2::new(u.end - u.start, v.end - v.start);

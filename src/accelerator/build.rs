@@ -1,7 +1,9 @@
 //! From a scene to clusters and instances.
 
+use std::sync::Arc;
+
 use glam::DAffine3;
-use kernel::{Aabb, Child, NodeId, Scene, Shape, Surface, TrimRegion};
+use kernel::{Aabb, Child, NodeId, Scene, Surface, TrimRegion};
 
 use rayon::prelude::*;
 
@@ -47,9 +49,11 @@ impl<'a> Accelerator<'a> {
             scene,
             clusters,
             instances,
+            seals: Vec::new(),
             top,
             counts,
             method,
+            mark: Arc::default(),
             instructions: Instructions::best(),
         }
     }
@@ -141,14 +145,14 @@ impl Plan {
             let Child::Item(item) = child else { return };
             let number = u32::try_from(items.len()).expect("fewer items than fit");
             let shape = ItemShape::of(scene, item.shape);
-            let trims = match item.shape {
-                Shape::Patch(id) => scene.patch(id).region(),
-                Shape::Mesh(_) => None,
+            let trims = match shape {
+                ItemShape::Patch(patch) => patch.region(),
+                ItemShape::Mesh(_) => None,
             };
             let offset = match shape {
-                ItemShape::Patch(surface) => {
+                ItemShape::Patch(patch) => {
                     let region = trims.as_ref().map(|_| regions.len());
-                    placed.push((number, surface, cluster_from_object, region));
+                    placed.push((number, &patch.surface, cluster_from_object, region));
                     before.patches
                 }
                 ItemShape::Mesh(mesh) => {

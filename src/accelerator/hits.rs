@@ -60,7 +60,8 @@ impl Accelerator<'_> {
     /// Extent of the parameters of the shape that was hit.
     fn domain_size(&self, hit: &Hit) -> DVec2 {
         match self.item(hit).shape {
-            ItemShape::Patch(surface) => {
+            ItemShape::Patch(patch) => {
+                let surface = &patch.surface;
                 let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
                 DVec2::new(u.end - u.start, v.end - v.start)
             }
@@ -173,10 +174,12 @@ impl Accelerator<'_> {
             size(piece.degrees.q, piece.v.1),
         ];
         let normal = kernel::regular_normal([du, dv], sizes).or_else(|| {
-            let ItemShape::Patch(surface) = item.shape else {
+            let ItemShape::Patch(patch) = item.shape else {
                 return None;
             };
-            let placed = surface.transformed(&(*world * item.cluster_from_object));
+            let placed = patch
+                .surface
+                .transformed(&(*world * item.cluster_from_object));
             placed.normal(uv)
         });
         let point = world.transform_point3(*point);
@@ -188,6 +191,7 @@ impl Accelerator<'_> {
             normal: normal.unwrap_or(DVec3::ZERO),
             shape: instance.before.patches + item.offset,
             tangential,
+            filled: false,
             error: POINT_ERROR * size,
             place: (candidate.instance, piece.item),
             triangle: 0,
@@ -234,6 +238,7 @@ impl Accelerator<'_> {
             normal: normal.normalize_or_zero(),
             shape: self.counts.patches + instance.before.meshes + item.offset,
             tangential: false,
+            filled: false,
             error: POINT_ERROR * size,
             place: (0, 0),
             triangle: triangle.index,

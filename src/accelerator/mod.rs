@@ -17,17 +17,22 @@ mod leaf;
 mod model;
 mod packet;
 mod room;
+mod seal;
+mod strip;
 mod trace;
 mod tree;
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
-use kernel::{Aabb, MaterialId, Mesh, Scene, Shape, Surface, TrimRegion};
+use kernel::{Aabb, MaterialId, Mesh, Patch, Scene, Shape, TrimRegion};
 
 use crate::intersect::{Method, Scratch};
 use crate::simd::Instructions;
 use block::Block;
 use cells::Pieces;
 use room::PacketRoom;
+use seal::Seal;
 use tree::Tree;
 
 /// Everything that rays can meet, prepared for the search.
@@ -36,9 +41,13 @@ pub struct Accelerator<'a> {
     scene: &'a Scene,
     clusters: Vec<Cluster<'a>>,
     instances: Vec<Instance>,
+    /// What closes the gaps of each cluster; empty if nothing does.
+    seals: Vec<Seal>,
     top: Tree,
     counts: Counts,
     method: &'static Method,
+    /// Tells it from others, as long as anybody holds it.
+    mark: Arc<()>,
     instructions: Instructions,
 }
 
@@ -94,7 +103,7 @@ struct ClusterItem<'a> {
 
 #[derive(Clone, Copy, Debug)]
 enum ItemShape<'a> {
-    Patch(&'a Surface),
+    Patch(&'a Patch),
     Mesh(&'a Mesh),
 }
 
@@ -118,9 +127,24 @@ pub struct Workspace {
     scratch: Scratch,
     packet: PacketRoom,
     candidates: Vec<trace::Candidate>,
+    /// Whose cells the packets have at hand.
+    served: Option<Arc<()>>,
 }
 
 impl Workspace {
+    /// Forgets the cells of another accelerator.
+    fn serve(&mut self, accelerator: &Accelerator<'_>) {
+        let mark = &accelerator.mark;
+        if !self
+            .served
+            .as_ref()
+            .is_some_and(|served| Arc::ptr_eq(served, mark))
+        {
+            self.packet = PacketRoom::default();
+            self.served = Some(Arc::clone(mark));
+        }
+    }
+
     fn rooms(&mut self) -> trace::Rooms<'_> {
         (&mut self.top_stack, &mut self.stack, &mut self.scratch)
     }
@@ -182,7 +206,8 @@ impl<'a> Accelerator<'a> {
                 + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + c.tree.bytes()
         });
-        clusters.sum::<usize>() + size_of_val(&self.instances[..]) + self.top.bytes()
+        let seals = self.seals.iter().map(Seal::bytes).sum::<usize>();
+        clusters.sum::<usize>() + seals + size_of_val(&self.instances[..]) + self.top.bytes()
     }
 
     /// Traces packets with other instructions than the widest of this processor; those that
@@ -207,7 +232,7 @@ impl<'a> Accelerator<'a> {
 impl ItemShape<'_> {
     fn of(scene: &Scene, shape: Shape) -> ItemShape<'_> {
         match shape {
-            Shape::Patch(id) => ItemShape::Patch(&scene.patch(id).surface),
+            Shape::Patch(id) => ItemShape::Patch(scene.patch(id)),
             Shape::Mesh(id) => ItemShape::Mesh(scene.mesh(id)),
         }
     }

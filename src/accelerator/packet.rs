@@ -12,7 +12,7 @@ use super::finish::{self, Lines};
 use super::leaf::{self, Bits, Verdict};
 use super::model::Model;
 use super::room::{Found, Met, PacketRoom};
-use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps};
+use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
 use super::tree::{IS_LEAF, WIDTH};
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
@@ -39,6 +39,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         hits: &mut Vec<Option<Hit>>,
     ) {
+        workspace.serve(self);
         hits.clear();
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let task = Trace {
@@ -59,6 +60,11 @@ impl Accelerator<'_> {
                     None => self.work_out(&rays[lane], &found.candidate),
                 });
             }
+            if !self.seals.is_empty() {
+                for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
+                    *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
+                }
+            }
         }
     }
 
@@ -70,6 +76,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         blocked: &mut Vec<bool>,
     ) {
+        workspace.serve(self);
         blocked.clear();
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let task = Trace {
@@ -81,7 +88,10 @@ impl Accelerator<'_> {
             };
             self.instructions.run(task);
             let met = workspace.packet.met;
-            blocked.extend((0..rays.len()).map(|lane| met >> lane & 1 == 1));
+            blocked.extend(rays.iter().enumerate().map(|(lane, ray)| {
+                let is_met = met >> lane & 1 == 1;
+                is_met || self.sealed_any(ray, &ranges[lane], workspace.rooms())
+            }));
         }
     }
 }
@@ -507,6 +517,8 @@ impl<S: Simd> Tracer<'_, '_, S> {
             stray: f64::INFINITY,
         };
         Newton::roots(self.scratch, &target);
+        let place = (&self.rays[lane], instance);
+        settle(place, cluster, (piece, line.slack), &mut self.scratch.roots);
         for k in 0..self.scratch.roots.len() {
             let root = self.scratch.roots[k];
             if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {

@@ -404,3 +404,27 @@ fn packets_take_any_number_of_rays() {
     let expected: Vec<_> = (0..103).map(|k| (1..101).contains(&k)).collect();
     assert_eq!(met, expected);
 }
+
+#[test]
+fn a_workspace_may_serve_one_scene_after_another() {
+    let scenes = [1.0, 0.5].map(|size| scene_of(vec![ball(size, DVec3::ZERO)]));
+    let accelerators = scenes
+        .each_ref()
+        .map(|s| Accelerator::build(s, &METHODS[0]));
+    let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
+    let ray = |k: usize| Ray {
+        origin: DVec3::new(0.01 * k as f64, 0.02, 3.0),
+        direction: -DVec3::Z,
+    };
+    let rays: Vec<_> = (0..20).map(ray).collect();
+    let ranges = vec![0.0..f64::INFINITY; rays.len()];
+    for _ in 0..2 {
+        for (accelerator, size) in accelerators.iter().zip([1.0, 0.5]) {
+            accelerator.nearest_many(&rays, &ranges, &mut workspace, &mut hits);
+            for (ray, hit) in rays.iter().zip(&hits) {
+                let z = (size * size - ray.origin.truncate().length_squared()).sqrt();
+                assert!((hit.unwrap().t - (3.0 - z)).abs() < 1e-12, "{hit:?}");
+            }
+        }
+    }
+}

@@ -9,9 +9,9 @@ use kernel::Ray;
 use super::block::{Block, Encounter};
 use super::cells::Piece;
 use super::tree::{LocalRay, Visitor, WIDTH};
-use super::{Accelerator, Cluster, Workspace};
+use super::{Accelerator, Cluster, Instance, ItemShape, Workspace};
 use crate::intersect::net::evaluate_at;
-use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, triangle};
+use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, Touch, triangle};
 
 /// Rounding error of a distance in a piece of size one, a few operations wide.
 const SLACK: f64 = 4e-15;
@@ -67,8 +67,9 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> Option<Hit> {
         let mut best = Nearest(None);
-        self.search::<I>(ray, range, workspace.rooms(), &mut best);
-        best.0.map(|candidate| self.work_out(ray, &candidate))
+        self.search::<I>(ray, range.clone(), workspace.rooms(), &mut best);
+        let hit = best.0.map(|candidate| self.work_out(ray, &candidate));
+        self.sealed_nearest(ray, &range, workspace.rooms(), hit)
     }
 
     pub(crate) fn any_with<I: Intersector>(
@@ -78,8 +79,8 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
     ) -> bool {
         let mut found = Any(false);
-        self.search::<I>(ray, range, workspace.rooms(), &mut found);
-        found.0
+        self.search::<I>(ray, range.clone(), workspace.rooms(), &mut found);
+        found.0 || self.sealed_any(ray, &range, workspace.rooms())
     }
 
     pub(crate) fn all_with<I: Intersector>(
@@ -91,7 +92,7 @@ impl Accelerator<'_> {
     ) {
         let mut found = All(std::mem::take(&mut workspace.candidates));
         found.0.clear();
-        self.search::<I>(ray, range, workspace.rooms(), &mut found);
+        self.search::<I>(ray, range.clone(), workspace.rooms(), &mut found);
         let candidates = found.0;
         hits.clear();
         hits.extend(
@@ -107,6 +108,7 @@ impl Accelerator<'_> {
                 .then(a.uv.y.total_cmp(&b.uv.y))
         });
         self.merge(hits);
+        self.sealed_all(ray, &range, workspace.rooms(), hits);
     }
 
     /// Offers every candidate in `range` to `collector`.
@@ -150,6 +152,40 @@ pub(super) fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool 
     );
     let region = cluster.items[piece.item as usize].region;
     region.is_none_or(|k| cluster.regions[k as usize].contains(uv))
+}
+
+/// Asks again about roots with a piece that are blurred, or not proven to be simple crossings;
+/// distances in the units of the piece are known to `slack`.
+pub(super) fn settle(
+    (ray, instance): (&Ray, &Instance),
+    cluster: &Cluster<'_>,
+    (piece, slack): (&Piece, f64),
+    roots: &mut Vec<Root>,
+) {
+    let item = &cluster.items[piece.item as usize];
+    let ItemShape::Patch(patch) = item.shape else {
+        return;
+    };
+    for k in 0..roots.len() {
+        if !(roots[k].tangential || roots[k].blurred) {
+            continue;
+        }
+        let touch = Touch {
+            surface: &patch.surface,
+            world_from_surface: instance.world_from_cluster * item.cluster_from_object,
+            ray,
+            domain: [piece.u, piece.v],
+            size: piece.radius * instance.stretch,
+            slack,
+        };
+        let mut settled = touch.settled(roots[k]).into_iter().flatten();
+        match settled.next() {
+            Some(root) => roots[k] = root,
+            None => roots[k].u = f64::NAN,
+        }
+        roots.extend(settled);
+    }
+    roots.retain(|root| !root.u.is_nan());
 }
 
 /// What becomes of the candidates of a ray.
@@ -212,6 +248,7 @@ impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
             let local = cluster.tree.local_ray(&ray);
             let mut visitor = CellVisitor::<I, C> {
                 cluster,
+                place: (self.ray, instance),
                 ray: ClusterRay::new(&ray, cluster),
                 local,
                 instance: number,
@@ -251,6 +288,8 @@ impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
 /// Meets the cells of the leaves that a ray passes.
 struct CellVisitor<'a, I, C> {
     cluster: &'a Cluster<'a>,
+    /// The ray in the world, and where the cluster stands there.
+    place: (&'a Ray, &'a Instance),
     ray: ClusterRay,
     local: LocalRay,
     instance: u32,
@@ -292,6 +331,12 @@ impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
             stray: f64::from(encounter.stray),
         };
         I::roots(self.scratch, &target);
+        settle(
+            self.place,
+            cluster,
+            (piece, target.line.slack),
+            &mut self.scratch.roots,
+        );
         for root in &self.scratch.roots {
             if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
                 continue;

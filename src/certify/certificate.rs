@@ -30,8 +30,8 @@ pub enum Certificate {
 pub enum Ambiguity {
     /// It comes too close to touching a surface, or to a singular point.
     Tangent,
-    /// It passes the border of a patch, of one of its pieces or of a triangle too closely,
-    /// or starts on a surface.
+    /// It passes the border of a patch, of one of its pieces or of a triangle too closely, or
+    /// through a gap between two faces, or starts on a surface.
     Edge,
     /// Two shapes are met at places that cannot be told apart.
     Overlap,
@@ -54,6 +54,19 @@ impl Certificate {
     /// The name of the status.
     pub fn name(&self) -> &'static str {
         ["miss", "hit", "tangent", "edge", "overlap"][usize::from(self.code())]
+    }
+
+    /// What can be said if the answer to the ray stands for a gap between two faces: the proof
+    /// knows the faces only.
+    #[must_use]
+    pub fn beside(self, answer: Option<&Hit>) -> Self {
+        match answer {
+            Some(hit) if hit.filled => Self::Ambiguous {
+                reason: Ambiguity::Edge,
+                free: hit.t.next_down(),
+            },
+            _ => self,
+        }
     }
 
     /// Whether an answer to the same ray cannot be right, even if its `t` is wrong by

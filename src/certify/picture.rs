@@ -43,8 +43,8 @@ pub fn certify_film(
             let certify = |x| {
                 let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
                 let ray = film_ray(camera, size, place);
-                let certificate = certifier.certify(&ray);
                 let answer = accelerator.nearest(&ray, 0.0..f64::INFINITY, workspace);
+                let certificate = certifier.certify(&ray).beside(answer.as_ref());
                 let accuracy = accuracy / ray.direction.length();
                 let wrong = certificate.contradicts(answer.as_ref(), accuracy);
                 (certificate, wrong)

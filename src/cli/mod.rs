@@ -13,6 +13,7 @@ mod parse;
 mod probe;
 mod render;
 mod sheet;
+mod shot;
 mod sizes;
 mod volume;
 

@@ -54,6 +54,13 @@ pub(super) fn methods() -> String {
     text
 }
 
+/// A length, which may be zero.
+pub(super) fn length(text: &str) -> Result<f64, String> {
+    let length = text.parse().ok();
+    let length = length.filter(|x: &f64| *x >= 0.0 && x.is_finite());
+    length.ok_or_else(|| format!("'{text}' is not a length"))
+}
+
 /// What stands behind everything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Background {

@@ -1,36 +1,29 @@
 //! `nurbray render`.
 
 use std::fs::File;
-use std::io::{BufWriter, IsTerminal as _, Write};
+use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use glam::DVec3;
-use indicatif::{ProgressBar, ProgressStyle};
-use nurbray::kernel::{Camera, Projection, Scene, linear_from_srgb};
-use nurbray::methods::{Choice, map_picture};
+use nurbray::methods::Choice;
 use nurbray::output::{self, Aov, OutputOptions, PngDepth};
-use nurbray::{
-    Accelerator, CertifyStats, Film, METHODS, RenderOptions, RenderStats, Shading, certify_film,
-    over_sky, render,
-};
+use nurbray::{Film, METHODS, Shading};
 use serde_json::{Value, json};
 
 use super::input::{self, Loaded, ReadArgs};
 use super::parse::{self, Background};
 use super::sheet::{self, Sheet};
+use super::shot::shot;
 
 /// Pixels of a picture, unless the user wants others.
 const SIZE: (u32, u32) = (960, 720);
 
 /// What to do about a name without an ending that is known.
 const ENDINGS: &str = "the ending tells the format; use .png or .exr";
-
-/// The colour behind the scene where neither file nor user names one, as sRGB.
-const DEFAULT_BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
 
 /// Renders files to PNG or EXR pictures
 ///
@@ -54,28 +47,28 @@ pub(super) struct Args {
     size: Option<(u32, u32)>,
     /// N x N samples per pixel; one passes exactly through the middle
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
-    samples: u32,
+    pub(super) samples: u32,
     /// Camera of the file, by name
     #[arg(long, value_name = "NAME", conflicts_with = "eye")]
-    camera: Option<String>,
+    pub(super) camera: Option<String>,
     /// Where the camera stands; needs --target or looks at the middle of the scene
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector)]
-    eye: Option<DVec3>,
+    pub(super) eye: Option<DVec3>,
     /// What the camera looks at
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector, requires = "eye")]
-    target: Option<DVec3>,
+    pub(super) target: Option<DVec3>,
     /// Upward direction in the picture; default: the upward axis of the file
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector, requires = "eye")]
-    up: Option<DVec3>,
+    pub(super) up: Option<DVec3>,
     /// Vertical opening angle in degrees
     #[arg(long, value_name = "DEG", default_value_t = 35.0, value_parser = degrees, requires = "eye")]
-    fov: f64,
+    pub(super) fov: f64,
     /// Parallel rays instead of perspective
     #[arg(long)]
-    ortho: bool,
+    pub(super) ortho: bool,
     /// Colour behind the scene: none, #rrggbb, or r,g,b from 0 to 1
     #[arg(long, value_name = "COLOR", value_parser = parse::background)]
-    background: Option<Background>,
+    pub(super) background: Option<Background>,
     /// Moment of an animated scene, in seconds from its start
     #[arg(
         long,
@@ -92,7 +85,7 @@ pub(super) struct Args {
     fps: f64,
     /// How surfaces are shaded; none writes the geometry channels only (EXR)
     #[arg(long, value_enum, default_value_t = ShadingArg::Phong)]
-    shading: ShadingArg,
+    pub(super) shading: ShadingArg,
     /// Data layers of EXR files: all, none, or a list of depth, normal, position, uv, patch
     #[arg(
         long,
@@ -107,7 +100,11 @@ pub(super) struct Args {
     /// Prove what the ray through the middle of every pixel meets first; EXR files get the layer
     /// exact.status: 0 miss, 1 hit, 2 tangent, 3 edge, 4 overlap
     #[arg(long)]
-    certify: bool,
+    pub(super) certify: bool,
+    /// Largest gap between neighbouring faces that is closed, in units of the file; 0 closes none.
+    /// Default: what the file states, but at least a ten thousandth of the size
+    #[arg(long, value_name = "LENGTH", value_parser = parse::length)]
+    pub(super) edge_tolerance: Option<f64>,
     /// How rays are intersected with surfaces; NAME+VARIANT departs from the method's defaults
     #[arg(
         long,
@@ -116,11 +113,11 @@ pub(super) struct Args {
         value_parser = Choice::parse,
         long_help = parse::methods()
     )]
-    method: Choice,
+    pub(super) method: Choice,
     /// Write the preliminary map of the methods that start from one: red tells the surface, green
     /// and blue its parameters
     #[arg(long, value_name = "PNG")]
-    write_map: Option<PathBuf>,
+    pub(super) write_map: Option<PathBuf>,
     /// Threads; 0 uses every core
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
@@ -367,221 +364,6 @@ fn render_scene(
     output::write(&shot.film, target, output).with_context(|| target.display().to_string())?;
     eprintln!("{}", shot.sentence(file, target));
     Ok(shot.json(file, target, started.elapsed()))
-}
-
-/// A picture, and how it was made.
-struct Shot<'a> {
-    film: Film,
-    loaded: &'a Loaded,
-    accelerator: Accelerator<'a>,
-    stats: RenderStats,
-    build: Duration,
-    render_time: Duration,
-    certified: Option<CertifyStats>,
-}
-
-/// Renders the scene of a file that shows something, with data channels or without.
-fn shot<'a>(
-    args: &Args,
-    loaded: &'a Loaded,
-    file: &Path,
-    size: (u32, u32),
-    data: bool,
-) -> anyhow::Result<Shot<'a>> {
-    let scene = &loaded.import.scene;
-    let started = Instant::now();
-    let accelerator = Accelerator::build(scene, args.method.method);
-    let build = started.elapsed();
-    let aspect = f64::from(size.0) / f64::from(size.1);
-    let camera = camera(args, scene, &accelerator, aspect);
-    let camera = camera.with_context(|| input::display(file))?;
-    let options = RenderOptions {
-        width: size.0,
-        height: size.1,
-        samples: args.samples,
-        shading: args.shading.into(),
-        data,
-    };
-    let started = Instant::now();
-    let (mut film, stats) = if args.method.is_research() {
-        for remark in args.method.remarks(scene) {
-            eprintln!("nurbray: {}: {remark}", input::display(file));
-        }
-        let rendered = args.method.render(&accelerator, &camera, &options);
-        rendered.with_context(|| input::display(file))?
-    } else {
-        let bar = progress_bar(&options, file);
-        let done = render(&accelerator, &camera, &options, &|pixels| bar.inc(pixels));
-        bar.finish_and_clear();
-        done
-    };
-    if let Some(path) = &args.write_map {
-        let map = map_picture(scene, &camera, size).with_context(|| input::display(file))?;
-        map.write(path)
-            .with_context(|| path.display().to_string())?;
-    }
-    let render_time = started.elapsed();
-    let certified = args
-        .certify
-        .then(|| certify_film(&mut film, &accelerator, &camera));
-    let film = match (args.background, &scene.sky, scene.background) {
-        (Some(Background::None), ..) => film,
-        (Some(Background::Color(color)), ..) | (None, None, Some(color)) => film.over(color),
-        (None, Some(sky), _) => over_sky(film, &camera, sky),
-        (None, None, None) => film.over(linear_from_srgb(DEFAULT_BACKGROUND)),
-    };
-    Ok(Shot {
-        film,
-        loaded,
-        accelerator,
-        stats,
-        build,
-        render_time,
-        certified,
-    })
-}
-
-/// The camera of the command line, or of the file, or one that shows everything.
-fn camera(
-    args: &Args,
-    scene: &Scene,
-    accelerator: &Accelerator<'_>,
-    aspect: f64,
-) -> anyhow::Result<Camera> {
-    let bounds = accelerator.bounds();
-    let camera = if let Some(eye) = args.eye {
-        let target = args.target.unwrap_or_else(|| bounds.center());
-        let up = args.up.unwrap_or_else(|| scene.up.direction());
-        let projection = Projection::Perspective {
-            vertical_fov: args.fov.to_radians(),
-        };
-        let camera = Camera::look_at(eye, target, up, projection)
-            .context("--eye and --target are the same point, or --up has no length")?;
-        if args.ortho {
-            camera.into_orthographic(eye.distance(target))
-        } else {
-            camera
-        }
-    } else {
-        let camera = match &args.camera {
-            Some(name) => {
-                let known = || {
-                    let names: Vec<_> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
-                    if names.is_empty() {
-                        "none".to_owned()
-                    } else {
-                        names.join(", ")
-                    }
-                };
-                let found = scene.cameras.iter().find(|camera| camera.name == *name);
-                found
-                    .with_context(|| format!("no camera '{name}'; there is: {}", known()))?
-                    .clone()
-            }
-            None => match scene.cameras.first() {
-                Some(camera) => camera.clone(),
-                None => Camera::framing(&accelerator.outline(), scene.up.direction(), aspect),
-            },
-        };
-        let distance = camera.eye().distance(bounds.center());
-        if args.ortho {
-            camera.into_orthographic(distance)
-        } else {
-            camera
-        }
-    };
-    Ok(camera)
-}
-
-/// A bar on a terminal, nothing elsewhere.
-fn progress_bar(options: &RenderOptions, file: &Path) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(u64::from(options.width) * u64::from(options.height));
-    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:40}] {percent}% {eta}") {
-        bar.set_style(style);
-    }
-    bar.set_message(input::display(file));
-    bar
-}
-
-impl Shot<'_> {
-    fn sentence(&self, file: &Path, target: &Path) -> String {
-        let warnings = self.loaded.import.warnings.as_slice().len();
-        let warned = match warnings {
-            0 => String::new(),
-            1 => ", 1 kind of warning".to_owned(),
-            n => format!(", {n} kinds of warnings"),
-        };
-        let patches = self.accelerator.patch_count();
-        let meshes = self.accelerator.shape_count() - patches;
-        let polygonal = if meshes > 0 {
-            format!(" and {meshes} meshes")
-        } else {
-            String::new()
-        };
-        let wires = match self.loaded.import.scene.wires().len() {
-            0 => String::new(),
-            count => format!(", {count} free curves and points not shown"),
-        };
-        let certified = self.certified.map_or_else(String::new, |stats| {
-            let certain = stats.counts[0] + stats.counts[1];
-            format!(
-                ", {certain} of {} pixels certified, {} contradicted",
-                stats.counts.iter().sum::<u64>(),
-                stats.contradictions
-            )
-        });
-        format!(
-            "{} -> {}: {patches} patches{polygonal}, {:.2} s{wires}{certified}{warned}",
-            input::display(file),
-            target.display(),
-            (self.loaded.took + self.build + self.render_time).as_secs_f64(),
-        )
-    }
-
-    fn json(&self, file: &Path, target: &Path, write: Duration) -> Value {
-        let RenderStats {
-            primary_rays,
-            secondary_rays,
-            hits,
-            cells_examined,
-            trace,
-            shade,
-        } = self.stats;
-        let mut report = json!({
-            "file": input::display(file),
-            "output": target.display().to_string(),
-            "read_s": self.loaded.took.as_secs_f64(),
-            "build_s": self.build.as_secs_f64(),
-            "trace_s": trace.as_secs_f64(),
-            "shade_s": shade.as_secs_f64(),
-            "render_s": self.render_time.as_secs_f64(),
-            "write_s": write.as_secs_f64(),
-            "patches": self.accelerator.patch_count(),
-            "meshes": self.accelerator.shape_count() - self.accelerator.patch_count(),
-            "cells": self.accelerator.cell_count(),
-            "accelerator_bytes": self.accelerator.bytes(),
-            "rays": primary_rays + secondary_rays,
-            "primary_rays": primary_rays,
-            "hits": hits,
-            "cells_examined": cells_examined,
-            "threads": rayon::current_num_threads(),
-            "warnings": input::warnings_json(&self.loaded.import.warnings),
-        });
-        if let Some(stats) = self.certified {
-            let [misses, hits, tangent, edge, overlap] = stats.counts;
-            report["certified_misses"] = misses.into();
-            report["certified_hits"] = hits.into();
-            report["ambiguous_tangent"] = tangent.into();
-            report["ambiguous_edge"] = edge.into();
-            report["ambiguous_overlap"] = overlap.into();
-            report["contradictions"] = stats.contradictions.into();
-            report["certify_s"] = stats.certify.as_secs_f64().into();
-        }
-        report
-    }
 }
 
 /// Where `--stats` goes: collected and written at the end, so that no half-written file is

@@ -37,6 +37,7 @@ pub(crate) fn edge_roots(
                 u: place(rect.u, u),
                 v: place(rect.v, v),
                 tangential: true,
+                blurred: false,
             });
         });
     }

@@ -6,6 +6,7 @@ pub(crate) mod newton;
 mod subdivide;
 mod tangent;
 pub(crate) mod triangle;
+mod twofold;
 
 use std::fmt;
 use std::ops::Range;
@@ -16,6 +17,8 @@ use kernel::Ray;
 use crate::accelerator::{Accelerator, Workspace};
 use crate::methods::{self, Picture, Variant};
 use net::Degrees;
+
+pub(crate) use tangent::Touch;
 
 /// A point where a ray meets a shape, in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +36,8 @@ pub struct Hit {
     /// Whether the ray only touches, runs along the surface, or meets a singular point, so
     /// that the root could not be proven to be a simple crossing.
     pub tangential: bool,
+    /// Whether it stands for a gap between two faces that the ray passes through.
+    pub filled: bool,
     /// Bound on the error of `point`, in scene units.
     pub error: f64,
     /// Instance and item of the accelerator that were hit.
@@ -211,6 +216,8 @@ pub(crate) struct Root {
     pub(crate) v: f64,
     /// Whether it could not be proven to be a simple crossing.
     pub(crate) tangential: bool,
+    /// Whether rounding hides more than [`newton::BLUR`] of its place.
+    pub(crate) blurred: bool,
 }
 
 /// Memory that the solvers reuse from cell to cell.

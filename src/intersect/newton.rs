@@ -27,6 +27,9 @@ const SINGULAR: f64 = 1e-12;
 /// roots on common borders are not lost; what is found twice is merged later.
 pub(super) const WIDENED: f64 = 1.0 + 1e-9;
 
+/// Places in a piece that rounding hides more of are looked for with twice the precision.
+pub(super) const BLUR: f64 = 1e-10;
+
 /// Steps of the iteration. Newton's own need six; who needs more is better cut in two.
 pub(super) const STEPS: usize = 12;
 
@@ -159,6 +162,7 @@ pub(super) fn within(u: f64, v: f64, margin: f64) -> Option<Root> {
         u: u.clamp(0.0, 1.0),
         v: v.clamp(0.0, 1.0),
         tangential: false,
+        blurred: margin > BLUR,
     })
 }
 

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use super::edge::edge_roots;
 use super::net::{self, Degrees, bernstein};
 use super::newton::{Inverse, STEPS, UNIQUE, WIDENED, within};
-use super::tangent::{Contact, contact};
+use super::tangent::{Contact, contact, distances};
 use super::{Line, PieceNet, Rect, Root, Scratch, Target};
 
 /// A Jacobian whose inverse blows up the rounding errors to this part of a cell is taken for
@@ -304,11 +304,13 @@ fn unresolved_roots(roots: &mut Vec<Root>, target: &Target<'_>, rect: Rect) {
         u,
         v,
         tangential: true,
+        blurred: false,
     };
     let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < THIN, rect.v.1 - rect.v.0 < THIN);
     if thin_u && thin_v {
         let near = DVec2::new(middle(rect.u), middle(rect.v));
-        match contact(&target.piece, &target.line, near) {
+        let (piece, line) = (&target.piece, &target.line);
+        match contact(&|at| distances(piece, line, at), near, [line.slack; 2]) {
             Contact::None => {}
             Contact::Roots(found) => roots.extend(found.into_iter().flatten()),
             Contact::Unclear => roots.push(root(near.x, near.y)),

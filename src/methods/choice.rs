@@ -239,6 +239,7 @@ fn hits(
             normal: sheet.surface.normal(found.uv).unwrap_or(DVec3::ZERO),
             shape: found.shape,
             tangential: false,
+            filled: false,
             // Shadows start off the surface by more than a method may be wrong.
             error: 0.02 * view.accuracy(found.t),
             place: places[found.shape as usize],

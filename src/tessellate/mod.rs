@@ -25,6 +25,8 @@ use glam::{DAffine3, DVec2};
 use kernel::{Camera, Mesh, Projection, Scene, Shape};
 use rayon::prelude::*;
 
+pub(crate) use rim::Face;
+pub(crate) use sew::{Edge, Sewn, Trail, sew};
 pub use shell::Shell;
 
 /// How far triangles may be from the surface.

@@ -12,7 +12,7 @@ pub(super) const SNAP: f64 = 1e-7;
 
 /// A face that is to become triangles.
 #[derive(Debug)]
-pub(super) struct Face<'a> {
+pub(crate) struct Face<'a> {
     pub(super) pieces: Pieces<'a>,
     pub(super) region: Option<TrimRegion>,
     /// Largest distance from the surface, in its own units.
@@ -20,7 +20,7 @@ pub(super) struct Face<'a> {
 }
 
 impl<'a> Face<'a> {
-    pub(super) fn new(patch: &'a Patch, tolerance: f64) -> Self {
+    pub(crate) fn new(patch: &'a Patch, tolerance: f64) -> Self {
         Self {
             pieces: Pieces::new(&patch.surface),
             region: patch.region(),
@@ -28,12 +28,17 @@ impl<'a> Face<'a> {
         }
     }
 
+    /// Whether no loop cuts it.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.region.is_none()
+    }
+
     /// The point of the surface; parameters beyond the domain are moved to its border.
-    pub(super) fn point(&self, uv: DVec2) -> DVec3 {
+    pub(crate) fn point(&self, uv: DVec2) -> DVec3 {
         self.pieces.surface.evaluate(self.clamped(uv))
     }
 
-    pub(super) fn clamped(&self, uv: DVec2) -> DVec2 {
+    pub(crate) fn clamped(&self, uv: DVec2) -> DVec2 {
         let domain = self.pieces.domain();
         uv.max(domain.min).min(domain.max)
     }
@@ -54,7 +59,7 @@ impl<'a> Face<'a> {
     }
 
     /// The parts of the domain's border and of the loops that bound the face.
-    pub(super) fn rims(&self, patch: &Patch) -> Vec<Curve<DVec2>> {
+    pub(crate) fn rims(&self, patch: &Patch) -> Vec<Curve<DVec2>> {
         let domain = self.pieces.domain();
         let near = domain.size() * SNAP;
         let mut rims = Vec::new();

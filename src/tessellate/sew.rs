@@ -21,29 +21,29 @@ const SEAM_PASSES: usize = 2;
 
 /// A stretch of boundary on one face.
 #[derive(Clone, Debug)]
-pub(super) struct Use {
-    pub(super) face: usize,
-    pub(super) curve: Curve<DVec2>,
+pub(crate) struct Use {
+    pub(crate) face: usize,
+    pub(crate) curve: Curve<DVec2>,
     /// Whether the edge runs from the end of the curve to its start.
-    pub(super) reversed: bool,
+    pub(crate) reversed: bool,
 }
 
 /// An edge of one or more faces.
 #[derive(Clone, Debug)]
-pub(super) struct Edge {
+pub(crate) struct Edge {
     /// Never empty; the first is run through forwards.
-    pub(super) uses: Vec<Use>,
+    pub(crate) uses: Vec<Use>,
     /// Vertices where it starts and ends.
-    pub(super) ends: [usize; 2],
+    pub(crate) ends: [usize; 2],
     /// Whether all of it is one point of space: a pole, or a bridged gap.
-    pub(super) collapsed: bool,
+    pub(crate) collapsed: bool,
 }
 
 /// Edges and vertices of a group of faces.
 #[derive(Debug, Default)]
-pub(super) struct Sewn {
-    pub(super) edges: Vec<Edge>,
-    pub(super) vertices: Vec<DVec3>,
+pub(crate) struct Sewn {
+    pub(crate) edges: Vec<Edge>,
+    pub(crate) vertices: Vec<DVec3>,
 }
 
 /// A stretch of boundary while it looks for partners.
@@ -60,7 +60,7 @@ struct Strand {
 
 /// Curves on two faces that the file says are one.
 #[derive(Clone, Debug)]
-pub(super) struct Named<'s> {
+pub(crate) struct Named<'s> {
     /// Position of the face, and the curve on it.
     pub(super) sides: [(usize, &'s Curve<DVec2>); 2],
     /// How far apart they are at most.
@@ -69,11 +69,11 @@ pub(super) struct Named<'s> {
 
 /// Points along a curve on a surface.
 #[derive(Clone, Debug)]
-pub(super) struct Trail(Vec<(f64, DVec3)>);
+pub(crate) struct Trail(Vec<(f64, DVec3)>);
 
 impl Trail {
     /// Points so close that the curve between two of them is nearly straight.
-    pub(super) fn of(face: &Face<'_>, curve: &Curve<DVec2>) -> Self {
+    pub(crate) fn of(face: &Face<'_>, curve: &Curve<DVec2>) -> Self {
         let breaks = curve.knots().breaks();
         let per_piece = (16 / (breaks.len() - 1)).clamp(2, 8);
         let sample = |t: f64| (t, face.point(curve.evaluate(t)));
@@ -99,7 +99,7 @@ impl Trail {
     }
 
     /// The parameter of the point of the curve nearest to `target`, and its distance.
-    pub(super) fn project(
+    pub(crate) fn project(
         &self,
         face: &Face<'_>,
         curve: &Curve<DVec2>,
@@ -176,7 +176,7 @@ fn refine(
 }
 
 /// Sews the boundary curves of faces, given with the number of their face.
-pub(super) fn sew(
+pub(crate) fn sew(
     faces: &[Face<'_>],
     rims: Vec<(usize, Curve<DVec2>)>,
     named: &[Named<'_>],

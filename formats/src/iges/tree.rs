@@ -80,6 +80,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     scene.unit.clone_from(&file.global.unit);
     scene.up = UpAxis::Z;
     let scale = file.global.scale;
+    scene.resolution = Some(file.global.resolution / scale).filter(|&r| r > 0.0);
     let mut root = Node {
         children,
         ..Node::default()

@@ -1,15 +1,14 @@
 //! Whether a point lies inside trim loops, slowly and in another way than the library.
 
-use super::{Curve, TrimLoop};
+use super::Curve;
 use glam::{DVec2, DVec3};
 
 /// How often a piece is halved before its middle decides.
 const DEPTH: u32 = 60;
 
-/// The homogeneous Bézier pieces of some loops.
-pub(crate) fn pieces(loops: &[TrimLoop]) -> Vec<Vec<DVec3>> {
-    let segments = loops.iter().flat_map(TrimLoop::segments);
-    let pieces = segments.flat_map(Curve::bezier_pieces);
+/// The homogeneous Bézier pieces of curves that together are closed.
+pub(crate) fn pieces<'a>(curves: impl IntoIterator<Item = &'a Curve<DVec2>>) -> Vec<Vec<DVec3>> {
+    let pieces = curves.into_iter().flat_map(Curve::bezier_pieces);
     pieces.map(|piece| piece.homogeneous().to_vec()).collect()
 }
 
@@ -48,19 +47,22 @@ fn halves(net: &[DVec2]) -> (Vec<DVec2>, Vec<DVec2>) {
     (left, right)
 }
 
+/// The point of a piece at a parameter from 0 to 1.
+pub(crate) fn point(piece: &[DVec3], t: f64) -> DVec2 {
+    let mut net = piece.to_vec();
+    for level in 1..net.len() {
+        for k in 0..net.len() - level {
+            net[k] = net[k] * (1.0 - t) + net[k + 1] * t;
+        }
+    }
+    net[0].truncate() / net[0].z
+}
+
 /// The distance of a point from the nearest piece, about.
 pub(crate) fn distance(pieces: &[Vec<DVec3>], p: DVec2) -> f64 {
     let mut best = f64::INFINITY;
     for piece in pieces {
-        let at = |t: f64| {
-            let mut net = piece.clone();
-            for level in 1..net.len() {
-                for k in 0..net.len() - level {
-                    net[k] = net[k] * (1.0 - t) + net[k + 1] * t;
-                }
-            }
-            (net[0].truncate() / net[0].z).distance(p)
-        };
+        let at = |t: f64| point(piece, t).distance(p);
         let steps = 64;
         let nearest = (0..=steps)
             .map(|k| f64::from(k) / f64::from(steps))

@@ -1,0 +1,302 @@
+//! Strips between boundaries that run together.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::ops::Range;
+
+use glam::{DAffine3, DVec2, DVec3};
+use kernel::{Aabb, Curve, Patch, Surface};
+use rayon::prelude::*;
+
+use super::super::strip::{NODES, ORDER, Strip, bernstein, interpolated};
+use super::super::{Cluster, ItemShape};
+use super::{EXACT, NOISE};
+use crate::tessellate::{Edge, Face, Sewn, Trail, sew};
+
+/// How often the stretch for a strip is halved to be accurate.
+const DEPTH: u32 = 8;
+
+/// The strips between the faces of a cluster.
+pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<Strip> {
+    let mut items = Vec::new();
+    let mut patches: Vec<Cow<'_, Patch>> = Vec::new();
+    for (number, item) in (0..).zip(&cluster.items) {
+        if let ItemShape::Patch(patch) = item.shape {
+            items.push(number);
+            patches.push(placed(patch, &item.cluster_from_object));
+        }
+    }
+    // Boundaries are sewn within half of the tolerance.
+    let faces: Vec<Face<'_>> = patches
+        .par_iter()
+        .map(|patch| Face::new(patch, 2.0 * tolerance))
+        .collect();
+    let all: Vec<_> = faces
+        .par_iter()
+        .zip(&patches)
+        .enumerate()
+        .flat_map_iter(|(k, (face, patch))| {
+            let rims = face.rims(patch).into_iter();
+            rims.map(move |curve| (k, curve, border_net(patch, face)))
+        })
+        .map(|(k, curve, net)| {
+            let key = net.and_then(|surface| border_key(surface, &curve));
+            (k, curve, key)
+        })
+        .collect();
+    let mut count: HashMap<&[u64], u32> = HashMap::new();
+    for (_, _, key) in &all {
+        if let Some(key) = key {
+            *count.entry(key).or_default() += 1;
+        }
+    }
+    // What two faces share to the last bit has no gap.
+    let is_open = |key: &Option<Vec<u64>>| key.as_ref().is_none_or(|key| count[&key[..]] < 2);
+    let open = all.iter().filter(|(_, _, key)| is_open(key));
+    let rims = open.map(|(k, curve, _)| (*k, curve.clone())).collect();
+    let sewn = sew(&faces, rims, &[]);
+    let spreads = spreads(&sewn, &faces);
+    let noise = NOISE / EXACT * exact;
+    let strips = sewn.edges.par_iter().flat_map_iter(|edge| {
+        let seams = Seams {
+            faces: &faces,
+            items: &items,
+            edge,
+            exact,
+            noise,
+        };
+        seams.strips(edge.ends.map(|end| spreads[end]))
+    });
+    strips.collect()
+}
+
+/// A patch in the coordinates of its cluster.
+fn placed<'a>(patch: &'a Patch, map: &DAffine3) -> Cow<'a, Patch> {
+    if *map == DAffine3::IDENTITY {
+        return Cow::Borrowed(patch);
+    }
+    Cow::Owned(Patch {
+        surface: patch.surface.transformed(map),
+        ..patch.clone()
+    })
+}
+
+/// The surface of a face that ends at the borders of its domain.
+fn border_net<'a>(patch: &'a Patch, face: &Face<'_>) -> Option<&'a Surface> {
+    let clamped = [patch.surface.knots_u(), patch.surface.knots_v()]
+        .iter()
+        .all(|knots| {
+            let (t, p) = (knots.as_slice(), knots.degree());
+            let ends = [&t[..=p], &t[t.len() - p - 1..]];
+            ends.iter().all(|end| end.windows(2).all(|w| w[0] >= w[1]))
+        });
+    (clamped && face.is_whole()).then_some(&patch.surface)
+}
+
+/// The control points along a border of a domain, whichever way it runs, as bits; `None` for
+/// another curve, and for a border that is a point.
+pub(super) fn border_key(surface: &Surface, curve: &Curve<DVec2>) -> Option<Vec<u64>> {
+    let (u, v) = (surface.knots_u(), surface.knots_v());
+    let (rows, columns) = (u.count(), v.count());
+    let (start, end) = (curve.start(), curve.end());
+    let is_long = |axis: usize, domain: Range<f64>| {
+        let span = start[axis].min(end[axis])..start[axis].max(end[axis]);
+        span == domain
+    };
+    let is_at =
+        |axis: usize, x: f64| [start[axis], end[axis]].map(f64::to_bits) == [x.to_bits(); 2];
+    let border = |axis: usize, domain: &Range<f64>, count: usize| {
+        let sides = [(domain.start, 0), (domain.end, count - 1)];
+        sides
+            .into_iter()
+            .find(|(at, _)| is_at(axis, *at))
+            .map(|(_, k)| k)
+    };
+    let places: Vec<usize> = if let Some(row) = border(0, &u.domain(), rows)
+        && is_long(1, v.domain())
+    {
+        (0..columns).map(|j| row * columns + j).collect()
+    } else if let Some(column) = border(1, &v.domain(), columns)
+        && is_long(0, u.domain())
+    {
+        (0..rows).map(|i| i * columns + column).collect()
+    } else {
+        return None;
+    };
+    let bits = |k: &usize| {
+        surface.homogeneous()[*k]
+            .to_array()
+            .map(|x| (x + 0.0).to_bits())
+    };
+    let forwards: Vec<u64> = places.iter().flat_map(bits).collect();
+    let backwards: Vec<u64> = places.iter().rev().flat_map(bits).collect();
+    Some(forwards.min(backwards))
+}
+
+/// How far the ends of curves of three and more faces that meet at a vertex are apart; zero where
+/// there are fewer faces.
+fn spreads(sewn: &Sewn, faces: &[Face<'_>]) -> Vec<f64> {
+    let mut boxes = vec![Aabb::EMPTY; sewn.vertices.len()];
+    let mut owners: Vec<Vec<usize>> = vec![Vec::new(); sewn.vertices.len()];
+    for edge in &sewn.edges {
+        for used in &edge.uses {
+            let mut points =
+                [used.curve.start(), used.curve.end()].map(|uv| faces[used.face].point(uv));
+            if used.reversed {
+                points.reverse();
+            }
+            for (&end, point) in edge.ends.iter().zip(points) {
+                boxes[end] = boxes[end].union(Aabb::around([point]));
+                if !owners[end].contains(&used.face) {
+                    owners[end].push(used.face);
+                }
+            }
+        }
+    }
+    let spread = |(bounds, owners): (&Aabb, &Vec<usize>)| {
+        if owners.len() > 2 {
+            bounds.diagonal()
+        } else {
+            0.0
+        }
+    };
+    boxes.iter().zip(&owners).map(spread).collect()
+}
+
+/// The strips of one edge.
+struct Seams<'a, 's> {
+    faces: &'a [Face<'s>],
+    items: &'a [u32],
+    edge: &'a Edge,
+    exact: f64,
+    noise: f64,
+}
+
+/// The two boundaries of a strip.
+struct Pair<'a, 's> {
+    faces: [&'a Face<'s>; 2],
+    curves: [&'a Curve<DVec2>; 2],
+    trail: Trail,
+    /// Where the second begins and ends as the first does.
+    ends: [f64; 2],
+}
+
+impl Seams<'_, '_> {
+    /// Strips from the first of the boundaries to each other one; `spreads` says how far apart
+    /// all ends are.
+    fn strips(&self, spreads: [f64; 2]) -> Vec<Strip> {
+        let mut strips = Vec::new();
+        let Some((first, others)) = self.edge.uses.split_first() else {
+            return strips;
+        };
+        if self.edge.collapsed {
+            return strips;
+        }
+        for other in others {
+            let domain = other.curve.domain();
+            let mut ends = [domain.start, domain.end];
+            if other.reversed {
+                ends.reverse();
+            }
+            let faces = [&self.faces[first.face], &self.faces[other.face]];
+            let pair = Pair {
+                faces,
+                curves: [&first.curve, &other.curve],
+                trail: Trail::of(faces[1], &other.curve),
+                ends,
+            };
+            let item = self.items[first.face];
+            for part in first.curve.knots().breaks().windows(2) {
+                self.divide(&pair, part[0]..part[1], DEPTH, &mut |sides, uv| {
+                    strips.push(Strip { sides, uv, item });
+                });
+            }
+            let whole = first.curve.domain();
+            for (at, spread) in [whole.start, whole.end].into_iter().zip(spreads) {
+                if spread > self.noise {
+                    strips.extend(pair.cap(at, 2.0 * spread, item));
+                }
+            }
+        }
+        strips
+    }
+
+    /// Makes strips of a stretch, halving it until their sides are accurate.
+    fn divide(
+        &self,
+        pair: &Pair<'_, '_>,
+        range: Range<f64>,
+        depth: u32,
+        make: &mut impl FnMut([[DVec3; ORDER]; 2], [DVec2; ORDER]),
+    ) {
+        let at = |share: f64| range.start + (range.end - range.start) * share;
+        let parameters: [f64; ORDER] = NODES.map(at);
+        let partners = parameters.map(|t| pair.partner(t));
+        let uv = parameters.map(|t| pair.uv(t));
+        let first = uv.map(|uv| pair.faces[0].point(uv));
+        let second = partners.map(|t| pair.other(t));
+        let widest = (0..ORDER).map(|k| first[k].distance(second[k]));
+        let widest = widest.fold(0.0, f64::max);
+        let sides = [interpolated(&first), interpolated(&second)];
+        let along = interpolated(&partners);
+        let off = NODES.windows(2).map(|w| {
+            let share = 0.5 * (w[0] + w[1]);
+            let [a, b] = sides.each_ref().map(|side| bernstein(side, share));
+            let first = pair.faces[0].point(pair.uv(at(share)));
+            let second = pair.other(bernstein(&along, share));
+            first.distance(a).max(second.distance(b))
+        });
+        let off = off.fold(0.0, f64::max);
+        if off > self.exact && depth > 0 {
+            let middle = at(0.5);
+            self.divide(pair, range.start..middle, depth - 1, make);
+            self.divide(pair, middle..range.end, depth - 1, make);
+        } else if widest > self.noise {
+            make(sides, interpolated(&uv));
+        }
+    }
+}
+
+impl Pair<'_, '_> {
+    /// Parameters of the first face on its boundary.
+    fn uv(&self, t: f64) -> DVec2 {
+        self.faces[0].clamped(self.curves[0].evaluate(t))
+    }
+
+    /// A point of the second boundary.
+    fn other(&self, t: f64) -> DVec3 {
+        self.faces[1].point(self.curves[1].evaluate(t))
+    }
+
+    /// Where the second boundary is next to the first.
+    fn partner(&self, t: f64) -> f64 {
+        let whole = self.curves[0].domain();
+        if t <= whole.start {
+            return self.ends[0];
+        }
+        if t >= whole.end {
+            return self.ends[1];
+        }
+        let target = self.faces[0].point(self.uv(t));
+        self.trail.project(self.faces[1], self.curves[1], target).0
+    }
+
+    /// A strip that prolongs those before by `length` beyond an end, where more than two
+    /// faces may leave a gap.
+    fn cap(&self, at: f64, length: f64, item: u32) -> Option<Strip> {
+        let whole = self.curves[0].domain();
+        let inwards = if at <= whole.start { 1e-3 } else { -1e-3 };
+        let point = |t: f64| self.faces[0].point(self.uv(t));
+        let end = point(at);
+        let way = end - point(at + (whole.end - whole.start) * inwards);
+        let step = way.try_normalize()? * length;
+        let from = [end, self.other(self.partner(at))];
+        let line =
+            |start: DVec3| std::array::from_fn(|k| start + step * (k as f64 / (ORDER - 1) as f64));
+        Some(Strip {
+            sides: from.map(line),
+            uv: [self.uv(at); ORDER],
+            item,
+        })
+    }
+}

@@ -1,0 +1,178 @@
+//! Gaps of known widths.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::{Child, Curve, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface, TrimLoop};
+
+use super::joints::border_key;
+use crate::intersect::METHODS;
+use crate::{Accelerator, Hit, Instructions, Workspace};
+
+const WHOLE: Range<f64> = 0.0..f64::INFINITY;
+
+/// A flat face between corners; its parameters are x and y.
+fn flat(min: DVec2, max: DVec2) -> Patch {
+    let knots = |from: f64, to: f64| KnotVector::bezier(1, from..to).unwrap();
+    let corners = [min, DVec2::new(min.x, max.y), DVec2::new(max.x, min.y), max];
+    let points = corners.map(|p| p.extend(0.0));
+    let (u, v) = (knots(min.x, max.x), knots(min.y, max.y));
+    Patch::from(Surface::new(u, v, &points, None).unwrap())
+}
+
+fn circle(radius: f64) -> TrimLoop {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let point = |k: usize| {
+        let long = if k % 2 == 1 { radius / half } else { radius };
+        DVec2::from_angle(TAU * (k % 8) as f64 / 8.0) * long
+    };
+    let points: Vec<_> = (0..9).map(point).collect();
+    let weights: Vec<_> = (0..9)
+        .map(|k| if k % 2 == 1 { half } else { 1.0 })
+        .collect();
+    let knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4].map(f64::from).to_vec();
+    let knots = KnotVector::new(2, knots).unwrap();
+    let curve = Curve::new(knots, &points, Some(&weights)).unwrap();
+    TrimLoop::new(vec![curve], 1e-12).unwrap()
+}
+
+fn scene(patches: Vec<Patch>) -> Scene {
+    let mut scene = Scene::default();
+    let mut children = Vec::new();
+    for patch in patches {
+        let shape = Shape::Patch(scene.add_patch(patch).unwrap());
+        let material = None;
+        children.push(Child::Item(Item { shape, material }));
+    }
+    let node = Node {
+        children,
+        ..Node::default()
+    };
+    let root = scene.add_node(node).unwrap();
+    scene.set_root(root).unwrap();
+    scene
+}
+
+/// Rays from all sides through points of the plane.
+fn rays(places: impl Iterator<Item = DVec2>) -> Vec<Ray> {
+    let direction = |k: usize| DVec3::new((k as f64).sin(), (k as f64 * 0.7).cos(), -1.5);
+    let ray = |(k, place): (usize, DVec2)| Ray {
+        origin: place.extend(0.0) - direction(k) * 2.0,
+        direction: direction(k),
+    };
+    places.enumerate().map(ray).collect()
+}
+
+/// Whether each ray meets a face (true), a gap (false) or nothing, asked in every way.
+fn answers(accelerator: Accelerator<'_>, rays: &[Ray]) -> Vec<Option<bool>> {
+    let mut workspace = Workspace::default();
+    let kind = |hit: &Option<Hit>| hit.map(|hit| !hit.filled);
+    let near = |ray: &Ray| accelerator.nearest(ray, WHOLE, &mut Workspace::default());
+    let alone: Vec<_> = rays.iter().map(near).collect();
+    for (ray, hit) in rays.iter().zip(&alone) {
+        let mut all = Vec::new();
+        accelerator.all(ray, WHOLE, &mut workspace, &mut all);
+        assert_eq!(all.len(), usize::from(hit.is_some()), "{ray:?} {all:?}");
+        assert_eq!(accelerator.any(ray, WHOLE, &mut workspace), hit.is_some());
+        if let Some(hit) = hit {
+            assert!(
+                (hit.t - 2.0).abs() < 1e-9 && hit.normal == DVec3::Z,
+                "{hit:?}"
+            );
+        }
+    }
+    let expected: Vec<_> = alone.iter().map(kind).collect();
+    let ranges = vec![WHOLE; rays.len()];
+    let mut accelerator = accelerator;
+    for instructions in Instructions::ALL {
+        accelerator = accelerator.with_instructions(instructions);
+        let (mut hits, mut blocked) = (Vec::new(), Vec::new());
+        accelerator.nearest_many(rays, &ranges, &mut workspace, &mut hits);
+        assert_eq!(hits.iter().map(kind).collect::<Vec<_>>(), expected);
+        accelerator.any_many(rays, &ranges, &mut workspace, &mut blocked);
+        assert!(
+            blocked
+                .iter()
+                .zip(&expected)
+                .all(|(b, e)| *b == e.is_some())
+        );
+    }
+    expected
+}
+
+#[test]
+fn a_gap_between_borders_is_closed_and_a_free_border_is_not_moved() {
+    let gap = 1e-5;
+    let left = flat(DVec2::new(-1.0, 0.0), DVec2::new(0.0, 1.0));
+    let right = flat(DVec2::new(gap, 0.0), DVec2::new(1.0, 1.0));
+    let scene = scene(vec![left, right]);
+    let build = || Accelerator::build(&scene, &METHODS[0]);
+    let at = |k: usize| (k as f64 + 0.5) / 64.0;
+    let through = rays((0..64).map(|k| DVec2::new(gap * at(k * 7 % 64), at(k))));
+    assert!(answers(build(), &through).iter().all(Option::is_none));
+    let sealed = || build().sealed(Some(2.0 * gap));
+    assert_eq!(sealed().strip_count(), 1);
+    assert!(
+        answers(sealed(), &through)
+            .iter()
+            .all(|&a| a == Some(false))
+    );
+    assert!(
+        answers(build().sealed(Some(0.5 * gap)), &through)
+            .iter()
+            .all(Option::is_none)
+    );
+    // Beside the gap the faces, beyond the free borders nothing.
+    let on = rays((0..64).map(|k| DVec2::new(if k % 2 == 0 { -1e-9 } else { gap + 1e-9 }, at(k))));
+    assert!(answers(sealed(), &on).iter().all(|&a| a == Some(true)));
+    let free = rays((0..64).map(|k| match k % 3 {
+        0 => DVec2::new(-1.0 - 1e-9, at(k)),
+        1 => DVec2::new(1.0 + 1e-9, at(k)),
+        _ => DVec2::new(at(k), 1.0 + 1e-9),
+    }));
+    assert!(answers(sealed(), &free).iter().all(Option::is_none));
+}
+
+#[test]
+fn a_ring_between_loops_is_closed() {
+    let corner = DVec2::splat(1.0);
+    let (inner, gap) = (0.5, 1e-6);
+    let disk = Patch {
+        loops: vec![circle(inner)],
+        ..flat(-corner, corner)
+    };
+    let border = TrimLoop::border(&(-1.0..1.0), &(-1.0..1.0)).unwrap();
+    let plate = Patch {
+        loops: vec![border, circle(inner + gap)],
+        ..flat(-corner, corner)
+    };
+    let scene = scene(vec![disk, plate]);
+    let build = || Accelerator::build(&scene, &METHODS[0]);
+    let places = |share: f64| {
+        rays(
+            (0..128).map(move |k| DVec2::from_angle(0.0491 * f64::from(k)) * (inner + gap * share)),
+        )
+    };
+    assert!(answers(build(), &places(0.5)).iter().all(Option::is_none));
+    for share in [0.001, 0.3, 0.999] {
+        let found = answers(build().sealed(None), &places(share));
+        assert!(found.iter().all(|&a| a == Some(false)), "{share} {found:?}");
+    }
+    for share in [-0.01, 1.01] {
+        let found = answers(build().sealed(None), &places(share));
+        assert!(found.iter().all(|&a| a == Some(true)), "{share} {found:?}");
+    }
+}
+
+#[test]
+fn what_two_faces_share_to_the_last_bit_is_not_sewn() {
+    let left = flat(DVec2::new(-1.0, 0.0), DVec2::new(0.0, 1.0));
+    let right = flat(DVec2::ZERO, DVec2::ONE);
+    let key = |patch: &Patch, x: f64| {
+        let curve = Curve::line(DVec2::new(x, 0.0), DVec2::new(x, 1.0), 0.0..1.0).unwrap();
+        border_key(&patch.surface, &curve)
+    };
+    assert_eq!(key(&left, 0.0), key(&right, 0.0));
+    assert!(key(&left, -1.0) != key(&right, 1.0) && key(&left, -0.5).is_none());
+}

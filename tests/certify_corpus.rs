@@ -1,0 +1,301 @@
+//! Certificates against all ways of production: rays alone, and packets with each set of
+//! instructions.
+//!
+//! The bodies are those of a corpus beside the project; without it the tests are skipped.
+#![expect(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "helpers of tests are tests, too"
+)]
+
+mod reference;
+mod shots;
+
+use std::path::Path;
+
+use kernel::{Ray, Scene};
+use nurbray::{Accelerator, Certifier, Hit, Instructions, METHODS, Workspace, formats};
+use rayon::prelude::*;
+use reference::{scenes, vector};
+use serde_json::Value;
+use shots::{Dice, Targets};
+
+/// Ten bodies: trimmed solids and shells, lofted blades, hulls, a teapot, letters.
+const BODIES: [&str; 10] = [
+    "x3d/x3dcpp_hero_teapot_nurbs.x3d",
+    "x3d/titania_StampX3dLetters.x3d",
+    "x3d/FredTheBunny.x3dv",
+    "iges/made_brep186_screw.igs",
+    "iges/made_brep186_NIST_PMI_1.igs",
+    "iges/occt_hammer.iges",
+    "iges/occt_bearing.iges",
+    "iges/bladex_lower.iges",
+    "iges/wavebem_kcs.iges",
+    "obj/iga_pipe_section.obj",
+];
+
+/// Accuracy that the production path promises, relative to the scene's size.
+const ACCURACY: f64 = 1e-9;
+
+/// Rays of a packet.
+const PACKET: u32 = 64;
+
+/// A name for each way of production.
+type Way = &'static str;
+
+/// What was compared, and what was wrong.
+#[derive(Default)]
+struct Outcome {
+    rays: u64,
+    /// Rays by status: miss, hit, tangent, edge, overlap.
+    counts: [u64; 5],
+    contradictions: Vec<String>,
+    /// Answers of sealed scenes that stand for a gap.
+    filled: u64,
+}
+
+impl Outcome {
+    fn plus(mut self, other: Self) -> Self {
+        self.rays += other.rays;
+        self.filled += other.filled;
+        for (sum, count) in self.counts.iter_mut().zip(other.counts) {
+            *sum += count;
+        }
+        self.contradictions.extend(other.contradictions);
+        self
+    }
+}
+
+/// All ways to trace a scene.
+struct Ways<'a> {
+    certifier: Certifier<'a>,
+    alone: Accelerator<'a>,
+    sealed: Accelerator<'a>,
+    packets: Vec<(Way, Accelerator<'a>)>,
+    size: f64,
+}
+
+impl<'a> Ways<'a> {
+    fn of(scene: &'a Scene) -> Self {
+        let build = || Accelerator::build(scene, &METHODS[0]);
+        let packets = Instructions::ALL.map(|instructions| {
+            let name = match instructions {
+                Instructions::Portable => "portable",
+                Instructions::Avx2 => "AVX2",
+                Instructions::Avx512 => "AVX-512",
+            };
+            (name, build().with_instructions(instructions))
+        });
+        let alone = build();
+        Self {
+            certifier: Certifier::build(scene),
+            size: alone.bounds().diagonal(),
+            alone,
+            sealed: build().sealed(None),
+            packets: packets.into(),
+        }
+    }
+
+    fn compare(&self, name: &str, rays: &[Ray], workspace: &mut Workspace) -> Outcome {
+        let certificates: Vec<_> = rays.iter().map(|ray| self.certifier.certify(ray)).collect();
+        let mut outcome = Outcome {
+            rays: rays.len() as u64,
+            ..Outcome::default()
+        };
+        for certificate in &certificates {
+            outcome.counts[usize::from(certificate.code())] += 1;
+        }
+        let mut check = |way: Way, k: usize, answer: Option<&Hit>| {
+            let (ray, certificate) = (&rays[k], &certificates[k]);
+            let accuracy = ACCURACY * self.size / ray.direction.length();
+            if certificate.contradicts(answer, accuracy) {
+                let answer = answer.map(|h| (h.shape, h.t, h.uv, h.tangential));
+                let found = format!("{name} {way} {ray:?}\n  {certificate:?}\n  {answer:?}");
+                outcome.contradictions.push(found);
+            }
+        };
+        let whole = 0.0..f64::INFINITY;
+        for (k, ray) in rays.iter().enumerate() {
+            check(
+                "alone",
+                k,
+                self.alone.nearest(ray, whole.clone(), workspace).as_ref(),
+            );
+            let sealed = self.sealed.nearest(ray, whole.clone(), workspace);
+            if sealed.is_some_and(|hit| hit.filled) {
+                outcome.filled += 1;
+            } else {
+                check("sealed", k, sealed.as_ref());
+            }
+        }
+        let (ranges, mut hits) = (vec![whole; rays.len()], Vec::new());
+        for (way, accelerator) in &self.packets {
+            accelerator.nearest_many(rays, &ranges, workspace, &mut hits);
+            for (k, hit) in hits.iter().enumerate() {
+                check(way, k, hit.as_ref());
+            }
+        }
+        outcome
+    }
+}
+
+/// Shoots packets at bodies of the corpus, `None` if it is not at hand.
+fn shoot(bodies: &[&str], packets: u32, seed: u64) -> Option<Outcome> {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/corpus");
+    let mut all = Outcome::default();
+    for (number, name) in (seed * 100..).zip(bodies) {
+        let path = corpus.join(name);
+        if !path.exists() {
+            return None;
+        }
+        let scene = formats::open(path, &formats::Limits::default())
+            .unwrap()
+            .scene;
+        let ways = Ways::of(&scene);
+        let targets = Targets::of(&scene, ways.size);
+        let one = |workspace: &mut Workspace, packet: u32| {
+            let mut dice = Dice(number << 32 | u64::from(packet));
+            let rays = targets.bundle(&mut dice, PACKET);
+            ways.compare(name, &rays, workspace)
+        };
+        let outcome = (0..packets)
+            .into_par_iter()
+            .map_init(Workspace::default, one)
+            .reduce(Outcome::default, Outcome::plus);
+        println!(
+            "{name}: {} rays, {:?} [miss, hit, tangent, edge, overlap], {} filled, {} \
+             contradictions",
+            outcome.rays,
+            outcome.counts,
+            outcome.filled,
+            outcome.contradictions.len()
+        );
+        all = all.plus(outcome);
+    }
+    Some(all)
+}
+
+fn none_contradicted(outcome: &Outcome) {
+    let found = &outcome.contradictions;
+    let first: Vec<_> = found.iter().take(20).cloned().collect();
+    assert!(
+        found.is_empty(),
+        "{}\n{} contradictions",
+        first.join("\n"),
+        found.len()
+    );
+}
+
+#[test]
+fn no_way_of_production_contradicts_a_proof() {
+    if let Some(outcome) = shoot(&["iges/made_brep186_screw.igs", BODIES[0]], 40, 1) {
+        assert!(
+            outcome.counts[0] > 50 && outcome.counts[1] > 500,
+            "{:?}",
+            outcome.counts
+        );
+        none_contradicted(&outcome);
+    }
+}
+
+/// A fifth of a million rays at two of the bodies.
+fn part(first: usize) {
+    if let Some(outcome) = shoot(&BODIES[first..first + 2], 1563, 2) {
+        println!("{} rays, {:?}", outcome.rays, outcome.counts);
+        none_contradicted(&outcome);
+    }
+}
+
+#[test]
+#[ignore = "soak: a fifth of a million rays, five ways"]
+fn soak_teapot_and_letters() {
+    part(0);
+}
+
+#[test]
+#[ignore = "soak: a fifth of a million rays, five ways"]
+fn soak_bunny_and_screw() {
+    part(2);
+}
+
+#[test]
+#[ignore = "soak: a fifth of a million rays, five ways"]
+fn soak_trimmed_solid_and_hammer() {
+    part(4);
+}
+
+#[test]
+#[ignore = "soak: a fifth of a million rays, five ways"]
+fn soak_bearing_and_blade() {
+    part(6);
+}
+
+#[test]
+#[ignore = "soak: a fifth of a million rays, five ways"]
+fn soak_hull_and_pipe() {
+    part(8);
+}
+
+/// The rays of the references, each in the middle of a packet, with every set of instructions:
+/// all hits are found, and no other.
+#[test]
+fn packets_meet_what_the_references_meet() {
+    let Some(reference) = reference::load() else {
+        return;
+    };
+    let scenes = scenes(&reference);
+    let ways: Vec<_> = scenes.iter().map(Ways::of).collect();
+    let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
+    let (mut robust, mut failures) = (0, Vec::new());
+    for case in reference["cases"].as_array().unwrap() {
+        if case["robust"] != Value::Bool(true) {
+            continue;
+        }
+        robust += 1;
+        let ways = &ways[usize::try_from(case["surface"].as_u64().unwrap()).unwrap()];
+        let ray = Ray {
+            origin: vector(&case["origin"]),
+            direction: vector(&case["dir"]),
+        };
+        let (right, up) = ray.direction.normalize().any_orthonormal_pair();
+        let beside = |k: u32| {
+            let (x, y) = (f64::from(k % 8) - 4.0, f64::from(k / 8) - 4.0);
+            let direction = ray.direction + (right * x + up * y) * 1e-4 * ray.direction.length();
+            Ray { direction, ..ray }
+        };
+        let rays: Vec<_> = (0..PACKET).map(beside).collect();
+        let middle = rays
+            .iter()
+            .position(|other| other.direction == ray.direction)
+            .unwrap();
+        let near = -1e-12 * ways.size / ray.direction.length();
+        let ranges = vec![near..f64::INFINITY; rays.len()];
+        let wanted = case["hits"][0]["t"].as_f64();
+        for (way, accelerator) in &ways.packets {
+            accelerator.nearest_many(&rays, &ranges, &mut workspace, &mut hits);
+            let found = hits[middle].map(|hit| hit.t);
+            let agrees = match (found, wanted) {
+                (None, None) => true,
+                (Some(a), Some(b)) => {
+                    (a - b).abs() * ray.direction.length() <= ACCURACY * ways.size
+                }
+                _ => false,
+            };
+            if !agrees {
+                failures.push(format!(
+                    "{way} {}: {found:?}, expected {wanted:?}",
+                    case["id"]
+                ));
+            }
+        }
+    }
+    println!(
+        "{robust} rays with each of {} sets of instructions",
+        Instructions::ALL.len()
+    );
+    assert!(
+        robust > 500 && failures.is_empty(),
+        "{}",
+        failures.join("\n")
+    );
+}
