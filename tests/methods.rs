@@ -56,7 +56,7 @@ fn every_method_traces_every_scene_that_it_can() {
                 "newton" => assert_eq!(failed, 0, "{} {}: {counts:?}", path.display(), choice),
                 // The step of a descent never grows again: it loses much where surfaces bend.
                 "gradient-map" | "descent-map" | "gradient-mc" => {
-                    assert!(right > 500, "{counts:?}")
+                    assert!(right > 500, "{counts:?}");
                 }
                 _ => assert!(failed < 100, "{} {}: {counts:?}", path.display(), choice),
             }
