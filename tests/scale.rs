@@ -104,7 +104,7 @@ fn size_changes_nothing() {
                 "cells",
                 stats.cells_examined,
                 other_stats.cells_examined,
-                1000,
+                50,
             );
         }
     }
