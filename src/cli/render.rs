@@ -137,7 +137,7 @@ Examples:
   nurbray render parts/*.igs --sheet parts.png";
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum ShadingArg {
+pub(super) enum ShadingArg {
     Phong,
     Blinn,
     None,
