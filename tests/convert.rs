@@ -210,13 +210,16 @@ fn written_files_give_the_same_picture() {
     ];
     for (stem, way) in ways {
         let mut file = format!("samples/{stem}.obj");
-        let first = picture(&file);
+        let mut first = picture(&file);
         for (step, extension) in way.iter().enumerate() {
             let next = format!("{stem}_{step}.{extension}");
             let run = place.run(&format!("convert {file} -o {next}"));
             assert_eq!(run.code, Some(0), "{next}: {}", run.stderr);
             file = next;
-            if *extension == "obj" {
+            if *extension == "igs" {
+                // One colour of a material is left: no highlights.
+                first = picture(&file);
+            } else if *extension == "obj" {
                 assert!(picture(&file) == first, "{file}");
             }
         }

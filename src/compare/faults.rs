@@ -270,9 +270,24 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     *values.select_nth_unstable_by(half, f64::total_cmp).1
 }
 
+/// What distance a sample may have where the mesh is only coarse: a few times the median of the
+/// better half of the faces, each by its own median, so that a large face without triangles does
+/// not stand for the rest.
+fn typical(exact: &Exact<'_>, samples: &[Sample]) -> f64 {
+    let mut faces = vec![Vec::new(); exact.faces.len()];
+    for sample in samples {
+        faces[sample.face as usize].push(sample.distance);
+    }
+    let medians = faces.into_iter().filter(|face| !face.is_empty());
+    let mut medians: Vec<f64> = medians.map(|face| median(face.into_iter())).collect();
+    medians.sort_by(f64::total_cmp);
+    medians.truncate(medians.len().div_ceil(2));
+    BEYOND * median(medians.into_iter())
+}
+
 /// Faces without triangles.
 fn missing(exact: &Exact<'_>, samples: &[Sample]) -> Vec<Fault> {
-    let typical = BEYOND * median(samples.iter().map(|s| s.distance));
+    let typical = typical(exact, samples);
     let mut boxes = vec![Aabb::EMPTY; exact.faces.len()];
     for vertex in &exact.vertices {
         let own = &mut boxes[vertex.face as usize];

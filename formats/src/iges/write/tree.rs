@@ -26,6 +26,8 @@ pub(super) struct Tree<'a> {
     pub(super) warnings: Warnings,
     /// How often nodes are children, and patches are shown.
     uses: Uses,
+    /// For every node whether it or one below shows a shape.
+    shows: Vec<bool>,
     colors: HashMap<MaterialId, usize>,
     /// Definitions by what they show, how it is distorted, and its material.
     definitions: HashMap<(Defined, Bits), Option<usize>>,
@@ -41,6 +43,19 @@ enum Defined {
     Item(Shape, Option<MaterialId>),
 }
 
+/// For every node whether it or one below shows a shape; children stand before their parents.
+fn shows(scene: &Scene) -> Vec<bool> {
+    let mut shows = Vec::new();
+    for node in scene.nodes() {
+        let any = node.children.iter().any(|child| match child {
+            Child::Item(_) => true,
+            Child::Node(id) => shows[id.index()],
+        });
+        shows.push(any);
+    }
+    shows
+}
+
 impl<'a> Tree<'a> {
     pub(super) fn new(scene: &'a Scene) -> Self {
         Self {
@@ -48,6 +63,7 @@ impl<'a> Tree<'a> {
             deck: Deck::default(),
             warnings: Warnings::default(),
             uses: Uses::of(scene),
+            shows: shows(scene),
             colors: HashMap::new(),
             definitions: HashMap::new(),
             transforms: HashMap::new(),
@@ -106,7 +122,11 @@ impl<'a> Tree<'a> {
             None => (DAffine3::from_translation(whole.translation), whole.matrix3),
         };
         let once = self.uses.nodes.get(&id).copied().unwrap_or_default() <= 1;
-        match node.children.as_slice() {
+        let mut children = node.children.clone();
+        if self.shows[id.index()] {
+            children.retain(|child| self.is_of_use(child));
+        }
+        match children.as_slice() {
             [Child::Item(item)] if once && self.is_leaf(node, item, &place) => {
                 let transform = self.transform(&place);
                 let faces = self.faces(item, inner, status)?;
@@ -133,6 +153,15 @@ impl<'a> Tree<'a> {
                 Ok(self.instance(definition, &place, "", status))
             }
         }
+    }
+
+    /// Whether a child shows anything; those that do not are told about.
+    fn is_of_use(&mut self, child: &Child) -> bool {
+        let Child::Node(id) = child else { return true };
+        if !self.shows[id.index()] {
+            self.empty(&self.scene.node(*id).name);
+        }
+        self.shows[id.index()]
     }
 
     /// Whether a node can be said by the transformation of the one surface in it.

@@ -103,6 +103,10 @@ impl Tree<'_> {
         };
         let mut out = Out::new(kind);
         out.field("solid", Value::Flag(false));
+        if mesh.normals().is_empty() && self.dialect != Dialect::Vrml97 {
+            // Without it triangles that share points are smooth.
+            out.field("normalPerVertex", Value::Flag(false));
+        }
         let end = match self.dialect {
             Dialect::Vrml97 => Some(-1),
             Dialect::Xml | Dialect::Classic => None,
