@@ -96,7 +96,10 @@ fn size_changes_nothing() {
                 different <= 4,
                 "{file} {factor:e}: {different} pixels differ"
             );
-            assert_eq!(counts[0], other_counts[0], "{file} {factor:e}: cells");
+            assert!(
+                counts[0].abs_diff(other_counts[0]) * 100 <= counts[0],
+                "{file} {factor:e}: cells"
+            );
             assert!(
                 counts[1].abs_diff(other_counts[1]) * 100 <= counts[1],
                 "{file}: strips"
