@@ -68,7 +68,6 @@ fn size_changes_nothing() {
         "samples/teapot.obj",
         "samples/goblet.x3d",
         "../shared/corpus/iges/made_brep186_screw.igs",
-        "../shared/corpus/iges/occt_hammer.iges",
     ];
     for file in files {
         let path = root.join(file);
