@@ -110,7 +110,7 @@ fn every_surface_of_the_corpus_is_read() {
         let told = import.warnings.as_slice().iter();
         let told = told.filter(|w| {
             let ends = w.problem.to_string();
-            (w.problem.kind() == "geometry" || ends.contains("left out"))
+            w.problem.kind() == "geometry" || ends.contains("left out")
         });
         let named = |w: &nurbray_formats::Warning| {
             let places = w.places.iter();
