@@ -3,10 +3,10 @@
 //! The production method finds all roots of a ray in a cell; most methods of the literature
 //! work on the whole picture. A preliminary map says which surface is seen in each pixel and
 //! about where, or boxes say where to begin; a local iteration goes on from there. So each is
-//! one file here with a type that implements [`Tracer`], and a row in
-//! [`METHODS`](crate::METHODS) that holds its [`Picture`].
+//! one file here with a type that implements `Tracer`, and a row in
+//! [`METHODS`](crate::METHODS) that holds its `Picture`.
 //!
-//! The set-up is the same for all: the scene's Bézier pieces in the world ([`world`]), one
+//! The set-up is the same for all: the scene's Bézier pieces in the world (`world`), one
 //! evaluator, double precision, the same tolerance of a hundredth of a pixel. Only where they
 //! start and how they go on differ. Equation numbers are those of A. Sisojevs, *Methods and
 //! algorithms of free-form surface visualisation by ray tracing* (summary of the thesis, Riga
