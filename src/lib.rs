@@ -38,6 +38,7 @@ pub mod methods;
 mod model;
 pub mod output;
 mod polygons;
+mod random;
 mod render;
 mod simd;
 mod tessellate;

@@ -11,6 +11,7 @@ use crate::accelerator::{Accelerator, Workspace};
 use crate::film::{Film, PixelData};
 use crate::integrator::{Integrator, Radiance, Shading};
 use crate::intersect::Hit;
+use crate::random::Random;
 
 /// Side of a tile in pixels.
 const TILE: u32 = 32;
@@ -322,16 +323,8 @@ pub(crate) fn film_ray(camera: &Camera, size: DVec2, place: DVec2) -> Ray {
     camera.ray(DVec2::new(film.x, -film.y), size.x / size.y)
 }
 
-/// A place in the unit square that depends on the pixel and sample alone
-/// (an integer hash with full avalanche).
+/// A place in the unit square that depends on the pixel and sample alone.
 fn jitter(x: u32, y: u32, sample: u32) -> DVec2 {
-    let mut state = u64::from(x) | u64::from(y) << 21 | u64::from(sample) << 42;
-    let mut next = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    };
-    DVec2::new(next(), next())
+    let mut random = Random(u64::from(x) | u64::from(y) << 21 | u64::from(sample) << 42);
+    DVec2::new(random.unit(), random.unit())
 }

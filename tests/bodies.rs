@@ -10,6 +10,7 @@
 
 use std::path::Path;
 
+use fastrand::Rng;
 use glam::DVec3;
 use kernel::Ray;
 use nurbray::formats::{Limits, open};
@@ -39,22 +40,9 @@ const ACCURACY: f64 = 1e-9;
 /// that slip through the gaps which the files leave between faces.
 const UNCLEAR: f64 = 0.005;
 
-/// Numbers that look random, the same in every run.
-struct Dice(u64);
-
-impl Dice {
-    /// From -1 to 1.
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
+/// A vector in the cube from -1 to 1.
+fn vector(dice: &mut Rng) -> DVec3 {
+    DVec3::from_array([(); 3].map(|()| dice.f64() * 2.0 - 1.0))
 }
 
 /// What became of the rays through one body.
@@ -73,12 +61,12 @@ fn shoot(path: &Path, count: usize) -> Result<Counts, String> {
     let certifier = Certifier::build(&import.scene);
     let bounds = accelerator.bounds();
     let (size, middle) = (bounds.diagonal(), bounds.center());
-    let (mut dice, mut workspace) = (Dice(7), Workspace::default());
+    let (mut dice, mut workspace) = (Rng::with_seed(7), Workspace::default());
     let (mut counts, mut hits) = (Counts::default(), Vec::new());
     for _ in 0..count {
         // From a sphere around the body to a point of its box.
-        let origin = middle + dice.vector().normalize_or(DVec3::X) * size;
-        let target = middle + dice.vector() * bounds.size() * 0.5;
+        let origin = middle + vector(&mut dice).normalize_or(DVec3::X) * size;
+        let target = middle + vector(&mut dice) * bounds.size() * 0.5;
         let direction = (target - origin).normalize();
         let ray = Ray { origin, direction };
         let range = 0.0..f64::INFINITY;

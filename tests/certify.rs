@@ -5,12 +5,13 @@
 mod reference;
 mod shots;
 
+use fastrand::Rng;
 use glam::{DAffine3, DVec3};
 use kernel::{Child, Item, KnotVector, Mesh, Node, Patch, Ray, Scene, Shape, Surface};
 use nurbray::{Accelerator, Certificate, Certifier, METHODS, Workspace, formats};
 use reference::{scenes, vector};
 use serde_json::Value;
-use shots::{Dice, Targets};
+use shots::Targets;
 
 /// Accuracy that the production path promises, relative to the scene's size.
 const ACCURACY: f64 = 1e-9;
@@ -86,7 +87,7 @@ fn references_are_never_contradicted() {
 /// Shoots rays at the samples; all contradictions, and how many rays have which status.
 fn compare(rays: usize, seed: u64) -> (Vec<String>, [usize; 5]) {
     let (mut found, mut counts) = (Vec::new(), [0; 5]);
-    let mut dice = Dice(seed);
+    let mut dice = Rng::with_seed(seed);
     for name in ["teapot.obj", "goblet.x3d", "sphere_torus.x3d"] {
         let path = format!("{}/samples/{name}", env!("CARGO_MANIFEST_DIR"));
         let scene = formats::open(&path, &formats::Limits::default())

@@ -13,12 +13,13 @@ mod shots;
 
 use std::path::Path;
 
+use fastrand::Rng;
 use kernel::{Ray, Scene};
 use nurbray::{Accelerator, Certifier, Hit, Instructions, METHODS, Workspace, formats};
 use rayon::prelude::*;
 use reference::{scenes, vector};
 use serde_json::Value;
-use shots::{Dice, Targets};
+use shots::Targets;
 
 /// Ten bodies: trimmed solids and shells, lofted blades, hulls, a teapot, letters.
 const BODIES: [&str; 10] = [
@@ -154,7 +155,7 @@ fn shoot(bodies: &[&str], packets: u32, seed: u64) -> Option<Outcome> {
         let ways = Ways::of(&scene);
         let targets = Targets::of(&scene, ways.size);
         let one = |workspace: &mut Workspace, packet: u32| {
-            let mut dice = Dice(number << 32 | u64::from(packet));
+            let mut dice = Rng::with_seed(number << 32 | u64::from(packet));
             let rays = targets.bundle(&mut dice, PACKET);
             ways.compare(name, &rays, workspace)
         };

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use fastrand::Rng;
 use nurbray::formats::{Limits, NoFiles, ReadOptions, read};
 
 /// Longest time for one file, and most bytes at a time.
@@ -27,19 +28,6 @@ const WILD: [&str; 8] = [
     "1000000000000000000000",
 ];
 
-/// Numbers that look random, the same in every run.
-struct Dice(u64);
-
-impl Dice {
-    /// Below `end`, which is not zero.
-    fn below(&mut self, end: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        usize::try_from(self.0 % end as u64).unwrap()
-    }
-}
-
 /// Where numbers stand in a text.
 fn numbers(bytes: &[u8]) -> Vec<(usize, usize)> {
     let is_digit = |at: usize| bytes.get(at).is_some_and(u8::is_ascii_digit);
@@ -49,14 +37,14 @@ fn numbers(bytes: &[u8]) -> Vec<(usize, usize)> {
 }
 
 /// A file made worse in one of several ways.
-fn worse(bytes: &[u8], numbers: &[(usize, usize)], dice: &mut Dice) -> Vec<u8> {
+fn worse(bytes: &[u8], numbers: &[(usize, usize)], dice: &mut Rng) -> Vec<u8> {
     let mut worse = bytes.to_vec();
-    let at = dice.below(bytes.len());
-    let from = dice.below(bytes.len());
-    let count = dice.below(400).min(bytes.len() - from.max(at));
-    match dice.below(6) {
+    let at = dice.usize(..bytes.len());
+    let from = dice.usize(..bytes.len());
+    let count = dice.usize(..400).min(bytes.len() - from.max(at));
+    match dice.usize(..6) {
         0 => worse.truncate(at),
-        1 => worse[at] = u8::try_from(dice.below(256)).unwrap(),
+        1 => worse[at] = u8::try_from(dice.usize(..256)).unwrap(),
         2 => drop(worse.drain(at..at + count)),
         3 => worse.copy_within(from..from + count, at),
         4 => {
@@ -65,10 +53,10 @@ fn worse(bytes: &[u8], numbers: &[(usize, usize)], dice: &mut Dice) -> Vec<u8> {
         }
         // In columns, the others keep their places.
         _ if !numbers.is_empty() => {
-            let (start, end) = numbers[dice.below(numbers.len())];
-            let wild = WILD[dice.below(WILD.len())];
+            let (start, end) = numbers[dice.usize(..numbers.len())];
+            let wild = WILD[dice.usize(..WILD.len())];
             let width = end - start;
-            let number = if dice.below(2) == 0 {
+            let number = if dice.usize(..2) == 0 {
                 format!("{wild:>width$}")
             } else {
                 "9".repeat(width)
@@ -123,7 +111,7 @@ fn try_all(folders: &[&str], count: usize) {
         let bytes = fs::read(&path).unwrap();
         let ending = path.extension().unwrap_or_default().to_string_lossy();
         let numbers = numbers(&bytes);
-        let mut dice = Dice(0x5eed);
+        let mut dice = Rng::with_seed(0x5eed);
         for k in 0..count {
             let variant = match k {
                 0 => bytes.clone(),

@@ -186,6 +186,7 @@ fn value<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
 }
 
 /// A 2 x 2 matrix for each ray, row by row.
+#[derive(Clone, Copy)]
 struct Matrix<F>([F; 4]);
 
 impl<F: Copy> Matrix<F> {
@@ -365,11 +366,11 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
         if active == 0 {
             break;
         }
-        let newest = Matrix::inverse(s, &now);
-        let leap = if step == 0 {
-            sure
+        let (newest, leap) = if step == 0 {
+            (inverse, sure)
         } else {
-            newest.times(s, now.value)
+            let newest = Matrix::inverse(s, &now);
+            (newest, newest.times(s, now.value))
         };
         for k in 0..2 {
             x[k] = s.max(s.min(s.sub(x[k], leap[k]), high[k]), low[k]);
@@ -385,6 +386,9 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
             let new = arrived & inside & s.bits(near);
             verdict.take(s, new, last);
             active &= !new;
+            if active == 0 {
+                break;
+            }
         }
         now = distance::<S, M, N, RATIONAL>(s, model, place, tilt, x);
     }

@@ -203,7 +203,6 @@ impl<'a> Accelerator<'a> {
                 + c.triangle_tree.bytes()
                 + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + size_of_val(&c.items[..])
-                + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + c.tree.bytes()
         });
         let seals = self.seals.iter().map(Seal::bytes).sum::<usize>();

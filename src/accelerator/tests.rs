@@ -8,23 +8,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use super::{Accelerator, Workspace};
 use crate::Instructions;
 use crate::intersect::{Hit, METHODS};
-
-/// Pseudo-random numbers from -1 to 1, the same in every run.
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
-}
+use crate::random::Random;
 
 fn leaf_node(scene: &mut Scene, patches: Vec<Patch>, parent_from_node: DAffine3) -> NodeId {
     let children = patches
@@ -75,7 +59,7 @@ fn every_method_agrees_with_the_sphere_at_every_scale() {
         for scale in [1e-6, 1.0, 1e6] {
             let scene = scene_of(vec![ball(scale, DVec3::ZERO)]);
             let accelerator = Accelerator::build(&scene, method);
-            let mut numbers = Numbers(7);
+            let mut numbers = Random(7);
             let mut met = 0;
             for _ in 0..500 {
                 let origin = numbers.vector().normalize() * 4.0;
@@ -116,11 +100,11 @@ fn nothing_leaks_where_pieces_and_cells_meet() {
     let scene = scene_of(vec![ball(1.0, DVec3::ZERO)]);
     let accelerator = Accelerator::build(&scene, &METHODS[0]);
     let mut workspace = Workspace::default();
-    let mut numbers = Numbers(3);
+    let mut numbers = Random(3);
     for k in 0..2000 {
         // On the borders of the quarters and eighths of the pieces, and at the poles.
         let longitude = f64::from(k % 64) / 64.0 * TAU;
-        let latitude = numbers.next() * FRAC_PI_2 * if k % 5 == 0 { 0.0 } else { 1.0 };
+        let latitude = numbers.signed() * FRAC_PI_2 * if k % 5 == 0 { 0.0 } else { 1.0 };
         let target = DVec3::new(
             longitude.cos() * latitude.cos(),
             longitude.sin() * latitude.cos(),
@@ -210,7 +194,7 @@ fn instances_are_met_where_copies_would_be() {
     );
     assert!(a.cell_count() < b.cell_count());
     assert_eq!((a.patch_count(), b.patch_count()), (7, 7));
-    let mut numbers = Numbers(5);
+    let mut numbers = Random(5);
     let mut met = 0;
     for _ in 0..2000 {
         let origin = numbers.vector() * 12.0;
@@ -317,7 +301,7 @@ fn medley() -> Scene {
 
 /// Packets of rays: through the pixels of squares, side by side, and in all directions.
 fn packets() -> Vec<Vec<Ray>> {
-    let mut numbers = Numbers(11);
+    let mut numbers = Random(11);
     let mut packets = Vec::new();
     for k in 0..120 {
         let eye = numbers.vector().normalize() * 4.0;

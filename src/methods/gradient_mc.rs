@@ -9,6 +9,7 @@ use super::boxes::{Boxes, Rule, Stack};
 use super::minimise::{Descent, Minimiser};
 use super::world::Planes;
 use super::{Counts, Found, Job, Picture, Shot, Tracer, Weights, run};
+use crate::random;
 
 /// Random points of a piece. The seeds name no number.
 const POINTS: u64 = 256;
@@ -68,10 +69,11 @@ impl<'a> Tracer<'a> for Random<'a> {
             let sheet = world.sheet(piece.sheet);
             let share = |local: DVec2| (piece.global(local) - sheet.start) / sheet.size;
             // Numbers depend on pixel and piece alone.
-            let mut state = u64::from(shot.x) | u64::from(shot.y) << 20 | u64::from(number) << 40;
+            let seed = u64::from(shot.x) | u64::from(shot.y) << 20 | u64::from(number) << 40;
+            let mut random = random::Random(seed);
             points.clear();
             points.extend((0..POINTS).map(|_| {
-                let at = share(DVec2::new(random(&mut state), random(&mut state)));
+                let at = share(DVec2::new(random.unit(), random.unit()));
                 (minimiser.square(sheet, at, &planes, counts), at)
             }));
             let least = points.iter().fold(f64::INFINITY, |least, p| least.min(p.0));
@@ -96,13 +98,4 @@ impl<'a> Tracer<'a> for Random<'a> {
         });
         best
     }
-}
-
-/// A number from 0 to 1 (splitmix64).
-fn random(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }

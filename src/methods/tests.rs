@@ -17,23 +17,7 @@ use super::{Choice, Counts, Job, Truth, Variant, map_picture};
 use crate::Accelerator;
 use crate::intersect::METHODS;
 use crate::intersect::net::{Degrees, evaluate_points};
-
-/// Pseudo-random numbers from -1 to 1, the same in every run.
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
-}
+use crate::random::Random;
 
 fn scene_of(surfaces: Vec<Surface>) -> Scene {
     let mut scene = Scene::default();
@@ -56,12 +40,12 @@ fn scene_of(surfaces: Vec<Surface>) -> Scene {
 }
 
 /// A bumpy bicubic surface of the given size over a square around the origin.
-fn bumpy(size: f64, numbers: &mut Numbers) -> Surface {
+fn bumpy(size: f64, numbers: &mut Random) -> Surface {
     let knots = KnotVector::bezier(3, 0.0..1.0).unwrap();
     let points: Vec<_> = (0..16)
         .map(|k| {
             let place = |k: usize| k as f64 * 2.0 / 3.0 - 1.0;
-            DVec3::new(place(k / 4), place(k % 4), 0.35 * numbers.next()) * size
+            DVec3::new(place(k / 4), place(k % 4), 0.35 * numbers.signed()) * size
         })
         .collect();
     Surface::new(knots.clone(), knots, &points, None).unwrap()
@@ -76,7 +60,7 @@ fn above(size: f64) -> Camera {
 /// Equation 12: `M = w^3 det J` for the Jacobian of equation 10.
 #[test]
 fn the_determinant_is_that_of_the_jacobian() {
-    let mut numbers = Numbers(1);
+    let mut numbers = Random(1);
     for _ in 0..100 {
         let [x, xu, xv] = [(); 3].map(|()| numbers.vector());
         let x = x + DVec3::Z * 2.0;
@@ -91,11 +75,11 @@ fn the_determinant_is_that_of_the_jacobian() {
 /// homogeneous equations is another, and both are exact where the net is linear.
 #[test]
 fn the_step_by_determinants_is_newtons() {
-    let mut numbers = Numbers(2);
+    let mut numbers = Random(2);
     for _ in 0..100 {
         let [x, xu, xv] = [(); 3].map(|()| numbers.vector());
         let x = x + DVec3::Z * 2.0;
-        let film = DVec2::new(numbers.next(), numbers.next());
+        let film = DVec2::new(numbers.signed(), numbers.signed());
         let along = |d: DVec3| (d.truncate() - x.truncate() * (d.z / x.z)) / x.z;
         let (fu, fv) = (along(xu), along(xv));
         let f = x.truncate() / x.z - film;
@@ -116,7 +100,7 @@ fn the_step_by_determinants_is_newtons() {
 /// Equations 2 and 3: the gradient is that of the squared distance, by differences.
 #[test]
 fn the_gradient_is_that_of_the_squared_distance() {
-    let mut numbers = Numbers(3);
+    let mut numbers = Random(3);
     let scene = scene_of(vec![bumpy(1.0, &mut numbers)]);
     let world = World::of(&scene);
     let sheet = &world.sheets[0];
@@ -157,15 +141,15 @@ struct Cost {
 
 /// What the runs of a minimiser cost on bumpy surfaces, from starts with eight bits.
 fn minimised(size: f64, descent: Descent, literal: bool) -> Cost {
-    let mut numbers = Numbers(7);
+    let mut numbers = Random(7);
     let (mut counts, mut distance, mut ends) = (Counts::default(), 0.0, 0);
     for _ in 0..100 {
         let scene = scene_of(vec![bumpy(size, &mut numbers)]);
         let world = World::of(&scene);
         let sheet = &world.sheets[0];
-        let uv = DVec2::new(numbers.next(), numbers.next()) * 0.45 + 0.5;
+        let uv = DVec2::new(numbers.signed(), numbers.signed()) * 0.45 + 0.5;
         let aim = sheet.surface.evaluate(uv);
-        let down = DVec3::new(0.4 * numbers.next(), 0.4 * numbers.next(), -1.0);
+        let down = DVec3::new(0.4 * numbers.signed(), 0.4 * numbers.signed(), -1.0);
         let ray = Ray {
             origin: aim - down * 4.0 * size,
             direction: down,
@@ -229,14 +213,14 @@ fn the_printed_residual_depends_on_the_unit_of_length() {
 /// A clip keeps the root, in both directions, with and without the repair.
 #[test]
 fn clips_contain_the_root() {
-    let mut numbers = Numbers(5);
+    let mut numbers = Random(5);
     let degrees = Degrees { p: 3, q: 2 };
     for _ in 0..300 {
-        let root = DVec2::new(numbers.next(), numbers.next()) * 0.5 + 0.5;
+        let root = DVec2::new(numbers.signed(), numbers.signed()) * 0.5 + 0.5;
         let mut net: Vec<_> = (0..degrees.len())
             .map(|k| {
                 let place = DVec2::new((k / 3) as f64 / 3.0, (k % 3) as f64 / 2.0);
-                let noise = DVec2::new(numbers.next(), numbers.next());
+                let noise = DVec2::new(numbers.signed(), numbers.signed());
                 (place + noise * 0.3).to_array()
             })
             .collect();
@@ -303,7 +287,7 @@ fn flattening_counts_are_those_of_the_formula() {
 
 #[test]
 fn both_hierarchies_visit_all_boxes_that_a_ray_passes() {
-    let mut numbers = Numbers(11);
+    let mut numbers = Random(11);
     let boxes: Vec<_> = (0..200)
         .map(|_| {
             let place = numbers.vector();

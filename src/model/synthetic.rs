@@ -9,6 +9,8 @@ use formats::{Layer, Place, PointBody};
 use glam::{DVec2, DVec3};
 use kernel::linear_from_srgb;
 
+use crate::random::Random;
+
 /// A body that is made up, in millimetres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Synthetic {
@@ -100,9 +102,9 @@ impl Shape {
                 0.06,
             ),
         };
-        let mut noise = Noise(seed);
+        let mut noise = Random(seed);
         let bump = |number: u32| {
-            let (size, phase) = (size * (0.4 + 0.6 * noise.next()), TAU * noise.next());
+            let (size, phase) = (size * (0.4 + 0.6 * noise.unit()), TAU * noise.unit());
             (f64::from(number), DVec2::from_angle(phase) * size)
         };
         Self {
@@ -177,19 +179,6 @@ impl Shape {
                 area * (arc(high, SKULL[2]) - arc(low, SKULL[2]))
             }
         }
-    }
-}
-
-/// Numbers from 0 to 1 (Steele, Lea and Flood's `SplitMix64`).
-struct Noise(u64);
-
-impl Noise {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 

@@ -2,26 +2,13 @@
 
 use std::f64::consts::TAU;
 
+use fastrand::Rng;
 use glam::{DVec2, DVec3};
 use kernel::{Patch, Ray, Scene, Shape, Surface, TrimRegion};
 
-/// Numbers that look random, the same in every run.
-pub(crate) struct Dice(pub(crate) u64);
-
-impl Dice {
-    /// From 0 to 1.
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        let mut step = || self.next() * 2.0 - 1.0;
-        DVec3::new(step(), step(), step()).normalize_or(DVec3::X)
-    }
+fn direction(dice: &mut Rng) -> DVec3 {
+    let mut step = || dice.f64() * 2.0 - 1.0;
+    DVec3::new(step(), step(), step()).normalize_or(DVec3::X)
 }
 
 /// The faces of a scene in the world, and what belongs to them.
@@ -49,56 +36,56 @@ impl Targets {
 
     /// A ray past a random point of a face: across, tangential, or tangential with a small
     /// offset.
-    pub(crate) fn ray(&self, dice: &mut Dice) -> Option<Ray> {
-        let choice = dice.next() * self.faces.len() as f64;
+    pub(crate) fn ray(&self, dice: &mut Rng) -> Option<Ray> {
+        let choice = dice.f64() * self.faces.len() as f64;
         let (_, (surface, region)) = (1_u32..)
             .zip(&self.faces)
             .find(|(k, _)| choice < f64::from(*k))?;
         let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
         let place = |_| {
             DVec2::new(
-                u.start + (u.end - u.start) * dice.next(),
-                v.start + (v.end - v.start) * dice.next(),
+                u.start + (u.end - u.start) * dice.f64(),
+                v.start + (v.end - v.start) * dice.f64(),
             )
         };
         let belongs = |uv: &DVec2| region.as_ref().is_none_or(|region| region.contains(*uv));
         let uv = (0..100).map(place).find(belongs)?;
         let d = surface.derivatives(uv);
         let normal = surface.normal(uv)?;
-        let turned = TAU * dice.next();
+        let turned = TAU * dice.f64();
         let along =
             d.du.normalize_or_zero() * turned.cos() + d.dv.normalize_or_zero() * turned.sin();
         let along = along.try_normalize()?;
-        let kind = dice.next();
+        let kind = dice.f64();
         let (direction, offset) = if kind < 0.3 {
-            (dice.direction(), 0.0)
+            (direction(dice), 0.0)
         } else {
             let tilt = if kind < 0.6 {
                 0.0
             } else {
-                10.0_f64.powf(-8.0 * dice.next())
+                10.0_f64.powf(-8.0 * dice.f64())
             };
-            let offset = 10.0_f64.powf(-1.0 - 10.0 * dice.next());
-            let side = if dice.next() < 0.5 { -1.0 } else { 1.0 };
+            let offset = 10.0_f64.powf(-1.0 - 10.0 * dice.f64());
+            let side = if dice.f64() < 0.5 { -1.0 } else { 1.0 };
             ((along + normal * tilt).normalize(), offset * side)
         };
         let point = d.point + normal * (offset * self.size);
         Some(Ray {
-            origin: point - direction * (self.size * (0.2 + 2.0 * dice.next())),
-            direction: direction * (0.5 + dice.next()),
+            origin: point - direction * (self.size * (0.2 + 2.0 * dice.f64())),
+            direction: direction * (0.5 + dice.f64()),
         })
     }
 
     /// Rays side by side, the first of which is [`Self::ray`]: from its origin or along it,
     /// as far apart as pixels, or much nearer.
     #[allow(dead_code, reason = "each test uses a part of this file")]
-    pub(crate) fn bundle(&self, dice: &mut Dice, count: u32) -> Vec<Ray> {
+    pub(crate) fn bundle(&self, dice: &mut Rng, count: u32) -> Vec<Ray> {
         let Some(ray) = self.ray(dice) else {
             return Vec::new();
         };
         let (right, up) = ray.direction.normalize().any_orthonormal_pair();
-        let apart = 10.0_f64.powf(-2.0 - 4.0 * dice.next()) * ray.direction.length();
-        let parallel = dice.next() < 0.3;
+        let apart = 10.0_f64.powf(-2.0 - 4.0 * dice.f64()) * ray.direction.length();
+        let parallel = dice.f64() < 0.3;
         let beside = |k: u32| {
             let shift = (right * f64::from(k % 8) + up * f64::from(k / 8)) * apart;
             if parallel {
