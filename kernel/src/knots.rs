@@ -139,6 +139,22 @@ impl KnotVector {
         breaks
     }
 
+    /// `range` with the ends moved that are beside a break, no farther than `share` of the domain.
+    ///
+    /// Of a span cut to almost nothing no derivative would have a meaning: written numbers are
+    /// rounded, and what begins beside a knot is meant to begin there.
+    #[must_use]
+    pub fn snapped(&self, range: Range<f64>, share: f64) -> Range<f64> {
+        let domain = self.domain();
+        let slack = share * (domain.end - domain.start);
+        let breaks = self.breaks();
+        let moved = |end: f64| {
+            let near = breaks.iter().find(|knot| (*knot - end).abs() <= slack);
+            near.copied().unwrap_or(end)
+        };
+        moved(range.start)..moved(range.end)
+    }
+
     /// Index `k` of the span with `knots[k] <= t < knots[k + 1]`.
     ///
     /// The end of the domain belongs to the last span that has a length, and

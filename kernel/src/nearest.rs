@@ -125,17 +125,17 @@ impl<'a> Nearby<'a> {
             return found;
         }
         let samples = self.samples.get_or_init(|| self.sampled());
-        let mut order: Vec<_> = samples
-            .iter()
-            .map(|(uv, point)| (point.distance_squared(target), *uv))
-            .collect();
-        let tried = TRIED.min(order.len());
-        if tried < order.len() {
-            order.select_nth_unstable_by(tried, |a, b| a.0.total_cmp(&b.0));
+        let mut order = [(f64::INFINITY, DVec2::ZERO); TRIED];
+        for (uv, point) in samples {
+            let square = point.distance_squared(target);
+            if square < order[TRIED - 1].0 {
+                let place = order.partition_point(|known| known.0 <= square);
+                order[place..].rotate_right(1);
+                order[place] = (square, *uv);
+            }
         }
-        let found = order[..tried]
-            .iter()
-            .map(|(_, uv)| self.iterate(target, *uv));
+        let known = order.iter().filter(|known| known.0 < f64::INFINITY);
+        let found = known.map(|(_, uv)| self.iterate(target, *uv));
         let best = found
             .chain(guessed)
             .min_by(|a, b| a.distance.total_cmp(&b.distance));

@@ -15,8 +15,9 @@ use crate::tessellate::{Tessellation, stretch};
 /// Points on each piece of a trim curve from which nearest points are looked for.
 const RIM_SAMPLES: usize = 16;
 
-/// How many of the nearest points of the trim curves are tried.
-const RIM_TRIED: usize = 2;
+/// From how many of the points that are nearer than their neighbours on a trim curve the nearest
+/// is looked for.
+const RIM_TRIED: usize = 6;
 
 /// Steps along a trim curve.
 const RIM_STEPS: usize = 20;
@@ -344,11 +345,23 @@ impl<'a> Face<'a> {
     /// The point of the trim curves nearest to `p`.
     fn nearest_on_rim(&self, p: DVec3) -> Option<(DVec2, DVec3)> {
         let mut nearest: Vec<(f64, &RimPoint)> = Vec::new();
-        for rim in &self.rim {
-            let square = rim.point.distance_squared(p);
-            if nearest.len() < RIM_TRIED || nearest.last().is_some_and(|last| square < last.0) {
-                let place = nearest.partition_point(|known| known.0 <= square);
-                nearest.insert(place, (square, rim));
+        let mut before = (u32::MAX, f64::INFINITY);
+        for (k, rim) in self.rim.iter().enumerate() {
+            let here = (rim.curve, rim.point.distance_squared(p));
+            let nears = before.0 != here.0 || here.1 < before.1;
+            before = here;
+            if !nears
+                || nearest
+                    .get(RIM_TRIED - 1)
+                    .is_some_and(|last| last.0 <= here.1)
+            {
+                continue;
+            }
+            let next = self.rim.get(k + 1).filter(|next| next.curve == rim.curve);
+            // At a corner several curves begin and end, and only one may come nearer.
+            if next.is_none_or(|next| here.1 <= next.point.distance_squared(p)) {
+                let place = nearest.partition_point(|known| known.0 <= here.1);
+                nearest.insert(place, (here.1, rim));
                 nearest.truncate(RIM_TRIED);
             }
         }

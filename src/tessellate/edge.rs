@@ -295,7 +295,10 @@ impl<'a> Walker<'a> {
             let (x, y) = (a.uv[axis] - crease, b.uv[axis] - crease);
             if x * y < 0.0 {
                 let curve = &self.uses[k].curve;
-                let t = crossing(curve, [a.t, b.t], axis, crease);
+                let Some(t) = crossing(curve, [a.t, b.t], axis, crease) else {
+                    at += 1;
+                    continue;
+                };
                 let face = &self.faces[self.uses[k].face];
                 let point = face.point(curve.evaluate(t));
                 let first = &self.uses[0];
@@ -320,10 +323,19 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// Where a curve passes a line between two parameters on different sides of it, by halving.
-fn crossing(curve: &Curve<DVec2>, [mut low, mut high]: [f64; 2], axis: usize, value: f64) -> f64 {
+/// Where a curve passes a line between two parameters, by halving; `None` if they are on the same
+/// side of it.
+fn crossing(
+    curve: &Curve<DVec2>,
+    [mut low, mut high]: [f64; 2],
+    axis: usize,
+    value: f64,
+) -> Option<f64> {
     let side = |t: f64| curve.evaluate(t)[axis] > value;
     let first = side(low);
+    if side(high) == first {
+        return None;
+    }
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if side(middle) == first {
@@ -332,7 +344,7 @@ fn crossing(curve: &Curve<DVec2>, [mut low, mut high]: [f64; 2], axis: usize, va
             high = middle;
         }
     }
-    0.5 * (low + high)
+    Some(0.5 * (low + high))
 }
 
 /// How far a part of a curve strays from the straight way between two points, by its

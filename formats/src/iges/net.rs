@@ -11,6 +11,10 @@ use crate::Problem;
 /// Largest step backwards of a knot that is taken for rounding, relative to all knots.
 const KNOT_SLACK: f64 = 1e-3;
 
+/// Knots that are nearer to each other, as a share of all, are one: they bound no part of a surface
+/// that is larger than the rounding of its points.
+const KNOT_ROUNDING: f64 = 1e-12;
+
 /// Largest distance of two parameters that are taken for equal, relative to the domain.
 const PARAMETER_SLACK: f64 = 1e-9;
 
@@ -168,6 +172,10 @@ impl Net {
         for &direction in directions {
             straighten(&mut self.knots[direction], direction, repairs);
             self.drop_unused(direction, repairs);
+            if self.close_up(direction, repairs) {
+                // What is unused now was told.
+                self.drop_unused(direction, &mut Vec::new());
+            }
         }
         if let Some(index) = self.weights.iter().position(|w| *w <= 0.0) {
             let found = self.weights[index];
@@ -188,6 +196,35 @@ impl Net {
             return Err(Problem::Unsupported(text));
         }
         Ok(())
+    }
+
+    /// Makes one knot of those at an end of the domain that differ by rounding only; the spans
+    /// between them would have derivatives without meaning.
+    fn close_up(&mut self, direction: usize, repairs: &mut Vec<Problem>) -> bool {
+        let (degree, count) = (self.degrees[direction], self.count(direction));
+        let knots = &mut self.knots[direction];
+        let (first, last) = (knots[degree], knots[count]);
+        let slack = (last - first) * KNOT_ROUNDING;
+        let near = |end: f64| move |knot: &f64| *knot - end != 0.0 && (*knot - end).abs() <= slack;
+        let moved = knots
+            .iter()
+            .filter(|k| near(first)(k) || near(last)(k))
+            .count();
+        if moved == 0 {
+            return false;
+        }
+        for knot in knots {
+            for end in [first, last] {
+                if near(end)(knot) {
+                    *knot = end;
+                }
+            }
+        }
+        repairs.push(Problem::Invalid(format!(
+            "{} knots at an end of the domain differ by rounding; they are made equal",
+            name(direction)
+        )));
+        true
     }
 
     /// Number of control points along a direction.
@@ -357,8 +394,8 @@ fn restricted(
     repairs: &mut Vec<Problem>,
 ) -> Result<Surface, Problem> {
     let [u, v] = wanted;
-    let u = part("u", u, surface.knots_u().domain(), repairs);
-    let v = part("v", v, surface.knots_v().domain(), repairs);
+    let u = part("u", u, surface.knots_u(), repairs);
+    let v = part("v", v, surface.knots_v(), repairs);
     let surface = match u {
         Some(range) => surface.restricted_u(range).map_err(Problem::Geometry)?,
         None => surface,
@@ -373,25 +410,15 @@ fn restricted(
 fn part(
     name: &str,
     wanted: Range<f64>,
-    domain: Range<f64>,
+    knots: &KnotVector,
     repairs: &mut Vec<Problem>,
 ) -> Option<Range<f64>> {
     if wanted == (0.0..0.0) {
         // Left empty.
         return None;
     }
-    let slack = (domain.end - domain.start) * PARAMETER_SLACK;
-    let near = |a: f64, b: f64| (a - b).abs() <= slack;
-    let start = if near(wanted.start, domain.start) {
-        domain.start
-    } else {
-        wanted.start
-    };
-    let end = if near(wanted.end, domain.end) {
-        domain.end
-    } else {
-        wanted.end
-    };
+    let domain = knots.domain();
+    let Range { start, end } = knots.snapped(wanted.clone(), PARAMETER_SLACK);
     if (start..end) == domain {
         return None;
     }
@@ -463,9 +490,29 @@ mod tests {
         let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", "0.25,0.5,0.,1."));
         assert_eq!(surface.knots_u().domain(), 0.25..0.5);
         assert_eq!(repairs, [""; 0]);
+        // Beside a knot, nothing is left of its span.
+        let knots = ["0.,0.,1.,2.,2.", UNIT];
+        let range = "0.999999999999999,2.,0.,1.";
+        let (surface, repairs) = one(&flat([3, 2], knots, "1,1,1,1,1,1", range));
+        assert_eq!(surface.knots_u().as_slice(), [1.0, 1.0, 2.0, 2.0]);
+        assert_eq!(repairs, [""; 0]);
         let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", "0.5,0.25,0.,7."));
         assert_eq!(surface.knots_u().domain(), 0.0..1.0);
         assert_eq!(repairs.len(), 2);
+    }
+
+    #[test]
+    fn spans_of_rounding_at_the_ends_are_dropped() {
+        let (surface, repairs) = one(&flat(
+            [4, 2],
+            ["-1E-15,-1E-15,0.,2.,2.,2.000000000000001", UNIT],
+            "1,1,1,1,1,1,1,1",
+            "0.,2.,0.,1.",
+        ));
+        assert_eq!(surface.knots_u().as_slice(), [-1e-15, -1e-15, 2.0, 2.0]);
+        let middle = surface.evaluate(DVec2::new(1.0, 0.5));
+        assert!(middle.distance(DVec3::new(1.5, 0.5, 0.0)) < 1e-14);
+        assert_eq!(repairs.len(), 1, "{repairs:?}");
     }
 
     #[test]

@@ -147,6 +147,9 @@ pub(super) struct Element {
     pub(super) specials: Specials,
 }
 
+/// Written parameters this close, as a share of the domain, are the same.
+const ROUNDING: f64 = 1e-9;
+
 /// What an element became, and what had to be repaired for it.
 #[derive(Clone, Debug)]
 pub(super) struct Built<T> {
@@ -336,7 +339,7 @@ fn used_range(
     repairs: &mut Vec<String>,
 ) -> Range<f64> {
     // Written numbers are rounded: an end this close to that of the domain means that end.
-    let near = 1e-9 * (domain.end - domain.start);
+    let near = ROUNDING * (domain.end - domain.start);
     let (mut start, mut end) = (asked.start, asked.end);
     if start < domain.start - near || end > domain.end + near || start >= end {
         let used = start.max(domain.start)..end.min(domain.end);
@@ -423,6 +426,10 @@ fn restricted(
     let (u, v) = (
         common(domain_u.clone(), range_u),
         common(domain_v.clone(), range_v),
+    );
+    let (u, v) = (
+        surface.knots_u().snapped(u, ROUNDING),
+        surface.knots_v().snapped(v, ROUNDING),
     );
     if u.start >= u.end || v.start >= v.end {
         return Ok(None);
