@@ -9,7 +9,7 @@ use spade::{CdtEdge, ConstrainedDelaunayTriangulation, HasPosition, Point2, Tria
 
 use super::Limits;
 use super::pieces::Rect;
-use super::rim::{Face, SNAP};
+use super::rim::Face;
 use super::seed::{Seed, seeds};
 
 /// Rounds of refinement.
@@ -17,6 +17,10 @@ const ROUNDS: usize = 60;
 
 /// Vertices of one face.
 const MOST_VERTICES: usize = 20_000_000;
+
+/// Corners that are one point of space, and no farther apart than this share of the domain, are one:
+/// between them is the gap of a loop, which may run back over its own curves.
+const SAME: f64 = 1e-5;
 
 /// The part of the tolerance that is aimed at: the rest is for rounding on the way to files.
 const AIM: f64 = 0.99;
@@ -109,7 +113,7 @@ impl<'a> Mesher<'a> {
             known: HashMap::new(),
         };
         let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> = HashMap::new();
-        let near = face.pieces.domain().size() * SNAP;
+        let near = face.pieces.domain().size() * SAME;
         let mut owners: HashMap<[u32; 2], usize> = HashMap::new();
         let mut conflicts = Vec::new();
         let mut handles = Vec::new();
@@ -242,6 +246,7 @@ impl<'a> Mesher<'a> {
 
     /// Draws the creases of the surface between the boundary's points on them.
     fn add_creases(&mut self) {
+        self.cross_creases();
         for axis in 0..2 {
             let along = 1 - axis;
             for &crease in &self.face.pieces.creases[axis] {
@@ -265,6 +270,19 @@ impl<'a> Mesher<'a> {
                     if region.is_none_or(|r| r.contains(middle)) {
                         self.add_crease(place(pair[0]), place(pair[1]));
                     }
+                }
+            }
+        }
+    }
+
+    /// Puts points where creases cross each other, so that each is drawn from one to the next.
+    fn cross_creases(&mut self) {
+        let [across_u, across_v] = &self.face.pieces.creases;
+        for &u in across_u {
+            for &v in across_v {
+                let uv = DVec2::new(u, v);
+                if self.face.region.as_ref().is_none_or(|r| r.contains(uv)) {
+                    self.insert(uv, None);
                 }
             }
         }
@@ -444,7 +462,11 @@ impl<'a> Mesher<'a> {
         let [a, b, c] = corners.map(|k| self.vertices[k as usize]);
         let rect = Rect::around([a.uv, b.uv, c.uv]);
         let spread = self.face.pieces.spread(&rect);
-        let bound = spread.triangle([a.uv, b.uv, c.uv], rect.size());
+        let bound = if self.face.pieces.is_creased_inside(&rect) {
+            spread.bent(rect.size())
+        } else {
+            spread.triangle([a.uv, b.uv, c.uv], rect.size())
+        };
         let gap = a.gap.max(b.gap).max(c.gap);
         let tolerance = AIM * self.face.tolerance;
         let mut ratio = bound / (tolerance - gap).max(0.1 * tolerance);

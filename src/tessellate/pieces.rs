@@ -105,6 +105,12 @@ impl Spread {
         0.5 * longest / (4.0 - excess * excess / product)
     }
 
+    /// As [`Spread::triangle`] for any triangle in a rectangle of this size over which first
+    /// derivatives jump: by what they differ from their middle, at most, over all of it.
+    pub(super) fn bent(&self, size: DVec2) -> f64 {
+        self.du.radius * size.x + self.dv.radius * size.y
+    }
+
     /// How far the surface over the segment along `d` is from the chord.
     pub(super) fn chord(&self, d: DVec2, size: DVec2) -> f64 {
         self.bend(d, size) / 8.0
@@ -250,6 +256,17 @@ impl<'a> Pieces<'a> {
             let (low, high) = (a[axis].min(b[axis]), a[axis].max(b[axis]));
             let k = self.creases[axis].partition_point(|&k| k < low);
             self.creases[axis].get(k).is_some_and(|&k| k <= high)
+        })
+    }
+
+    /// Whether a crease passes through the inside of a rectangle.
+    pub(super) fn is_creased_inside(&self, rect: &Rect) -> bool {
+        (0..2).any(|axis| {
+            let slack = 1e-9 * (rect.max[axis] - rect.min[axis]);
+            let k = self.creases[axis].partition_point(|&k| k <= rect.min[axis] + slack);
+            self.creases[axis]
+                .get(k)
+                .is_some_and(|&k| k < rect.max[axis] - slack)
         })
     }
 

@@ -3,8 +3,8 @@
 //! Files of surfaces mostly say nothing about neighbours. Here two stretches of boundary become one
 //! edge if they have the same ends and stay together in between, first within a thousandth
 //! of the tolerance, then within more and more of it: what fits well finds its partner before
-//! a wider reach could confuse it with something else. Seams that a file names come last, as
-//! far apart as they are.
+//! a wider reach could confuse it with something else. Seams that a file names come last; they may
+//! be as far apart as the tolerance.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -207,7 +207,9 @@ pub(crate) fn sew(
         sewer.match_strands(reach, seams);
     }
     let widest = tolerance * REACHES[REACHES.len() - 1];
-    for seam in named.iter().filter(|seam| seam.gap > widest) {
+    // Wider ones would move a border by more than the tolerance.
+    let is_wide = |seam: &&Named<'_>| seam.gap > widest && seam.gap <= tolerance;
+    for seam in named.iter().filter(is_wide) {
         sewer.close(seam, tolerance);
     }
     sewer.finish()
