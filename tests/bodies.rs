@@ -18,8 +18,7 @@ use nurbray::{Accelerator, Certificate, Certifier, METHODS, Workspace};
 
 /// Closed bodies, from the folder above this one: faces of planes and quadrics, of revolutions
 /// and of free surfaces, whole spheres and tori, faces with holes, and faces inside out.
-const BODIES: [&str; 12] = [
-    "samples/can.igs",
+const BODIES: [&str; 11] = [
     "samples/sphere_torus.x3d",
     "../shared/corpus/iges/cmp_explicit_tetrahedron_solid.igs",
     "../shared/corpus/iges/gmsh_sphere_Rhino3D_default.igs",
@@ -103,13 +102,6 @@ fn shoot_all(count: usize) {
 }
 
 #[test]
-#[ignore = "takes a minute"]
 fn first_hits_are_the_proven_ones() {
-    shoot_all(1000);
-}
-
-#[test]
-#[ignore = "takes minutes"]
-fn first_hits_of_many_rays_are_the_proven_ones() {
     shoot_all(10_000);
 }
