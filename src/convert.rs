@@ -6,7 +6,7 @@ use std::path::Path;
 use formats::Export;
 use kernel::Scene;
 
-use crate::gltf::{self, Container, Source};
+use crate::gltf::{self, Container, Packing, Source};
 use crate::polygons;
 use crate::tessellate::Tessellation;
 
@@ -27,7 +27,9 @@ pub struct MeshWriter {
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],
     /// Scene and triangles to bytes; the name is that of the file without its ending.
-    pub write: fn(&Scene, &Tessellation, &Source, &str) -> io::Result<Export>,
+    pub write: fn(&Scene, &Tessellation, &Source, Packing, &str) -> io::Result<Export>,
+    /// Whether [`Packing`] makes its files smaller.
+    pub packs: bool,
 }
 
 /// All formats of triangles.
@@ -35,31 +37,36 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
     MeshWriter {
         name: "glTF binary",
         extensions: &["glb"],
-        write: |scene, mesh, source, stem| {
-            gltf::write(scene, mesh, source, Container::Binary, stem)
+        write: |scene, mesh, source, packing, stem| {
+            gltf::write(scene, mesh, source, (Container::Binary, packing), stem)
         },
+        packs: true,
     },
     MeshWriter {
         name: "glTF",
         extensions: &["gltf"],
-        write: |scene, mesh, source, stem| {
-            gltf::write(scene, mesh, source, Container::Separate, stem)
+        write: |scene, mesh, source, packing, stem| {
+            gltf::write(scene, mesh, source, (Container::Separate, packing), stem)
         },
+        packs: true,
     },
     MeshWriter {
         name: "STL",
         extensions: &["stl"],
-        write: |scene, mesh, _, _| Ok(polygons::stl(scene, mesh)),
+        write: |scene, mesh, _, _, _| Ok(polygons::stl(scene, mesh)),
+        packs: false,
     },
     MeshWriter {
         name: "PLY",
         extensions: &["ply"],
-        write: |scene, mesh, _, _| Ok(polygons::ply(scene, mesh)),
+        write: |scene, mesh, _, _, _| Ok(polygons::ply(scene, mesh)),
+        packs: false,
     },
     MeshWriter {
         name: "OBJ polygons",
         extensions: &["obj"],
-        write: |scene, mesh, _, _| Ok(polygons::obj(scene, mesh)),
+        write: |scene, mesh, _, _, _| Ok(polygons::obj(scene, mesh)),
+        packs: false,
     },
 ];
 

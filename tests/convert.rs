@@ -161,6 +161,78 @@ fn triangles_in_glb_are_aligned_measured_and_the_same_every_time() {
     assert_eq!(json["materials"].as_array().unwrap().len(), 2);
 }
 
+/// Header and first buffer of a `.glb`.
+fn parts(bytes: &[u8]) -> (Value, &[u8]) {
+    let length = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let text = &bytes[20..20 + length(12)];
+    (
+        serde_json::from_slice(text).unwrap(),
+        &bytes[28 + text.len()..],
+    )
+}
+
+/// The largest distance of the points of the first mesh on a grid from those in single precision.
+fn moved(coarse: (&Value, &[u8]), fine: (&Value, &[u8])) -> f64 {
+    let number = |value: &Value| usize::try_from(value.as_u64().unwrap_or(0)).unwrap();
+    let positions = |json: &Value| {
+        let at = &json["meshes"][0]["primitives"][0]["attributes"]["POSITION"];
+        let accessor = &json["accessors"][number(at)];
+        let view = &json["bufferViews"][number(&accessor["bufferView"])];
+        (number(&view["byteOffset"]), number(&accessor["count"]))
+    };
+    let ((coarse_at, count), (fine_at, same)) = (positions(coarse.0), positions(fine.0));
+    assert_eq!(count, same);
+    let nodes = coarse.0["nodes"].as_array().unwrap();
+    let node = nodes.iter().find(|node| node["mesh"] == 0).unwrap();
+    let of = |key: &str, k: usize| node[key][k].as_f64().unwrap();
+    let distance = |vertex: usize| {
+        let square = |k: usize| {
+            let at = coarse_at + 8 * vertex + 2 * k;
+            let step = u16::from_le_bytes(coarse.1[at..at + 2].try_into().unwrap());
+            let there = of("translation", k) + of("scale", k) * f64::from(step);
+            let at = fine_at + 12 * vertex + 4 * k;
+            let here = f32::from_le_bytes(fine.1[at..at + 4].try_into().unwrap());
+            (there - f64::from(here)).powi(2)
+        };
+        (0..3).map(square).sum::<f64>().sqrt()
+    };
+    (0..count).map(distance).fold(0.0, f64::max)
+}
+
+#[test]
+fn small_files_keep_the_tolerance() {
+    let place = Place::new();
+    let run = |options: &str, out: &str| {
+        let run = place.run(&format!(
+            "convert samples/can.igs -o {out} --json {options}"
+        ));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let deviation = lines(&run.stdout)[0]["proven_deviation"].as_f64().unwrap();
+        (deviation, fs::read(place.path(out)).unwrap())
+    };
+    let (deviation, small) = run("--quantize --tolerance 0.05", "small.glb");
+    assert!(deviation <= 0.05, "{deviation}");
+    let (coarse, coarse_bytes) = parts(&small);
+    let extras = &coarse["asset"]["extras"];
+    assert!(extras["proven_deviation_m"].as_f64().unwrap() <= 0.05e-3);
+    // The same triangles in single precision: of the tolerance that the grid leaves.
+    let left = extras["tolerance_m"].as_f64().unwrap() / 1e-3;
+    let (_, large) = run(&format!("--tolerance {left}"), "large.glb");
+    let (fine, fine_bytes) = parts(&large);
+    let most = moved((&coarse, coarse_bytes), (&fine, fine_bytes));
+    assert!(most > 0.0 && most <= 0.05 - left, "{most}, {left} are left");
+    let (_, packed) = run("--quantize --meshopt --tolerance 0.05", "packed.glb");
+    let required = parts(&packed).0["extensionsRequired"].to_string();
+    for extension in ["KHR_mesh_quantization", "EXT_meshopt_compression"] {
+        assert!(required.contains(extension), "{required}");
+    }
+    assert!(small.len() < large.len() && packed.len() < small.len());
+    let refused = place.run("convert samples/can.igs -o can.stl --quantize");
+    assert!(refused.stderr.contains("for glTF"), "{}", refused.stderr);
+    let refused = place.run("convert samples/can.igs -o can.glb --quantize --tolerance 0.0001%");
+    assert!(refused.stderr.contains("too much"), "{}", refused.stderr);
+}
+
 #[test]
 fn a_batch_is_taken_up_again_and_divided() {
     let place = Place::new();

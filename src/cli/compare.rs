@@ -9,7 +9,7 @@ use anyhow::{Context as _, bail};
 use glam::DVec3;
 use nurbray::compare::{self, Candidate, Made, Report, Subject, View, read};
 use nurbray::formats::Limits;
-use nurbray::gltf::{self, Container};
+use nurbray::gltf::{self, Container, Packing};
 use nurbray::kernel::{Scene, linear_from_srgb};
 use nurbray::{TessellateOptions, Tolerance, output, tessellate};
 
@@ -170,7 +170,13 @@ fn own(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Candidate>> {
             ..TessellateOptions::default()
         };
         let triangles = tessellate(scene, &options);
-        let export = gltf::write(scene, &triangles, &source, Container::Binary, "mesh")?;
+        let export = gltf::write(
+            scene,
+            &triangles,
+            &source,
+            (Container::Binary, Packing::default()),
+            "mesh",
+        )?;
         let path = args.output.join(format!("mesh{number}.glb"));
         output::replace_file(&path, |file| file.write_all(&export.bytes))
             .with_context(|| path.display().to_string())?;

@@ -9,7 +9,7 @@ use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
 use nurbray::formats::{Export, FORMATS};
-use nurbray::gltf::Source;
+use nurbray::gltf::{Packing, Source};
 use nurbray::kernel::Scene;
 use nurbray::{output, tessellate};
 use serde_json::{Value, json};
@@ -312,11 +312,20 @@ pub(super) fn export(
             Ok((export, json!({})))
         }
         Target::Triangles(writer) => {
+            let packing = mesh.packing();
+            if !writer.packs && packing != Packing::default() {
+                bail!(
+                    "{}: --quantize and --meshopt are for glTF; {} has nothing like it",
+                    written(),
+                    writer.name
+                );
+            }
             let started = Instant::now();
             let triangles = tessellate(scene, &mesh.options(scene)?);
-            let mut report = mesh::report(&triangles);
+            let mut report = mesh::report(&triangles, mesh.rounding(scene));
             report["tessellate_s"] = started.elapsed().as_secs_f64().into();
-            let export = (writer.write)(scene, &triangles, origin, &stem).with_context(written)?;
+            let export =
+                (writer.write)(scene, &triangles, origin, packing, &stem).with_context(written)?;
             Ok((export, report))
         }
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
-use nurbray::gltf::Source;
+use nurbray::gltf::{self, Packing, Source};
 use nurbray::kernel::{Camera, Scene};
 use nurbray::{FaceMesh, Screen, TessellateOptions, Tessellation, Tolerance};
 use serde_json::{Value, json};
@@ -27,6 +27,13 @@ pub(super) struct MeshArgs {
     /// the file, but not finer than --tolerance
     #[arg(long, value_name = "PX", value_parser = pixels)]
     screen: Option<f64>,
+    /// Smaller glTF: positions on a grid of 16 bits, normals within half a degree
+    /// (`KHR_mesh_quantization`); the tolerance holds all the same
+    #[arg(long)]
+    quantize: bool,
+    /// Smaller glTF: compressed, for programs that know `EXT_meshopt_compression`
+    #[arg(long)]
+    meshopt: bool,
 }
 
 /// A length on the command line.
@@ -100,6 +107,23 @@ impl Distance {
 }
 
 impl MeshArgs {
+    /// What is to make files smaller.
+    pub(super) fn packing(&self) -> Packing {
+        Packing {
+            quantize: self.quantize,
+            meshopt: self.meshopt,
+        }
+    }
+
+    /// How far points are moved after they were made into triangles.
+    pub(super) fn rounding(&self, scene: &Scene) -> f64 {
+        if self.quantize {
+            gltf::quantization_error(scene)
+        } else {
+            0.0
+        }
+    }
+
     /// What they ask for in a scene.
     pub(super) fn options(&self, scene: &Scene) -> anyhow::Result<TessellateOptions> {
         let max_edge = self.max_edge.map(|most| most.length(scene)).transpose()?;
@@ -113,8 +137,21 @@ impl MeshArgs {
                 height: ROWS,
             }
         });
+        let mut tolerance = self.tolerance.tolerance(scene)?;
+        let error = self.rounding(scene);
+        if error > 0.0 {
+            // What is left when positions have been moved to their grid.
+            let most = self.tolerance.length(scene)?;
+            if error > 0.5 * most {
+                bail!(
+                    "--quantize moves points by up to {error:.3e}, too much for a tolerance of \
+                     {most:.3e}; leave it out or allow more"
+                );
+            }
+            tolerance = Tolerance::Length(most - error);
+        }
         Ok(TessellateOptions {
-            tolerance: self.tolerance.tolerance(scene)?,
+            tolerance,
             angle: self.angle.to_radians(),
             max_edge,
             screen,
@@ -140,8 +177,8 @@ pub(super) fn source(path: &Path) -> anyhow::Result<Source> {
     Ok(Source { name, sha256 })
 }
 
-/// What there is to say about triangles.
-pub(super) fn report(triangles: &Tessellation) -> Value {
+/// What there is to say about triangles whose points are moved by up to `rounding` afterwards.
+pub(super) fn report(triangles: &Tessellation, rounding: f64) -> Value {
     let faces = || triangles.faces.iter().flatten();
     let most = |get: fn(&FaceMesh) -> f64| {
         faces()
@@ -151,9 +188,9 @@ pub(super) fn report(triangles: &Tessellation) -> Value {
     let shells = &triangles.shells;
     json!({
         "triangles": faces().map(|face| face.mesh.triangles().len()).sum::<usize>(),
-        "tolerance": triangles.tolerance,
-        "proven_deviation": most(|face| face.proven),
-        "sampled_deviation": most(|face| face.sampled),
+        "tolerance": triangles.tolerance + rounding,
+        "proven_deviation": most(|face| face.proven) + rounding,
+        "sampled_deviation": most(|face| face.sampled) + rounding,
         "largest_gap": most(|face| face.gap),
         "unproven_triangles": faces().map(|face| face.unproven).sum::<usize>(),
         "shells": shells.len(),

@@ -1,13 +1,16 @@
 //! Bytes of vertices and indices, and what the file says about them.
 
 use std::collections::BTreeMap;
+use std::io;
 
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf_json::buffer::{Stride, Target, View};
 use gltf_json::validation::Checked::Valid;
 use gltf_json::validation::USize64;
 use gltf_json::{Accessor, Index};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
+
+use super::meshopt::{self, COMPRESSION};
 
 /// One kind of data; all of a kind lies in one view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -16,8 +19,29 @@ enum Kind {
     Vec3,
     Vec4,
     Color,
+    /// Steps along the axes, of a grid.
+    Steps,
+    /// Directions in bytes.
+    Direction,
+    /// Texture coordinates from 0 to 1.
+    Share2,
+    /// Colours from 0 to 1.
+    Share4,
     Index16,
     Index32,
+}
+
+impl Kind {
+    /// Bytes from one vertex to the next; `None` for indices.
+    fn stride(self) -> Option<usize> {
+        match self {
+            Self::Direction | Self::Share2 => Some(4),
+            Self::Vec2 | Self::Steps | Self::Share4 => Some(8),
+            Self::Vec3 => Some(12),
+            Self::Vec4 | Self::Color => Some(16),
+            Self::Index16 | Self::Index32 => None,
+        }
+    }
 }
 
 /// Data in the making.
@@ -43,6 +67,59 @@ impl Data {
         let value = |corner: [f32; 3]| Some(json!(corner.map(f64::from)));
         let accessor = &mut self.accessors[index.value()].1;
         (accessor.min, accessor.max) = (value(bounds[0]), value(bounds[1]));
+        index
+    }
+
+    /// Stores steps along the axes with the least and the largest.
+    pub(super) fn add_steps(&mut self, points: &[[u16; 3]]) -> Index<Accessor> {
+        let bytes = points.iter().flat_map(|[x, y, z]| [x, y, z, &0]);
+        let bytes = bytes.flat_map(|x| x.to_le_bytes());
+        let index = self.add(
+            Kind::Steps,
+            ComponentType::U16,
+            Type::Vec3,
+            points.len(),
+            bytes,
+        );
+        let most = |a: [u16; 3], b: &[u16; 3]| [0, 1, 2].map(|k| a[k].max(b[k]));
+        let least = |a: [u16; 3], b: &[u16; 3]| [0, 1, 2].map(|k| a[k].min(b[k]));
+        let accessor = &mut self.accessors[index.value()].1;
+        accessor.min = Some(json!(points.iter().fold([u16::MAX; 3], least)));
+        accessor.max = Some(json!(points.iter().fold([0; 3], most)));
+        index
+    }
+
+    /// Stores unit vectors, in bytes: within half a degree.
+    #[expect(clippy::cast_possible_truncation, reason = "from -127 to 127")]
+    pub(super) fn add_directions(&mut self, vectors: &[[f32; 3]]) -> Index<Accessor> {
+        let byte = |x: f32| (x * 127.0).round() as i8;
+        let bytes = vectors.iter().flat_map(|v| {
+            let [x, y, z] = v.map(byte);
+            [x, y, z, 0].map(i8::cast_unsigned)
+        });
+        let count = vectors.len();
+        let index = self.add(Kind::Direction, ComponentType::I8, Type::Vec3, count, bytes);
+        self.accessors[index.value()].1.normalized = true;
+        index
+    }
+
+    /// Stores numbers from 0 to 1, in steps of a 65535th.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "from 0 to 65535"
+    )]
+    pub(super) fn add_shares<const N: usize>(&mut self, vectors: &[[f32; N]]) -> Index<Accessor> {
+        let (kind, type_) = if N == 2 {
+            (Kind::Share2, Type::Vec2)
+        } else {
+            (Kind::Share4, Type::Vec4)
+        };
+        let step = |x: &f32| (x * f32::from(u16::MAX)).round() as u16;
+        let bytes = vectors.iter().flatten().map(step);
+        let bytes = bytes.flat_map(u16::to_le_bytes);
+        let index = self.add(kind, ComponentType::U16, type_, vectors.len(), bytes);
+        self.accessors[index.value()].1.normalized = true;
         index
     }
 
@@ -135,37 +212,54 @@ impl Data {
         Index::new(number(self.accessors.len() - 1))
     }
 
-    /// Puts accessors and views into the file; what is left is the content of the buffer.
-    pub(super) fn finish(self, root: &mut gltf_json::Root) -> Vec<u8> {
-        let mut buffer = Vec::new();
+    /// Puts accessors and views into the file; what is left is the content of its first buffer.
+    /// Compressed views also have a place in a second one, which is nowhere.
+    ///
+    /// # Errors
+    /// If compression fails.
+    pub(super) fn finish(self, root: &mut gltf_json::Root, compress: bool) -> io::Result<Contents> {
+        let (mut buffer, mut unpacked) = (Vec::new(), 0);
         let mut places: BTreeMap<Kind, Index<View>> = BTreeMap::new();
         for (kind, bytes) in self.views {
-            let offset = buffer.len();
-            let is_index = matches!(kind, Kind::Index16 | Kind::Index32);
-            let stride = match kind {
-                Kind::Vec2 => Some(8),
-                Kind::Vec3 => Some(12),
-                Kind::Vec4 | Kind::Color => Some(16),
-                Kind::Index16 | Kind::Index32 => None,
-            };
-            let target = if is_index {
+            let stride = kind.stride();
+            let target = if stride.is_none() {
                 Target::ElementArrayBuffer
             } else {
                 Target::ArrayBuffer
             };
             places.insert(kind, Index::new(number(root.buffer_views.len())));
-            root.buffer_views.push(View {
+            let mut view = View {
                 buffer: Index::new(0),
                 byte_length: USize64::from(bytes.len()),
-                byte_offset: (offset > 0).then(|| USize64::from(offset)),
+                byte_offset: (!buffer.is_empty()).then(|| USize64::from(buffer.len())),
                 byte_stride: stride.map(Stride),
                 name: None,
                 // Vectors of four are not vertices but places of instances.
                 target: (kind != Kind::Vec4).then_some(Valid(target)),
                 extensions: None,
                 extras: None,
-            });
-            buffer.extend(bytes);
+            };
+            if compress {
+                let packed = packed(kind, &bytes)?;
+                let content = json!({
+                    "buffer": 0,
+                    "byteOffset": buffer.len(),
+                    "byteLength": packed.bytes.len(),
+                    "byteStride": stride.unwrap_or(if kind == Kind::Index16 { 2 } else { 4 }),
+                    "count": packed.count,
+                    "mode": packed.mode,
+                });
+                view.buffer = Index::new(1);
+                view.byte_offset = (unpacked > 0).then(|| USize64::from(unpacked));
+                view.extensions = Some(gltf_json::extensions::buffer::View {
+                    others: Map::from_iter([(COMPRESSION.to_owned(), content)]),
+                });
+                unpacked = (unpacked + bytes.len()).next_multiple_of(4);
+                buffer.extend(packed.bytes);
+            } else {
+                buffer.extend(bytes);
+            }
+            root.buffer_views.push(view);
             buffer.resize(buffer.len().next_multiple_of(4), 0);
         }
         for (kind, mut accessor) in self.accessors {
@@ -187,7 +281,31 @@ impl Data {
             buffer.extend(bytes);
             buffer.resize(buffer.len().next_multiple_of(4), 0);
         }
-        buffer
+        Ok(Contents { buffer, unpacked })
+    }
+}
+
+/// What the buffers of a file hold.
+pub(super) struct Contents {
+    /// The bytes of the first.
+    pub(super) buffer: Vec<u8>,
+    /// The length of the second, into which compressed views are unpacked.
+    pub(super) unpacked: usize,
+}
+
+/// A view, compressed.
+fn packed(kind: Kind, bytes: &[u8]) -> io::Result<meshopt::Packed> {
+    let words = |width: usize| bytes.chunks_exact(width);
+    match kind.stride() {
+        Some(stride) => meshopt::vertices(bytes, stride),
+        None if kind == Kind::Index16 => {
+            let indices = words(2).map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])));
+            meshopt::triangles(&indices.collect::<Vec<_>>())
+        }
+        None => {
+            let indices = words(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+            meshopt::triangles(&indices.collect::<Vec<_>>())
+        }
     }
 }
 

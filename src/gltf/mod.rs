@@ -5,6 +5,7 @@
 
 mod buffer;
 mod look;
+mod meshopt;
 mod pictures;
 mod place;
 mod shapes;
@@ -18,7 +19,8 @@ use kernel::{Scene, UpAxis};
 use serde_json::{Map, Value, json};
 
 use crate::tessellate::Tessellation;
-use buffer::{extras, number};
+use buffer::{Contents, extras, number};
+use meshopt::COMPRESSION;
 use place::Place;
 use shapes::Shapes;
 
@@ -29,6 +31,22 @@ pub enum Container {
     Binary,
     /// Text and numbers apart: `.gltf` and `.bin`.
     Separate,
+}
+
+/// What makes files smaller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Packing {
+    /// Positions on a grid of 65535 steps along the longest side of a mesh, normals in bytes
+    /// (`KHR_mesh_quantization`).
+    pub quantize: bool,
+    /// Compressed views (`EXT_meshopt_compression`).
+    pub meshopt: bool,
+}
+
+/// How far [`Packing::quantize`] moves a point at most, in units of the scene, where nodes keep
+/// angles.
+pub fn quantization_error(scene: &Scene) -> f64 {
+    0.5 * 3.0_f64.sqrt() * scene.hull_bounds().diagonal() / f64::from(u16::MAX)
 }
 
 /// Where a scene comes from, as files tell it.
@@ -43,12 +61,12 @@ pub struct Source {
 /// The content of a glTF file; `stem` names the file beside it.
 ///
 /// # Errors
-/// If there is nothing to write, or more than a binary file can hold.
+/// If there is nothing to write, more than a binary file can hold, or compression fails.
 pub fn write(
     scene: &Scene,
     triangles: &Tessellation,
     source: &Source,
-    container: Container,
+    (container, packing): (Container, Packing),
     stem: &str,
 ) -> std::io::Result<Export> {
     let mut root = gltf_json::Root::default();
@@ -67,7 +85,7 @@ pub fn write(
     place.apply_to(&mut top);
     root.nodes.push(top);
     let top = Index::new(0);
-    let mut shapes = Shapes::new(scene, triangles);
+    let mut shapes = Shapes::new(scene, triangles, packing.quantize);
     tree::add(scene, &mut shapes, top, &mut root)?;
     let mut roots = vec![top];
     if root.nodes[0].children.is_none() {
@@ -92,28 +110,53 @@ pub fn write(
         nodes: roots,
     });
     root.scene = Some(Index::new(0));
-    let bytes = data.finish(&mut root);
+    let Contents { buffer, unpacked } = data.finish(&mut root, packing.meshopt)?;
     let uri = format!("{stem}.bin");
     root.buffers.push(Buffer {
-        byte_length: USize64::from(bytes.len()),
+        byte_length: USize64::from(buffer.len()),
         name: None,
         uri: (container == Container::Separate).then(|| escaped(&uri)),
         extensions: None,
         extras: None,
     });
+    if packing.quantize {
+        require(&mut root, QUANTIZATION);
+    }
+    if unpacked > 0 {
+        require(&mut root, COMPRESSION);
+        let content = json!({ "fallback": true });
+        root.buffers.push(Buffer {
+            byte_length: USize64::from(unpacked),
+            name: None,
+            uri: None,
+            extensions: Some(gltf_json::extensions::buffer::Buffer {
+                others: Map::from_iter([(COMPRESSION.to_owned(), content)]),
+            }),
+            extras: None,
+        });
+    }
     // Through a value: keys in the order of their names.
     let text = serde_json::to_vec(&compact(serde_json::to_value(&root)?))?;
     Ok(match container {
         Container::Binary => Export {
-            bytes: binary(text, bytes)?,
+            bytes: binary(text, buffer)?,
             ..Export::default()
         },
         Container::Separate => Export {
             bytes: text,
-            beside: vec![(uri, bytes)],
+            beside: vec![(uri, buffer)],
             ..Export::default()
         },
     })
+}
+
+/// The extension for positions and normals that are not of single precision.
+const QUANTIZATION: &str = "KHR_mesh_quantization";
+
+/// Names an extension without which the file cannot be shown.
+fn require(root: &mut gltf_json::Root, extension: &str) {
+    root.extensions_used.push(extension.to_owned());
+    root.extensions_required.push(extension.to_owned());
 }
 
 /// Adds cameras and lights beside the node with the shapes.

@@ -18,11 +18,56 @@ use crate::tessellate::Tessellation;
 /// Coordinates this many times larger than the box around a mesh are measured from its middle.
 const FAR: f64 = 16.0;
 
-/// A mesh of the file, and the point its coordinates are measured from.
+/// A mesh of the file, and the point that its coordinates are measured from, in which steps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
     pub(super) mesh: Index<Mesh>,
     pub(super) origin: DVec3,
+    pub(super) step: f64,
+}
+
+/// Where positions are measured from.
+#[derive(Clone, Copy, Debug)]
+struct Grid {
+    origin: DVec3,
+    /// The distance from one position to the next; `None` if they are in single precision.
+    step: Option<f64>,
+}
+
+impl Grid {
+    /// For positions in single precision: from the middle of what is far away.
+    fn fine(bounds: &Aabb) -> Self {
+        let far = bounds.center().abs().max_element() > FAR * bounds.diagonal();
+        let origin = if far { bounds.center() } else { DVec3::ZERO };
+        Self { origin, step: None }
+    }
+
+    /// With steps that reach all of a box. Files hold its numbers in single precision.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounded so that the box is inside"
+    )]
+    fn coarse(bounds: &Aabb) -> Self {
+        let below = |x: f64| f64::from((x as f32).next_down());
+        let origin = bounds.min.map(below);
+        let longest = (bounds.max - origin).max_element() / f64::from(u16::MAX);
+        let step = (longest as f32).next_up().max(f32::MIN_POSITIVE);
+        let step = Some(f64::from(step));
+        Self { origin, step }
+    }
+
+    /// A position as the file has it, and how far that is from where it was.
+    fn place(&self, p: DVec3) -> ([f32; 3], f64) {
+        let near = p - self.origin;
+        let Some(step) = self.step else {
+            let stored = near.as_vec3();
+            return (stored.to_array(), near.distance(stored.as_dvec3()));
+        };
+        let steps = (near / step)
+            .round()
+            .clamp(DVec3::ZERO, DVec3::splat(65535.0));
+        (steps.as_vec3().to_array(), near.distance(steps * step))
+    }
 }
 
 /// What a primitive's triangles have in common.
@@ -61,6 +106,7 @@ pub(super) struct Reach {
 pub(super) struct Shapes<'a> {
     scene: &'a Scene,
     triangles: &'a Tessellation,
+    quantize: bool,
     /// For every patch whether its shell is closed.
     closed: Vec<bool>,
     known: HashMap<Vec<(Shape, Option<MaterialId>)>, Option<Placed>>,
@@ -70,7 +116,7 @@ pub(super) struct Shapes<'a> {
 }
 
 impl<'a> Shapes<'a> {
-    pub(super) fn new(scene: &'a Scene, triangles: &'a Tessellation) -> Self {
+    pub(super) fn new(scene: &'a Scene, triangles: &'a Tessellation, quantize: bool) -> Self {
         let mut closed = vec![false; scene.patches().len()];
         for shell in triangles.shells.iter().filter(|shell| shell.is_closed()) {
             for patch in &shell.patches {
@@ -80,6 +126,7 @@ impl<'a> Shapes<'a> {
         Self {
             scene,
             triangles,
+            quantize,
             closed,
             known: HashMap::new(),
             materials: Materials::default(),
@@ -124,13 +171,14 @@ impl<'a> Shapes<'a> {
     ) -> io::Result<Option<Placed>> {
         let meshes = items.iter().filter_map(|item| self.mesh(item.0));
         let bounds = meshes.fold(Aabb::EMPTY, |all, mesh| all.union(mesh.bounds()));
-        let center = if bounds.is_empty() {
-            DVec3::ZERO
+        if bounds.is_empty() {
+            return Ok(None);
+        }
+        let grid = if self.quantize {
+            Grid::coarse(&bounds)
         } else {
-            bounds.center()
+            Grid::fine(&bounds)
         };
-        let far = center.abs().max_element() > FAR * bounds.diagonal();
-        let origin = if far { center } else { DVec3::ZERO };
         let mut batches: BTreeMap<Look, Batch> = BTreeMap::new();
         for &(shape, material) in items {
             let Some(mesh) = self.mesh(shape) else {
@@ -147,7 +195,7 @@ impl<'a> Shapes<'a> {
             batch.material = material;
             let maps = material.map(|id| &self.scene.material(id).maps);
             let picture_from_shape = maps.map_or(DAffine2::IDENTITY, pictures::placement);
-            let rounding = batch.extend(mesh, shape, origin, &picture_from_shape);
+            let rounding = batch.extend(mesh, shape, &grid, &picture_from_shape);
             if let Shape::Patch(id) = shape
                 && let Some(face) = &self.triangles.faces[id.index()]
             {
@@ -179,7 +227,11 @@ impl<'a> Shapes<'a> {
             weights: None,
         });
         let mesh = Index::new(number(root.meshes.len() - 1));
-        Ok(Some(Placed { mesh, origin }))
+        Ok(Some(Placed {
+            mesh,
+            origin: grid.origin,
+            step: grid.step.unwrap_or(1.0),
+        }))
     }
 
     fn primitive(
@@ -188,20 +240,39 @@ impl<'a> Shapes<'a> {
         batch: &Batch,
         root: &mut gltf_json::Root,
     ) -> io::Result<Primitive> {
-        let data = &mut self.data;
+        let (data, quantize) = (&mut self.data, self.quantize);
         let mut attributes = BTreeMap::new();
-        attributes.insert(
-            Valid(Semantic::Positions),
-            data.add_points(&batch.positions),
-        );
+        let positions = if quantize {
+            data.add_steps(&batch.steps())
+        } else {
+            data.add_points(&batch.positions)
+        };
+        attributes.insert(Valid(Semantic::Positions), positions);
         if look.normals {
-            attributes.insert(Valid(Semantic::Normals), data.add_vec3(&batch.normals));
+            let normals = if quantize {
+                data.add_directions(&batch.normals)
+            } else {
+                data.add_vec3(&batch.normals)
+            };
+            attributes.insert(Valid(Semantic::Normals), normals);
         }
         if look.uvs {
-            attributes.insert(Valid(Semantic::TexCoords(0)), data.add_vec2(&batch.uvs));
+            // Those of repeated pictures are not shares of them.
+            let mut numbers = batch.uvs.iter().flatten();
+            let uvs = if quantize && numbers.all(|x| (0.0..=1.0).contains(x)) {
+                data.add_shares(&batch.uvs)
+            } else {
+                data.add_vec2(&batch.uvs)
+            };
+            attributes.insert(Valid(Semantic::TexCoords(0)), uvs);
         }
         if look.colors {
-            attributes.insert(Valid(Semantic::Colors(0)), data.add_colors(&batch.colors));
+            let colors = if quantize {
+                data.add_shares(&batch.colors)
+            } else {
+                data.add_colors(&batch.colors)
+            };
+            attributes.insert(Valid(Semantic::Colors(0)), colors);
         }
         let indices = data.add_indices(&batch.indices, batch.positions.len());
         let sides = Sides {
@@ -223,6 +294,17 @@ impl<'a> Shapes<'a> {
 }
 
 impl Batch {
+    /// Positions on a grid.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "from 0 to 65535"
+    )]
+    fn steps(&self) -> Vec<[u16; 3]> {
+        let positions = self.positions.iter();
+        positions.map(|p| p.map(|x| x as u16)).collect()
+    }
+
     /// Appends a mesh; the result is how far rounding moves a point at most.
     #[expect(
         clippy::cast_possible_truncation,
@@ -232,16 +314,15 @@ impl Batch {
         &mut self,
         mesh: &kernel::Mesh,
         shape: Shape,
-        origin: DVec3,
+        grid: &Grid,
         picture_from_shape: &DAffine2,
     ) -> f64 {
         let first = number(self.positions.len());
         let mut rounding: f64 = 0.0;
         for &p in mesh.positions() {
-            let near = p - origin;
-            let stored = near.as_vec3();
-            rounding = rounding.max(near.distance(stored.as_dvec3()));
-            self.positions.push(stored.to_array());
+            let (stored, moved) = grid.place(p);
+            rounding = rounding.max(moved);
+            self.positions.push(stored);
         }
         let unit = |n: &DVec3| n.normalize_or(DVec3::Z).as_vec3().normalize().to_array();
         self.normals.extend(mesh.normals().iter().map(unit));

@@ -51,8 +51,7 @@ pub(super) fn add<'s>(
         writer.add_node(id, parent, &mut stack)?;
     }
     if writer.instanced {
-        root.extensions_used.push(INSTANCING.to_owned());
-        root.extensions_required.push(INSTANCING.to_owned());
+        super::require(root, INSTANCING);
     }
     Ok(())
 }
@@ -127,12 +126,13 @@ impl Tree<'_, '_> {
 
     /// Puts a mesh into a node, or into one below it where it is measured from elsewhere.
     fn hold(&mut self, placed: Placed, own: Index<Node>) {
-        let holder = if placed.origin == DVec3::ZERO {
+        let holder = if placed.origin == DVec3::ZERO && DVec3::splat(placed.step) == DVec3::ONE {
             own
         } else {
             let mut node = Node::default();
             let place = Place {
                 translation: placed.origin,
+                scale: DVec3::splat(placed.step),
                 ..Place::IDENTITY
             };
             place.apply_to(&mut node);
@@ -174,7 +174,7 @@ impl Tree<'_, '_> {
         let translation = data.add_vec3(&vectors(&moved));
         let rotations: Vec<[f32; 4]> = places.iter().map(|p| p.quaternion().0).collect();
         let rotation = data.add_vec4(&rotations);
-        let scale = data.add_vec3(&vectors(&|p| p.scale));
+        let scale = data.add_vec3(&vectors(&|p| p.scale * placed.step));
         let attributes: Value = json!({
             "TRANSLATION": translation.value(),
             "ROTATION": rotation.value(),
