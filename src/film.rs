@@ -87,6 +87,11 @@ impl Film {
         &self.colors
     }
 
+    /// The colours, to be drawn over.
+    pub(crate) fn colors_mut(&mut self) -> &mut [[f32; 4]] {
+        &mut self.colors
+    }
+
     /// The data channels.
     pub fn data(&self) -> &[PixelData] {
         &self.data

@@ -28,6 +28,7 @@ mod accelerator;
 mod certify;
 pub mod compare;
 pub mod convert;
+mod curves;
 mod film;
 pub mod gltf;
 mod integrator;
@@ -46,6 +47,7 @@ mod volume;
 
 pub use accelerator::{Accelerator, Workspace};
 pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film};
+pub use curves::draw_curves;
 pub use film::{Film, PixelData};
 pub use integrator::Shading;
 pub use intersect::{Hit, METHODS, Method};

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use glam::{DVec2, DVec3};
-use kernel::{Camera, Ray, Sky};
+use kernel::{Camera, Projection, Ray, Sky};
 use rayon::prelude::*;
 
 use crate::accelerator::{Accelerator, Workspace};
@@ -323,8 +323,77 @@ pub(crate) fn film_ray(camera: &Camera, size: DVec2, place: DVec2) -> Ray {
     camera.ray(DVec2::new(film.x, -film.y), size.x / size.y)
 }
 
+/// Where points of the world are on a film, in pixels, and how far along the view.
+pub(crate) struct Eye<'a> {
+    camera: &'a Camera,
+    size: DVec2,
+    half: DVec2,
+    parallel: bool,
+}
+
+impl<'a> Eye<'a> {
+    pub(crate) fn new(camera: &'a Camera, width: usize, height: usize) -> Self {
+        let size = DVec2::new(width as f64, height as f64);
+        let aspect = size.x / size.y;
+        let [corner, center] = [DVec2::ONE, DVec2::ZERO].map(|film| camera.ray(film, aspect));
+        let reach = corner.direction - center.direction + corner.origin - center.origin;
+        Self {
+            camera,
+            size,
+            half: DVec2::new(reach.dot(camera.right()), reach.dot(camera.up())),
+            parallel: matches!(camera.projection(), Projection::Orthographic { .. }),
+        }
+    }
+
+    /// Whether all rays have one direction.
+    pub(crate) fn is_parallel(&self) -> bool {
+        self.parallel
+    }
+
+    /// How large a pixel is in the world at a depth.
+    pub(crate) fn pixel(&self, depth: f64) -> f64 {
+        let scale = if self.parallel { 1.0 } else { depth };
+        2.0 * self.half.y * scale / self.size.y
+    }
+
+    /// The place on the film and the depth; without meaning if that is not positive.
+    pub(crate) fn project(&self, point: DVec3) -> (DVec2, f64) {
+        let way = point - self.camera.eye();
+        let depth = way.dot(self.camera.forward());
+        let across = DVec2::new(way.dot(self.camera.right()), -way.dot(self.camera.up()));
+        let scale = if self.parallel { 1.0 } else { depth };
+        (
+            (across / (self.half * scale) + 1.0) * 0.5 * self.size,
+            depth,
+        )
+    }
+}
+
 /// A place in the unit square that depends on the pixel and sample alone.
 fn jitter(x: u32, y: u32, sample: u32) -> DVec2 {
     let mut random = Random(u64::from(x) | u64::from(y) << 21 | u64::from(sample) << 42);
     DVec2::new(random.unit(), random.unit())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_drawn_where_rays_pass() {
+        let view = Projection::Perspective { vertical_fov: 0.8 };
+        let parallel = Projection::Orthographic { extent: 3.0 };
+        for projection in [view, parallel] {
+            let eye = DVec3::new(3.0, 2.0, 5.0);
+            let camera = Camera::look_at(eye, DVec3::ZERO, DVec3::Y, projection).unwrap();
+            let (width, height) = (64, 48);
+            let seen = Eye::new(&camera, width, height);
+            for place in [DVec2::new(0.3, -0.7), DVec2::new(-0.9, 0.2)] {
+                let ray = camera.ray(place, width as f64 / height as f64);
+                let (pixel, depth) = seen.project(ray.at(2.5));
+                let expected = (DVec2::new(place.x, -place.y) + 1.0) * DVec2::new(32.0, 24.0);
+                assert!((pixel - expected).length() < 1e-9 && (depth - 2.5).abs() < 1e-12);
+            }
+        }
+    }
 }

@@ -310,3 +310,43 @@ fn frames_show_what_has_moved() {
     );
     assert!(middle("still.png").abs() < 0.5);
 }
+
+#[test]
+fn four_spellings_give_one_picture() {
+    let folder = TempDir::new().unwrap();
+    let pictures = ["x3d", "x3dv", "x3dj", "wrl"].map(|spelling| {
+        let picture = folder.path().join(spelling).with_extension("png");
+        let sample = root("samples/door").with_extension(spelling);
+        program(&sample, &picture, "--size 128x96");
+        fs::read(picture).unwrap()
+    });
+    assert!(pictures.iter().all(|picture| *picture == pictures[0]));
+}
+
+#[test]
+fn curves_and_points_are_drawn_when_they_are_asked_for() {
+    let folder = TempDir::new().unwrap();
+    let wires = folder.path().join("wires.obj");
+    // A quarter of a circle, a line and a point, without any surface.
+    let text = "v 1 0 0\nv 1 1 0 0.7071067811865476\nv 0 1 0\nv 0 0 0\ncstype rat bezier\ndeg 2\n\
+                curv 0 1 1 2 3\nparm u 0 1\nend\nl 3 4\np 4\n";
+    fs::write(&wires, text).unwrap();
+    let dark = |picture: &str, sample: &Path, options: &str| {
+        let picture = folder.path().join(picture);
+        program(sample, &picture, &format!("--size 64x48 {options}"));
+        let image = image::open(picture).unwrap().to_rgb8();
+        image
+            .pixels()
+            .filter(|p| p.0.iter().all(|c| *c < 100))
+            .count()
+    };
+    let found = dark(
+        "wires.png",
+        &wires,
+        "--curves --eye 0.5,0.5,3 --target 0.5,0.5,0 --fov 30",
+    );
+    assert!((100..250).contains(&found), "{found} dark pixels");
+    let mixed = root("samples/mixed.obj");
+    let [without, with] = ["", "--curves"].map(|options| dark("mixed.png", &mixed, options));
+    assert!(with > without + 30, "{without} {with}");
+}

@@ -29,11 +29,11 @@ SCREENS = [(1280, 900, False), (390, 844, True)]
 class Browser:
     """Chromium over a pair of pipes, in the words of its DevTools protocol."""
 
-    def __init__(self, program, profile):
+    def __init__(self, program, profile, drawing="--disable-gpu"):
         to_read, self.to_write = os.pipe()
         self.to_receive, to_send = os.pipe()
         options = "--headless=new --no-sandbox --remote-debugging-pipe --hide-scrollbars " \
-            "--enable-unsafe-swiftshader --disable-gpu --no-first-run"
+            f"--enable-unsafe-swiftshader --no-first-run {drawing}"
         line = f"exec {program} {options} --user-data-dir={profile} 3<&{to_read} 4>&{to_send}"
         self.process = subprocess.Popen(
             ["bash", "-c", line], pass_fds=(to_read, to_send),
@@ -88,6 +88,11 @@ class Browser:
     def close(self):
         self.process.terminate()
         self.process.wait()
+
+
+def chromium():
+    names = ["chromium", "chromium-browser", "google-chrome"]
+    return next(filter(None, map(shutil.which, names)), None)
 
 
 def check(truth, text):
@@ -170,8 +175,7 @@ def save(browser, path, whole=False):
 
 
 def main():
-    names = ["chromium", "chromium-browser", "google-chrome"]
-    program = next(filter(None, map(shutil.which, names)), None)
+    program = chromium()
     if not program:
         print("no Chromium: the pages are not tested")
         return

@@ -8,7 +8,7 @@ use kernel::{Curve, Material, Patch, Scene, Shape, TrimLoop, UpAxis, nesting};
 use nurbray_formats::{Export, Limits, ReadOptions, Resolver, WRITERS, Writer, open, read};
 
 /// How far numbers may be off, relative to the size of the scene.
-const ACCURACY: f64 = 1e-14;
+const ACCURACY: f64 = 1e-15;
 
 /// Resolves the files that were written beside another.
 struct Beside<'a>(&'a Export);

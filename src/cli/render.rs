@@ -9,6 +9,7 @@ use std::time::Instant;
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use glam::DVec3;
+use nurbray::kernel::Scene;
 use nurbray::methods::Choice;
 use nurbray::output::{self, Aov, OutputOptions, PngDepth};
 use nurbray::{Film, METHODS, Shading};
@@ -97,6 +98,9 @@ pub(super) struct Args {
     /// Bits per channel of PNG files
     #[arg(long, value_name = "8|16", default_value = "8", value_parser = ["8", "16"])]
     bits: String,
+    /// Draw curves and points, too, as tubes and balls a few pixels wide
+    #[arg(long)]
+    pub(super) curves: bool,
     /// Prove what the ray through the middle of every pixel meets first; EXR files get the layer
     /// exact.status: 0 miss, 1 hit, 2 tangent, 3 edge, 4 overlap
     #[arg(long)]
@@ -224,7 +228,7 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
 /// The picture of a file; nothing if there is no surface in it.
 fn thumbnail(args: &Args, file: &Path, size: (u32, u32)) -> anyhow::Result<Option<Film>> {
     let loaded = load(args, file, args.time)?;
-    if loaded.import.scene.placement_count() == 0 {
+    if shown_count(args, &loaded.import.scene) == 0 {
         return Ok(None);
     }
     Ok(Some(shot(args, &loaded, file, size, false)?.film))
@@ -289,6 +293,16 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
     })
 }
 
+/// How much of a scene can be seen.
+fn shown_count(args: &Args, scene: &Scene) -> u64 {
+    let wires = if args.curves {
+        scene.wire_placement_count()
+    } else {
+        0
+    };
+    scene.placement_count() + wires
+}
+
 /// Reads a file and tells what is wrong with it; at a moment, if one is given.
 fn load(args: &Args, file: &Path, seconds: Option<f64>) -> anyhow::Result<Loaded> {
     let mut loaded = args.read.load(file)?;
@@ -341,8 +355,7 @@ fn render_scene(
     target: &Path,
     output: &OutputOptions,
 ) -> anyhow::Result<Value> {
-    let scene = &loaded.import.scene;
-    if scene.placement_count() == 0 {
+    if shown_count(args, &loaded.import.scene) == 0 {
         let import = &loaded.import;
         let place = import.warnings.as_slice().first().map_or_else(
             || "the file: nothing that can be shown".to_owned(),

@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
-use nurbray::kernel::{Camera, Projection, Scene, linear_from_srgb};
+use nurbray::kernel::{Aabb, Camera, Projection, Scene, WireShape, linear_from_srgb};
 use nurbray::methods::map_picture;
 use nurbray::{
-    Accelerator, CertifyStats, Film, RenderOptions, RenderStats, certify_film, over_sky, render,
+    Accelerator, CertifyStats, Film, RenderOptions, RenderStats, certify_film, draw_curves,
+    over_sky, render,
 };
 use serde_json::{Value, json};
 
@@ -25,6 +26,8 @@ const DEFAULT_BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
 pub(super) struct Shot<'a> {
     pub(super) film: Film,
     loaded: &'a Loaded,
+    /// Whether curves and points are drawn, too.
+    curves: bool,
     accelerator: Accelerator<'a>,
     stats: RenderStats,
     build: Duration,
@@ -52,7 +55,8 @@ pub(super) fn shot<'a>(
         height: size.1,
         samples: args.samples,
         shading: args.shading.into(),
-        data,
+        // Surfaces hide curves by their depths.
+        data: data || args.curves,
     };
     let started = Instant::now();
     let (mut film, stats) = if args.method.is_research() {
@@ -76,6 +80,9 @@ pub(super) fn shot<'a>(
     let certified = args
         .certify
         .then(|| certify_film(&mut film, &accelerator, &camera));
+    if args.curves {
+        film = draw_curves(film, scene, &camera);
+    }
     let film = match (args.background, &scene.sky, scene.background) {
         (Some(Background::None), ..) => film,
         (Some(Background::Color(color)), ..) | (None, None, Some(color)) => film.over(color),
@@ -85,6 +92,7 @@ pub(super) fn shot<'a>(
     Ok(Shot {
         film,
         loaded,
+        curves: args.curves,
         accelerator,
         stats,
         build,
@@ -132,7 +140,13 @@ fn camera(
             }
             None => match scene.cameras.first() {
                 Some(camera) => camera.clone(),
-                None => Camera::framing(&accelerator.outline(), scene.up.direction(), aspect),
+                None => {
+                    let mut boxes = accelerator.outline();
+                    if args.curves {
+                        boxes.extend(wire_boxes(scene));
+                    }
+                    Camera::framing(&boxes, scene.up.direction(), aspect)
+                }
             },
         };
         let distance = camera.eye().distance(bounds.center());
@@ -143,6 +157,18 @@ fn camera(
         }
     };
     Ok(camera)
+}
+
+/// Boxes around all curves and points.
+fn wire_boxes(scene: &Scene) -> impl Iterator<Item = Aabb> + '_ {
+    let placements = scene.wire_placements().into_iter();
+    placements.map(|placement| {
+        let bounds = match &scene.wire(placement.wire).shape {
+            WireShape::Curve(curve) => curve.hull_bounds(),
+            WireShape::Points(points) => Aabb::around(points.iter().copied()),
+        };
+        bounds.transformed(&placement.world_from_object)
+    })
 }
 
 /// A bar on a terminal, nothing elsewhere.
@@ -175,6 +201,7 @@ impl Shot<'_> {
         };
         let wires = match self.loaded.import.scene.wires().len() {
             0 => String::new(),
+            count if self.curves => format!(", {count} free curves and points"),
             count => format!(", {count} free curves and points not shown"),
         };
         let certified = self.certified.map_or_else(String::new, |stats| {

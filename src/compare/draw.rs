@@ -1,9 +1,9 @@
 //! What is drawn onto pictures: colours for values, a legend, lines.
 
-use glam::{DVec2, DVec3};
-use kernel::{Camera, Projection};
+use glam::DVec3;
 
 use super::images::Picture;
+use crate::render::Eye;
 
 /// Colours from the least value to the largest, sRGB: dark blue over green to yellow, in steps
 /// of equal lightness \[viridis\].
@@ -123,41 +123,6 @@ fn put(picture: &mut Picture, x: usize, y: usize, color: [f32; 3]) {
     }
 }
 
-/// Where points of the world are on a film, in pixels, and how far along the view.
-pub(crate) struct Eye<'a> {
-    camera: &'a Camera,
-    size: DVec2,
-    half: DVec2,
-    parallel: bool,
-}
-
-impl<'a> Eye<'a> {
-    pub(crate) fn new(camera: &'a Camera, width: usize, height: usize) -> Self {
-        let size = DVec2::new(width as f64, height as f64);
-        let aspect = size.x / size.y;
-        let [corner, center] = [DVec2::ONE, DVec2::ZERO].map(|film| camera.ray(film, aspect));
-        let reach = corner.direction - center.direction + corner.origin - center.origin;
-        Self {
-            camera,
-            size,
-            half: DVec2::new(reach.dot(camera.right()), reach.dot(camera.up())),
-            parallel: matches!(camera.projection(), Projection::Orthographic { .. }),
-        }
-    }
-
-    /// The place on the film and the depth; without meaning if that is not positive.
-    pub(crate) fn project(&self, point: DVec3) -> (DVec2, f64) {
-        let way = point - self.camera.eye();
-        let depth = way.dot(self.camera.forward());
-        let across = DVec2::new(way.dot(self.camera.right()), -way.dot(self.camera.up()));
-        let scale = if self.parallel { 1.0 } else { depth };
-        (
-            (across / (self.half * scale) + 1.0) * 0.5 * self.size,
-            depth,
-        )
-    }
-}
-
 /// Lines are drawn in front of what is nearer by less than this share of its depth.
 const IN_FRONT: f64 = 2e-3;
 
@@ -187,7 +152,7 @@ pub(crate) fn lines(
             let share = k / steps;
             let p = a.lerp(b, share);
             // In perspective it is one over the depth that runs evenly along the picture.
-            let depth = if eye.parallel {
+            let depth = if eye.is_parallel() {
                 near + (far - near) * share
             } else {
                 1.0 / ((1.0 - share) / near + share / far)
@@ -214,24 +179,6 @@ pub(crate) fn lines(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn points_are_drawn_where_rays_pass() {
-        let view = Projection::Perspective { vertical_fov: 0.8 };
-        let parallel = Projection::Orthographic { extent: 3.0 };
-        for projection in [view, parallel] {
-            let eye = DVec3::new(3.0, 2.0, 5.0);
-            let camera = Camera::look_at(eye, DVec3::ZERO, DVec3::Y, projection).unwrap();
-            let (width, height) = (64, 48);
-            let seen = Eye::new(&camera, width, height);
-            for place in [DVec2::new(0.3, -0.7), DVec2::new(-0.9, 0.2)] {
-                let ray = camera.ray(place, width as f64 / height as f64);
-                let (pixel, depth) = seen.project(ray.at(2.5));
-                let expected = (DVec2::new(place.x, -place.y) + 1.0) * DVec2::new(32.0, 24.0);
-                assert!((pixel - expected).length() < 1e-9 && (depth - 2.5).abs() < 1e-12);
-            }
-        }
-    }
 
     #[test]
     fn colours_run_from_the_first_to_the_last() {

@@ -14,7 +14,7 @@ use super::soup::{Smooth, Soup};
 use crate::accelerator::{Accelerator, Workspace};
 use crate::film::Film;
 use crate::intersect::METHODS;
-use crate::render::{RenderOptions, film_ray, render};
+use crate::render::{Eye, RenderOptions, film_ray, render};
 
 /// Rays along the side of a pixel where silhouettes are compared finely.
 const FINE: u32 = 4;
@@ -270,7 +270,7 @@ fn wire(stage: &Stage<'_>, smooth: &Picture, film: &Film, soup: &Soup) -> Pictur
         .collect();
     let depths: Vec<f32> = film.data().iter().map(|d| d.depth).collect();
     let mut picture = smooth.clone();
-    let eye = draw::Eye::new(&stage.camera, picture.width(), picture.height());
+    let eye = Eye::new(&stage.camera, picture.width(), picture.height());
     draw::lines(&mut picture, &eye, &depths, &segments, [0.05, 0.1, 0.2]);
     picture
 }
@@ -491,7 +491,7 @@ fn crop(
         let [a, b, c] = soup.corners(found.triangle as usize);
         segments.extend([[a, b], [b, c], [c, a]]);
     });
-    let seen = draw::Eye::new(&camera, picture.width(), picture.height());
+    let seen = Eye::new(&camera, picture.width(), picture.height());
     draw::lines(&mut picture, &seen, &depths, &segments, [0.05, 0.1, 0.2]);
     Crop {
         exact: Picture::of(&shoot(&stage.accelerator, &camera, &view)),

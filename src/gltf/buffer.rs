@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
-use gltf_json::buffer::{Stride, Target, View};
-use gltf_json::validation::Checked::Valid;
-use gltf_json::validation::USize64;
-use gltf_json::{Accessor, Index};
+use gltf::json::accessor::{ComponentType, GenericComponentType, Type};
+use gltf::json::buffer::{Stride, Target, View};
+use gltf::json::validation::Checked::Valid;
+use gltf::json::validation::USize64;
+use gltf::json::{Accessor, Index};
 use serde_json::{Map, Value, json};
 
 use super::meshopt::{self, COMPRESSION};
@@ -217,7 +217,7 @@ impl Data {
     ///
     /// # Errors
     /// If compression fails.
-    pub(super) fn finish(self, root: &mut gltf_json::Root, compress: bool) -> io::Result<Contents> {
+    pub(super) fn finish(self, root: &mut gltf::json::Root, compress: bool) -> io::Result<Contents> {
         let (mut buffer, mut unpacked) = (Vec::new(), 0);
         let mut places: BTreeMap<Kind, Index<View>> = BTreeMap::new();
         for (kind, bytes) in self.views {
@@ -251,7 +251,7 @@ impl Data {
                 });
                 view.buffer = Index::new(1);
                 view.byte_offset = (unpacked > 0).then(|| USize64::from(unpacked));
-                view.extensions = Some(gltf_json::extensions::buffer::View {
+                view.extensions = Some(gltf::json::extensions::buffer::View {
                     others: Map::from_iter([(COMPRESSION.to_owned(), content)]),
                 });
                 unpacked = (unpacked + bytes.len()).next_multiple_of(4);
@@ -315,6 +315,6 @@ pub(super) fn number(index: usize) -> u32 {
 }
 
 /// A value as the `extras` of an object.
-pub(super) fn extras(value: &Value) -> gltf_json::Extras {
+pub(super) fn extras(value: &Value) -> gltf::json::Extras {
     serde_json::value::to_raw_value(value).ok()
 }

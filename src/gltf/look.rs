@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::io;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use gltf_json::camera::{Orthographic, Perspective, Type};
-use gltf_json::extensions::scene::khr_lights_punctual as punctual;
-use gltf_json::material::{
+use gltf::json::camera::{Orthographic, Perspective, Type};
+use gltf::json::extensions::scene::khr_lights_punctual as punctual;
+use gltf::json::material::{
     AlphaMode, EmissiveFactor, PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor,
 };
-use gltf_json::validation::Checked::Valid;
-use gltf_json::{Index, Material, Node};
+use gltf::json::validation::Checked::Valid;
+use gltf::json::{Index, Material, Node};
 use kernel::{Camera, Light, LightKind, MaterialId, Projection, Scene};
 
 use super::buffer::{Data, number};
@@ -43,7 +43,7 @@ impl Materials {
         id: Option<MaterialId>,
         sides: Sides,
         data: &mut Data,
-        root: &mut gltf_json::Root,
+        root: &mut gltf::json::Root,
     ) -> io::Result<Index<Material>> {
         let key = (id.map(MaterialId::index), sides.double, sides.textured);
         if let Some(known) = self.known.get(&key) {
@@ -135,10 +135,10 @@ pub(super) fn add_camera(
     world: &DAffine3,
     metres: f64,
     diagonal: f64,
-    root: &mut gltf_json::Root,
+    root: &mut gltf::json::Root,
 ) -> Node {
     let far = camera.eye().length().max(1.0) * 10.0 + diagonal * 10.0;
-    let mut made = gltf_json::Camera {
+    let mut made = gltf::json::Camera {
         name: None,
         orthographic: None,
         perspective: None,
@@ -256,7 +256,7 @@ pub(super) fn add_light(
     let place = punctual::KhrLightsPunctual {
         light: Index::new(number(lights.len() - 1)),
     };
-    node.extensions = Some(gltf_json::extensions::scene::Node {
+    node.extensions = Some(gltf::json::extensions::scene::Node {
         khr_lights_punctual: Some(place),
         ..Default::default()
     });

@@ -13,8 +13,8 @@ mod tree;
 
 use formats::Export;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use gltf_json::validation::USize64;
-use gltf_json::{Buffer, Index, Node};
+use gltf::json::validation::USize64;
+use gltf::json::{Buffer, Index, Node};
 use kernel::{Scene, UpAxis};
 use serde_json::{Map, Value, json};
 
@@ -69,7 +69,7 @@ pub fn write(
     (container, packing): (Container, Packing),
     stem: &str,
 ) -> std::io::Result<Export> {
-    let mut root = gltf_json::Root::default();
+    let mut root = gltf::json::Root::default();
     root.asset.generator = Some(format!("nurbray {}", env!("CARGO_PKG_VERSION")));
     let metres = scene.unit.as_ref().map_or(1.0, |unit| unit.metres);
     let rotation = match scene.up {
@@ -103,7 +103,7 @@ pub fn write(
         "proven_deviation_m": reach.proven * metres,
         "sampled_deviation_m": reach.sampled * metres,
     }));
-    root.scenes.push(gltf_json::Scene {
+    root.scenes.push(gltf::json::Scene {
         extensions: None,
         extras: None,
         name: None,
@@ -129,7 +129,7 @@ pub fn write(
             byte_length: USize64::from(unpacked),
             name: None,
             uri: None,
-            extensions: Some(gltf_json::extensions::buffer::Buffer {
+            extensions: Some(gltf::json::extensions::buffer::Buffer {
                 others: Map::from_iter([(COMPRESSION.to_owned(), content)]),
             }),
             extras: None,
@@ -154,7 +154,7 @@ pub fn write(
 const QUANTIZATION: &str = "KHR_mesh_quantization";
 
 /// Names an extension without which the file cannot be shown.
-fn require(root: &mut gltf_json::Root, extension: &str) {
+fn require(root: &mut gltf::json::Root, extension: &str) {
     root.extensions_used.push(extension.to_owned());
     root.extensions_required.push(extension.to_owned());
 }
@@ -164,7 +164,7 @@ fn add_views(
     scene: &Scene,
     world: &DAffine3,
     metres: f64,
-    root: &mut gltf_json::Root,
+    root: &mut gltf::json::Root,
     roots: &mut Vec<Index<Node>>,
 ) {
     let diagonal = scene.hull_bounds().diagonal();
@@ -182,8 +182,8 @@ fn add_views(
     }
     if !lights.is_empty() {
         root.extensions_used.push("KHR_lights_punctual".to_owned());
-        root.extensions = Some(gltf_json::extensions::root::Root {
-            khr_lights_punctual: Some(gltf_json::extensions::root::KhrLightsPunctual { lights }),
+        root.extensions = Some(gltf::json::extensions::root::Root {
+            khr_lights_punctual: Some(gltf::json::extensions::root::KhrLightsPunctual { lights }),
             ..Default::default()
         });
     }

@@ -3,10 +3,10 @@
 use std::io::{self, Cursor};
 
 use glam::{DAffine2, DVec2, DVec3, DVec4};
-use gltf_json::image::MimeType;
-use gltf_json::texture::{Info, MagFilter, Sampler, WrappingMode};
-use gltf_json::validation::Checked::Valid;
-use gltf_json::{Image, Index, Root, Texture};
+use gltf::json::image::MimeType;
+use gltf::json::texture::{Info, MagFilter, Sampler, WrappingMode};
+use gltf::json::validation::Checked::Valid;
+use gltf::json::{Image, Index, Root, Texture};
 use image::{ImageFormat, RgbaImage};
 use kernel::{Filter, Maps, ShareTexture, Texels, Wrap, bytes_from_linear};
 

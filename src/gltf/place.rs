@@ -1,7 +1,7 @@
 //! Affine maps as nodes may hold them: translation, rotation, scale.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use gltf_json::scene::UnitQuaternion;
+use gltf::json::scene::UnitQuaternion;
 
 /// A map that scales along the axes, then turns, then moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +49,7 @@ impl Place {
         clippy::cast_possible_truncation,
         reason = "files hold single precision"
     )]
-    pub(super) fn apply_to(&self, node: &mut gltf_json::Node) {
+    pub(super) fn apply_to(&self, node: &mut gltf::json::Node) {
         if self.translation != DVec3::ZERO {
             node.translation = Some(self.translation.to_array().map(|x| x as f32));
         }

@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, HashMap};
 use std::io;
 
 use glam::{DAffine2, DVec2, DVec3, DVec4};
-use gltf_json::mesh::{Mode, Primitive, Semantic};
-use gltf_json::validation::Checked::Valid;
-use gltf_json::{Index, Mesh};
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked::Valid;
+use gltf::json::{Index, Mesh};
 use kernel::{Aabb, Item, MaterialId, Scene, Shape};
 use serde_json::{Value, json};
 
@@ -142,7 +142,7 @@ impl<'a> Shapes<'a> {
     pub(super) fn add(
         &mut self,
         items: &[Item],
-        root: &mut gltf_json::Root,
+        root: &mut gltf::json::Root,
     ) -> io::Result<Option<Placed>> {
         let material = |item: &Item| self.scene.item_material(item);
         let key: Vec<_> = items
@@ -167,7 +167,7 @@ impl<'a> Shapes<'a> {
     fn build(
         &mut self,
         items: &[(Shape, Option<MaterialId>)],
-        root: &mut gltf_json::Root,
+        root: &mut gltf::json::Root,
     ) -> io::Result<Option<Placed>> {
         let meshes = items.iter().filter_map(|item| self.mesh(item.0));
         let bounds = meshes.fold(Aabb::EMPTY, |all, mesh| all.union(mesh.bounds()));
@@ -238,7 +238,7 @@ impl<'a> Shapes<'a> {
         &mut self,
         look: Look,
         batch: &Batch,
-        root: &mut gltf_json::Root,
+        root: &mut gltf::json::Root,
     ) -> io::Result<Primitive> {
         let (data, quantize) = (&mut self.data, self.quantize);
         let mut attributes = BTreeMap::new();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 
 use glam::{DAffine3, DVec3};
-use gltf_json::{Index, Node};
+use gltf::json::{Index, Node};
 use kernel::{Child, Item, NodeId, Scene};
 use serde_json::{Value, json};
 
@@ -26,7 +26,7 @@ pub(super) fn add<'s>(
     scene: &'s Scene,
     shapes: &mut Shapes<'s>,
     top: Index<Node>,
-    root: &mut gltf_json::Root,
+    root: &mut gltf::json::Root,
 ) -> io::Result<()> {
     // How many shapes each node shows: those that show none are left out.
     let mut shown: Vec<u64> = Vec::new();
@@ -60,7 +60,7 @@ struct Tree<'t, 's> {
     scene: &'s Scene,
     shown: Vec<u64>,
     shapes: &'t mut Shapes<'s>,
-    root: &'t mut gltf_json::Root,
+    root: &'t mut gltf::json::Root,
     instanced: bool,
 }
 
@@ -181,7 +181,7 @@ impl Tree<'_, '_> {
             "SCALE": scale.value(),
         });
         let name = &self.scene.node(part).name;
-        let mut extension = gltf_json::extensions::scene::Node::default();
+        let mut extension = gltf::json::extensions::scene::Node::default();
         let content = json!({ "attributes": attributes });
         extension.others.insert(INSTANCING.to_owned(), content);
         let node = Node {

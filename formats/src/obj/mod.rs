@@ -11,6 +11,7 @@ use kernel::{Surface, linear_from_srgb};
 
 mod basis;
 mod elements;
+mod feed;
 mod freeform;
 mod hints;
 mod maps;
@@ -31,7 +32,7 @@ use seams::{Merging, SeamPart};
 use specials::{TrimCurve, WirePart};
 pub(crate) use write::WRITER;
 
-use statements::{Statement, Statements, decode, number, numbers, some_numbers};
+use statements::{Statement, Statements, decode, number, numbers};
 
 /// The row of this format.
 pub(crate) const FORMAT: Format = Format {
@@ -137,7 +138,7 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
         }
     }
     reader.close_element(None);
-    reader.finish()
+    reader.finish(&text)
 }
 
 fn too_large(statement: &Statement<'_>, text: String) -> Error {
@@ -158,7 +159,7 @@ struct Lists {
     /// `v`: Cartesian, with weight. Unreadable ones are not a number.
     positions: Vec<DVec4>,
     /// Colours that stand with vertices, linear; empty as long as there are none, else for all
-    /// vertices up to the last one with a colour.
+    /// vertices up to the last one with a colour, [`Self::NO_COLOR`] for those without.
     colors: Vec<DVec4>,
     /// `vt`, first two numbers.
     texcoords: Vec<DVec2>,
@@ -166,9 +167,13 @@ struct Lists {
     normals: Vec<DVec3>,
     /// `vp`: two parameters and a weight.
     parameters: Vec<DVec3>,
+    /// Whether some entry could not be read, or is a normal without a length.
+    damaged: bool,
 }
 
 impl Lists {
+    const NO_COLOR: DVec4 = DVec4::NEG_ONE;
+
     fn len(&self) -> usize {
         let others = self.normals.len() + self.parameters.len();
         self.positions.len() + self.texcoords.len() + others
@@ -310,7 +315,8 @@ impl<'a> Reader<'a> {
                 self.faces
                     .add(statement, &self.lists, tag, smoothing, &mut self.warnings)
             }
-            "p" | "l" => self.points_or_line(statement),
+            "l" => self.faces.add_line(statement, &self.lists, self.tag),
+            "p" => self.points(statement),
             "cstype" | "deg" | "bmat" | "step" => self.attributes.set(statement),
             "surf" | "curv" | "curv2" => {
                 self.open_element(statement);
@@ -358,7 +364,7 @@ impl<'a> Reader<'a> {
 
     /// Takes a `v`, `vt`, `vn` or `vp`. A wrong one keeps its number in its list.
     fn vertex(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
-        let read = some_numbers::<7>(statement.arguments());
+        let read = statement.some_numbers::<7>();
         let (x, count) = read.clone().unwrap_or(([f64::NAN; 7], 8));
         let least = match statement.keyword() {
             "v" => {
@@ -375,7 +381,9 @@ impl<'a> Reader<'a> {
                 1
             }
             "vn" => {
-                self.lists.normals.push(DVec3::new(x[0], x[1], x[2]));
+                let normal = DVec3::new(x[0], x[1], x[2]);
+                self.lists.damaged |= !polygons::is_direction(normal);
+                self.lists.normals.push(normal);
                 3
             }
             _ => {
@@ -384,6 +392,10 @@ impl<'a> Reader<'a> {
                 1
             }
         };
+        let is_read = read.is_ok() && count >= least;
+        self.lists.damaged |= !is_read;
+        let vertices = &mut self.faces.vertices;
+        vertices.add(statement, &self.lists, if is_read { count } else { 0 });
         read.map_err(invalid)?;
         if count < least {
             return Err(invalid(format!(
@@ -405,7 +417,7 @@ impl<'a> Reader<'a> {
             let color = DVec3::new(x[3], x[4], x[5]) / most;
             let color = linear_from_srgb(color.clamp(DVec3::ZERO, DVec3::ONE));
             let colors = &mut self.lists.colors;
-            colors.resize(self.lists.positions.len() - 1, DVec4::ONE);
+            colors.resize(self.lists.positions.len() - 1, Lists::NO_COLOR);
             colors.push(color.extend(1.0));
         }
         Ok(())

@@ -1,16 +1,22 @@
-//! `f` statements, which become meshes: checked, cut into triangles, and gathered.
+//! `f` and `l` statements: checked here, read by `tobj`, and cut into triangles.
 //!
-//! This is the statement that large files are full of, so it is not handed to `tobj`: that
-//! would read every number twice, gives up at the first bad reference, divides points by
-//! their fourth number, and cuts every polygon as a fan. Where a file is good, both agree.
+//! `tobj` gives up at the first mistake and says no line, so it is given what has been checked:
+//! all vertices, and then the faces of one mesh after those of another. Both stand there as in
+//! the file, except where `tobj` would take them for something else: it divides points by
+//! their weights, mixes up colours that not every vertex has, and knows no comments behind
+//! numbers. It does not know smoothing groups either, so their normals are added, and concave
+//! polygons, so it does not cut any.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
-use glam::{DVec2, DVec3, DVec4};
-use kernel::Mesh;
+use glam::{DVec2, DVec3};
+use kernel::{Curve, Mesh, WireShape};
 
-use super::Lists;
+use super::feed::{Feed, Vertices};
+use super::specials::WirePart;
 use super::statements::{Statement, reference};
+use super::{Lists, invalid};
 use crate::triangulate::{TESTS, is_convex_quad, triangles};
 use crate::{Place, Problem, Warnings};
 
@@ -19,39 +25,45 @@ pub(super) type Tag = (Option<usize>, Option<usize>);
 
 /// What faces of one mesh have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Key {
-    tag: Tag,
-    texcoords: bool,
-    normals: bool,
+enum Key {
+    Mesh {
+        tag: Tag,
+        texcoords: bool,
+        normals: bool,
+    },
+    Lines(Tag),
 }
 
-/// One polygon.
+/// One polygon, or one line.
 #[derive(Clone, Copy, Debug)]
-struct Face {
+pub(super) struct Face {
     /// Position in the list of keys.
     key: usize,
     line: usize,
-    /// Where its corners begin in the list of all corners.
+    /// Where it begins in the text, or where its corners begin in the list of all corners.
     start: usize,
+    /// How long it is in the text; 0 if its corners are listed.
+    length: u32,
     count: u32,
     /// Its smoothing group; 0 if it is flat or has normals of its own.
     smoothing: u32,
 }
 
 /// In place of the position of something that is not there.
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Positions in the lists of vertices, texture vertices and normals.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Corner {
-    vertex: u32,
-    texcoord: u32,
-    normal: u32,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Corner {
+    pub(super) vertex: u32,
+    pub(super) texcoord: u32,
+    pub(super) normal: u32,
 }
 
-/// All polygons of a file.
+/// All polygons and lines of a file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Faces {
+    pub(super) vertices: Vertices,
     corners: Vec<Corner>,
     faces: Vec<Face>,
     keys: Vec<Key>,
@@ -83,7 +95,9 @@ impl Faces {
         let start = self.corners.len();
         let mut dropped = None;
         let mut seen = [0, 0];
-        for word in statement.arguments() {
+        let mut is_plain = self.add_plain(statement, lists, &mut seen);
+        let words = (!is_plain).then(|| statement.arguments());
+        for word in words.into_iter().flatten() {
             match corner(word, lists) {
                 Ok((corner, problem)) => {
                     dropped = dropped.or(problem);
@@ -115,7 +129,14 @@ impl Faces {
             }
         }
         let smoothing = if normals { 0 } else { smoothing };
-        let key = self.key(Key {
+        is_plain &= dropped.is_none() && smoothing == 0;
+        let text = statement.plain().filter(|_| is_plain);
+        let length = text.as_ref().map_or(0, ExactSizeIterator::len);
+        let length = u32::try_from(length).unwrap_or(0);
+        if length > 0 {
+            self.corners.truncate(start);
+        }
+        let key = self.key(Key::Mesh {
             tag,
             texcoords,
             normals: normals || smoothing > 0,
@@ -123,9 +144,76 @@ impl Faces {
         self.faces.push(Face {
             key,
             line: statement.line,
-            start,
+            start: text.filter(|_| length > 0).map_or(start, |text| text.start),
+            length,
             count,
             smoothing,
+        });
+        Ok(())
+    }
+
+    /// Adds the corners of a statement that `tobj` can read as it stands: of digits and `/` alone,
+    /// all references usable. Otherwise it adds nothing.
+    fn add_plain(
+        &mut self,
+        statement: &Statement<'_>,
+        lists: &Lists,
+        seen: &mut [usize; 2],
+    ) -> bool {
+        let start = self.corners.len();
+        let is_possible = statement.keyword() == "f" && !lists.damaged;
+        let mut rest = is_possible.then(|| statement.rest().as_bytes());
+        while let Some(text) = rest.map(<[u8]>::trim_ascii_start) {
+            if text.is_empty() {
+                return true;
+            }
+            let found = plain_corner(text, lists);
+            if let Some((corner, _)) = found {
+                seen[0] += usize::from(corner.texcoord != NONE);
+                seen[1] += usize::from(corner.normal != NONE);
+                self.corners.push(corner);
+            }
+            rest = found.map(|(_, length)| &text[length..]);
+        }
+        self.corners.truncate(start);
+        *seen = [0; 2];
+        false
+    }
+
+    /// Takes an `l` statement; its texture vertices say nothing without an area.
+    pub(super) fn add_line(
+        &mut self,
+        statement: &Statement<'_>,
+        lists: &Lists,
+        tag: Tag,
+    ) -> Result<(), Problem> {
+        let start = self.corners.len();
+        for word in statement.arguments() {
+            match vertex(word.split('/').next().unwrap_or(""), lists) {
+                Ok(vertex) => self.corners.push(Corner {
+                    vertex,
+                    texcoord: NONE,
+                    normal: NONE,
+                }),
+                Err(text) => {
+                    self.corners.truncate(start);
+                    return Err(invalid(text));
+                }
+            }
+        }
+        let found = self.corners.len() - start;
+        let Some(count) = u32::try_from(found).ok().filter(|&count| count >= 2) else {
+            self.corners.truncate(start);
+            return Err(invalid(format!("{found} vertices; at least 2 are needed")));
+        };
+        let key = self.key(Key::Lines(tag));
+        self.faces.push(Face {
+            key,
+            line: statement.line,
+            start,
+            length: 0,
+            count,
+            smoothing: 0,
         });
         Ok(())
     }
@@ -141,34 +229,50 @@ impl Faces {
         }
     }
 
-    /// All meshes, one for all faces with the same group and material.
-    pub(super) fn meshes(mut self, mut lists: Lists, warnings: &mut Warnings) -> Vec<MeshPart> {
+    /// All meshes, one for all faces with the same group and material, and all lines.
+    pub(super) fn read(
+        mut self,
+        source: &str,
+        mut lists: Lists,
+        warnings: &mut Warnings,
+    ) -> (Vec<MeshPart>, Vec<WirePart>) {
+        let (mut parts, mut wires) = (Vec::new(), Vec::new());
+        if self.faces.is_empty() {
+            return (parts, wires);
+        }
+        let normals = lists.normals.len();
         self.smooth(&mut lists);
         self.faces.sort_by_key(|face| face.key);
-        let mut welder = Welder::new(lists.positions.len());
-        let (mut tests, mut parts) = (TESTS, Vec::new());
-        for faces in self.faces.chunk_by(|a, b| a.key == b.key) {
-            let mut indices = Vec::new();
-            for face in faces {
-                let corners = &self.corners[face.start..face.start + face.count as usize];
-                if !cut(corners, &lists, &mut tests, |corner| {
-                    indices.push(welder.index(corner));
-                }) {
-                    let place = Place::item(face.line, "f");
-                    warnings.invalid(place, "a polygon too tangled to cut up; cut as a fan");
-                }
+        let vertices = std::mem::take(&mut self.vertices);
+        let (faces, corners) = (&self.faces, &self.corners);
+        let mut feed = Feed::new(source, vertices, &lists, normals, faces, corners);
+        let options = tobj::LoadOptions {
+            single_index: true,
+            ..tobj::LoadOptions::default()
+        };
+        let no_files = |_: &std::path::Path| Err(tobj::LoadError::OpenFileFailed);
+        let models = match tobj::load_obj_buf(&mut feed, &options, no_files) {
+            Ok((models, _)) => models,
+            Err(error) => {
+                let place = Place::item(self.faces[0].line, "f");
+                warnings.invalid(place, format!("the polygons: {error}"));
+                return (parts, wires);
             }
+        };
+        drop(lists);
+        let mut tests = TESTS;
+        let chunks = self.faces.chunk_by(|a, b| a.key == b.key);
+        for (faces, model) in chunks.zip(models) {
             let line = faces[0].line;
-            match welder.mesh(&lists, self.keys[faces[0].key], &indices) {
-                Ok(mesh) => parts.push(MeshPart {
-                    mesh,
-                    tag: self.keys[faces[0].key].tag,
-                    line,
-                }),
-                Err(error) => warnings.add(Place::item(line, "f"), error),
+            match self.keys[faces[0].key] {
+                Key::Lines(tag) => lines(faces, &model.mesh, tag, &mut wires, warnings),
+                Key::Mesh { tag, .. } => match mesh(faces, model.mesh, &mut tests, warnings) {
+                    Ok(mesh) => parts.push(MeshPart { mesh, tag, line }),
+                    Err(error) => warnings.add(Place::item(line, "f"), error),
+                },
             }
         }
-        parts
+        (parts, wires)
     }
 
     /// Gives the faces of smoothing groups the mean normals at their vertices, by area.
@@ -199,26 +303,159 @@ impl Faces {
     }
 }
 
-/// Hands on the corners of the triangles of a face; `false` if it is not sure that they fill it.
-fn cut(corners: &[Corner], lists: &Lists, tests: &mut usize, mut add: impl FnMut(Corner)) -> bool {
-    let point = |c: &Corner| lists.positions[c.vertex as usize].truncate();
+impl Face {
+    /// Where it stands in the text, if it goes to `tobj` like that.
+    pub(super) fn text(&self) -> Option<Range<usize>> {
+        (self.length > 0).then(|| self.start..self.start + self.length as usize)
+    }
+
+    /// Its corners, where they are listed.
+    pub(super) fn corners<'c>(&self, all: &'c [Corner]) -> &'c [Corner] {
+        &all[self.start..self.start + self.count as usize]
+    }
+
+    /// Whether it is in the same mesh as another one.
+    pub(super) fn is_beside(&self, other: &Self) -> bool {
+        self.key == other.key
+    }
+}
+
+fn points(flat: &[f64]) -> Vec<DVec3> {
+    flat.chunks_exact(3).map(DVec3::from_slice).collect()
+}
+
+/// What `tobj` read of these faces, in triangles.
+fn mesh(
+    faces: &[Face],
+    read: tobj::Mesh,
+    tests: &mut usize,
+    warnings: &mut Warnings,
+) -> Result<Mesh, kernel::Error> {
+    let positions = points(&read.positions);
+    let mut triangles = Vec::with_capacity(read.indices.len() / 2);
+    let mut rest = &read.indices[..];
+    for face in faces {
+        let (corners, after) = rest.split_at(face.count as usize);
+        rest = after;
+        if !cut(corners, &positions, tests, &mut triangles) {
+            let place = Place::item(face.line, "f");
+            warnings.invalid(place, "a polygon too tangled to cut up; cut as a fan");
+        }
+    }
+    let texcoords = read.texcoords.chunks_exact(2).map(DVec2::from_slice);
+    let mesh = Mesh::new(
+        positions,
+        points(&read.normals),
+        texcoords.collect(),
+        triangles,
+    )?;
+    let colors = read.vertex_color.chunks_exact(3).map(DVec3::from_slice);
+    // Negative ones stand for vertices without a colour.
+    let has_color = |color: &DVec3| color.x >= 0.0;
+    if !colors.clone().any(|color| has_color(&color)) {
+        return Ok(mesh);
+    }
+    let or_white = |color: DVec3| if has_color(&color) { color } else { DVec3::ONE };
+    mesh.with_colors(colors.map(|color| or_white(color).extend(1.0)).collect())
+}
+
+/// Adds what `tobj` read of these lines.
+fn lines(
+    faces: &[Face],
+    read: &tobj::Mesh,
+    tag: Tag,
+    wires: &mut Vec<WirePart>,
+    warnings: &mut Warnings,
+) {
+    let positions = points(&read.positions);
+    let mut rest = &read.indices[..];
+    for face in faces {
+        let (corners, after) = rest.split_at(face.count as usize);
+        rest = after;
+        let points: Vec<_> = corners.iter().map(|&k| positions[k as usize]).collect();
+        match Curve::polyline(&points) {
+            Ok(curve) => wires.push(WirePart {
+                shape: WireShape::Curve(curve),
+                tag,
+                line: face.line,
+                what: "l".to_owned(),
+            }),
+            Err(error) => warnings.add(Place::item(face.line, "l"), error),
+        }
+    }
+}
+
+/// Adds the triangles of a face; `false` if it is not sure that they fill it.
+fn cut(corners: &[u32], points: &[DVec3], tests: &mut usize, into: &mut Vec<[u32; 3]>) -> bool {
+    let point = |&k: &u32| points[k as usize];
     match *corners {
-        [a, b, c] => [a, b, c].into_iter().for_each(add),
-        [a, b, c, d] if is_convex_quad([a, b, c, d].map(|c| point(&c))) => {
-            [a, b, c, a, c, d].into_iter().for_each(add);
+        [a, b, c] => into.push([a, b, c]),
+        [a, b, c, d] if is_convex_quad([a, b, c, d].map(|k| point(&k))) => {
+            into.extend([[a, b, c], [a, c, d]]);
         }
         _ => {
             let points: Vec<DVec3> = corners.iter().map(point).collect();
             let found = triangles(&points, tests);
             let is_sure = found.is_some();
             let fan = || (2..points.len()).map(|i| [0, i - 1, i]).collect();
-            for triangle in found.unwrap_or_else(fan) {
-                triangle.into_iter().for_each(|i| add(corners[i]));
-            }
+            let found = found.unwrap_or_else(fan);
+            into.extend(found.iter().map(|triangle| triangle.map(|i| corners[i])));
             return is_sure;
         }
     }
     true
+}
+
+/// Reads a reference to a vertex that is there.
+pub(super) fn vertex(word: &str, lists: &Lists) -> Result<u32, String> {
+    let vertex = reference(word, lists.positions.len(), "vertices")?;
+    if !lists.positions[vertex].is_finite() {
+        return Err(format!("vertex {} could not be read", vertex + 1));
+    }
+    Ok(u32::try_from(vertex).unwrap_or(NONE))
+}
+
+/// Reads a corner of digits and `/` alone, of which all parts are there, at the start of a text;
+/// also the length of its word.
+fn plain_corner(text: &[u8], lists: &Lists) -> Option<(Corner, usize)> {
+    let (mut parts, mut at, mut length) = ([0_u32; 3], 0, 0);
+    let (mut number, mut digits) = (0_u32, 0);
+    for byte in text {
+        match byte {
+            b'0' if digits == 0 => return None,
+            // Nine of them are no overflow.
+            b'0'..=b'9' if digits < 9 => {
+                number = number * 10 + u32::from(byte - b'0');
+                digits += 1;
+            }
+            b'/' if at < 2 => {
+                parts[at] = number;
+                at += 1;
+                (number, digits) = (0, 0);
+            }
+            _ if byte.is_ascii_whitespace() => break,
+            _ => return None,
+        }
+        length += 1;
+    }
+    parts[at] = number;
+    // What is not there becomes the largest number.
+    let [vertex, texcoord, normal] = parts.map(|number| number.wrapping_sub(1));
+    let is_there = (vertex as usize) < lists.positions.len()
+        && (texcoord == NONE || (texcoord as usize) < lists.texcoords.len())
+        && (normal == NONE || (normal as usize) < lists.normals.len());
+    let corner = Corner {
+        vertex,
+        texcoord,
+        normal,
+    };
+    is_there.then_some((corner, length))
+}
+
+/// Whether a vector has a length.
+pub(super) fn is_direction(vector: DVec3) -> bool {
+    let squared = vector.length_squared();
+    squared > 0.0 && squared.is_finite()
 }
 
 /// Reads `v`, `v/vt`, `v//vn` or `v/vt/vn`. Also says what is wrong with a `vt` or `vn`, which
@@ -226,13 +463,8 @@ fn cut(corners: &[Corner], lists: &Lists, tests: &mut usize, mut add: impl FnMut
 fn corner(word: &str, lists: &Lists) -> Result<(Corner, Option<&'static str>), String> {
     let small = |index: usize| u32::try_from(index).unwrap_or(NONE);
     let mut parts = word.split('/');
-    let vertex = parts.next().unwrap_or("");
-    let vertex = reference(vertex, lists.positions.len(), "vertices")?;
-    if !lists.positions[vertex].is_finite() {
-        return Err(format!("vertex {} could not be read", vertex + 1));
-    }
     let mut corner = Corner {
-        vertex: small(vertex),
+        vertex: vertex(parts.next().unwrap_or(""), lists)?,
         texcoord: NONE,
         normal: NONE,
     };
@@ -249,9 +481,7 @@ fn corner(word: &str, lists: &Lists) -> Result<(Corner, Option<&'static str>), S
     match parts.next() {
         None | Some("") => {}
         Some(part) => match reference(part, lists.normals.len(), "") {
-            Ok(index) if lists.normals[index].try_normalize().is_some() => {
-                corner.normal = small(index);
-            }
+            Ok(index) if is_direction(lists.normals[index]) => corner.normal = small(index),
             _ => problem = Some("the normal is missing or unusable; the face goes without"),
         },
     }
@@ -259,108 +489,4 @@ fn corner(word: &str, lists: &Lists) -> Result<(Corner, Option<&'static str>), S
         problem = Some("a corner has more than three parts; the others are not used");
     }
     Ok((corner, problem))
-}
-
-/// How many corners at one vertex are looked through one by one.
-const CHAIN: usize = 8;
-
-/// Makes one vertex of all corners of a mesh with the same references.
-struct Welder {
-    /// For each position the first of its corners here.
-    heads: Vec<u32>,
-    /// The corners, each with the next one at the same position.
-    corners: Vec<(Corner, u32)>,
-    /// Those that stand too far back in their chain.
-    others: HashMap<Corner, u32>,
-}
-
-impl Welder {
-    fn new(positions: usize) -> Self {
-        Self {
-            heads: vec![NONE; positions],
-            corners: Vec::new(),
-            others: HashMap::new(),
-        }
-    }
-
-    /// The number of the vertex.
-    fn index(&mut self, corner: Corner) -> u32 {
-        let next = u32::try_from(self.corners.len()).unwrap_or(NONE);
-        let head = self.heads[corner.vertex as usize];
-        let mut at = head;
-        for _ in 0..CHAIN {
-            let Some(&(known, after)) = self.corners.get(at as usize) else {
-                self.heads[corner.vertex as usize] = next;
-                self.corners.push((corner, head));
-                return next;
-            };
-            if known == corner {
-                return at;
-            }
-            at = after;
-        }
-        *self.others.entry(corner).or_insert_with(|| {
-            self.corners.push((corner, NONE));
-            next
-        })
-    }
-
-    /// The mesh of all corners since the one before, and begins a new one.
-    fn mesh(&mut self, lists: &Lists, key: Key, indices: &[u32]) -> Result<Mesh, kernel::Error> {
-        let corners = || self.corners.iter().map(|(corner, _)| corner);
-        let position = |c: &Corner| lists.positions[c.vertex as usize].truncate();
-        let normal = |c: &Corner| lists.normals[c.normal as usize];
-        let texcoord = |c: &Corner| lists.texcoords[c.texcoord as usize];
-        let normals: Vec<DVec3> = if key.normals {
-            corners().map(normal).collect()
-        } else {
-            Vec::new()
-        };
-        let texcoords: Vec<DVec2> = if key.texcoords {
-            corners().map(texcoord).collect()
-        } else {
-            Vec::new()
-        };
-        let triangles = indices.chunks_exact(3).map(|c| [c[0], c[1], c[2]]);
-        let mut mesh = Mesh::new(
-            corners().map(position).collect(),
-            normals,
-            texcoords,
-            triangles.collect(),
-        );
-        let is_colored = |c: &Corner| (c.vertex as usize) < lists.colors.len();
-        if corners().any(is_colored) {
-            let color = |c: &Corner| lists.colors.get(c.vertex as usize).copied();
-            let colors = corners().map(|c| color(c).unwrap_or(DVec4::ONE));
-            mesh = mesh.and_then(|mesh| mesh.with_colors(colors.collect()));
-        }
-        for (corner, _) in self.corners.drain(..) {
-            self.heads[corner.vertex as usize] = NONE;
-        }
-        self.others.clear();
-        mesh
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn corners_are_one_vertex_if_all_references_are_equal() {
-        let corner = |vertex, texcoord| Corner {
-            vertex,
-            texcoord,
-            normal: NONE,
-        };
-        let mut welder = Welder::new(2);
-        // More at one vertex than a chain holds.
-        for round in 0..2 {
-            for k in 0..40 {
-                assert_eq!(welder.index(corner(0, k)), k, "round {round}");
-            }
-        }
-        assert_eq!(welder.index(corner(1, 0)), 40);
-        assert_eq!(welder.index(corner(1, 0)), 40);
-    }
 }

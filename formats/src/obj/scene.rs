@@ -16,12 +16,14 @@ use crate::pictures::Pictures;
 use crate::{Error, Import, Place, Problem};
 
 impl Reader<'_> {
-    /// The scene, or the first problem if nothing useful was found.
-    pub(super) fn finish(mut self) -> Result<Import, Error> {
+    /// The scene of this text, or the first problem if nothing useful was found.
+    pub(super) fn finish(mut self, text: &str) -> Result<Import, Error> {
         let faces = std::mem::take(&mut self.faces);
         let lists = std::mem::take(&mut self.lists);
         let points = lists.positions.len();
-        let meshes = faces.meshes(lists, &mut self.warnings);
+        let (meshes, lines) = faces.read(text, lists, &mut self.warnings);
+        self.wires.extend(lines);
+        self.wires.sort_by_key(|part| part.line);
         if self.surfaces.is_empty() && meshes.is_empty() {
             if self.wires.is_empty() {
                 return self.without_shapes(points);

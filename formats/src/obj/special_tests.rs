@@ -36,7 +36,7 @@ fn special_curves_and_points_lie_on_their_surface() {
     let points: Vec<_> = points.flatten().collect();
     assert_eq!(
         points,
-        [DVec3::new(0.5, 0.75, 0.375), DVec3::new(0.625, 0.5, 0.3125)]
+        [DVec3::new(0.625, 0.5, 0.3125), DVec3::new(0.5, 0.75, 0.375)]
     );
 }
 

@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::{Curve, Surface, WireShape, modelling};
 
-use super::polygons::Tag;
+use super::polygons::{Tag, vertex};
 use super::statements::{Statement, reference};
 use super::trims::LoopText;
 use super::{Reader, invalid};
@@ -59,30 +59,16 @@ impl Reader<'_> {
         points.map_err(invalid)
     }
 
-    /// Takes a `p` or `l`.
-    pub(super) fn points_or_line(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
-        let list = &self.lists.positions;
+    /// Takes a `p`.
+    pub(super) fn points(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
         let point = |word: &str| -> Result<DVec3, String> {
-            // The texture vertex of a line says nothing without an area.
-            let word = word.split('/').next().unwrap_or("");
-            let index = reference(word, list.len(), "vertices")?;
-            let point = list[index].truncate();
-            let message = || format!("vertex {} could not be read", index + 1);
-            point.is_finite().then_some(point).ok_or_else(message)
+            let vertex = vertex(word.split('/').next().unwrap_or(""), &self.lists)?;
+            Ok(self.lists.positions[vertex as usize].truncate())
         };
         let points = statement.arguments().map(point);
         let points = points.collect::<Result<Vec<_>, _>>().map_err(invalid)?;
-        let (found, keyword) = (points.len(), statement.keyword());
-        let least = if keyword == "l" { 2 } else { 1 };
-        if found < least {
-            return Err(invalid(format!(
-                "{found} vertices; at least {least} are needed"
-            )));
-        }
-        if keyword == "l" {
-            let curve = Curve::polyline(&points)?;
-            self.add_wire(WireShape::Curve(curve), statement.line, "l");
-            return Ok(());
+        if points.is_empty() {
+            return Err(invalid("0 vertices; at least 1 are needed"));
         }
         // Clouds of points have a statement for each.
         match self.wires.last_mut() {

@@ -4,6 +4,8 @@ mod json;
 mod xml;
 
 #[cfg(test)]
+mod broken_tests;
+#[cfg(test)]
 mod tests;
 
 use crate::nodes::{self, Builder, without_mark};

@@ -1,8 +1,15 @@
 //! glTF 2.0 and GLB, as far as triangles go.
 //!
-//! The JSON is read as it stands: its numbers keep their digits, and what is missing or wrong
-//! is found where it is used. Counts and offsets are checked against the bytes that are there.
+//! The crate `gltf` takes the file apart. Its own checks run out of the lists of files with
+//! wrong numbers, so each is looked up where it is used, and counts and offsets are checked
+//! against the bytes that are there. It keeps places in single precision; they are read beside
+//! it with all their digits.
 
+use std::borrow::Cow;
+
+use ::gltf::json::mesh::{Mode, Semantic};
+use ::gltf::json::validation::Checked;
+use ::gltf::json::{self, Root};
 use base64::Engine as _;
 use formats::{Error, Limits, Place, Problem, Resolver, Warnings};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
@@ -15,11 +22,6 @@ use crate::compare::align::Frame;
 
 pub(super) const NAME: &str = "glTF";
 
-/// The kinds of primitives that are triangles.
-const TRIANGLES: u64 = 4;
-const STRIP: u64 = 5;
-const FAN: u64 = 6;
-
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that may be required: those that change no shape, and instancing.
@@ -31,23 +33,16 @@ pub(super) fn invalid(what: impl Into<String>, text: impl Into<String>) -> Error
 
 /// Reads a file; `files` fetches the buffers beside it.
 pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Result<MeshFile, Error> {
-    let (text, chunk) = if bytes.starts_with(b"glTF") {
-        chunks(bytes)?
-    } else {
-        (bytes, None)
+    let (text, chunk) = parts(bytes)?;
+    let wrong = |e: serde_json::Error| Error {
+        format: NAME,
+        place: Place::line(e.line()),
+        problem: Problem::Invalid(e.to_string()),
     };
-    let root: Value = serde_json::from_slice(text).map_err(|e| {
-        let place = Place::line(e.line());
-        let problem = Problem::Invalid(e.to_string());
-        Error {
-            format: NAME,
-            place,
-            problem,
-        }
-    })?;
-    let required = root["extensionsRequired"].as_array();
-    for name in required.into_iter().flatten().filter_map(Value::as_str) {
-        if !KNOWN.contains(&name) {
+    let root = Root::from_slice(&text).map_err(wrong)?;
+    let exact: Value = serde_json::from_slice(&text).map_err(wrong)?;
+    for name in &root.extensions_required {
+        if !KNOWN.contains(&name.as_str()) {
             let text = format!("the extension {name}, which the file requires, is not read");
             return Err(error(
                 NAME,
@@ -58,6 +53,7 @@ pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Resul
     }
     let mut reader = Reader {
         root: &root,
+        places: list(&exact, "nodes"),
         numbers: Numbers {
             root: &root,
             buffers: Vec::new(),
@@ -70,18 +66,16 @@ pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Resul
         limits,
     };
     let mut size = bytes.len() as u64;
-    for (number, buffer) in list(&root, "buffers").iter().enumerate() {
-        let data = buffer_bytes(buffer, number, chunk, files)?;
-        if buffer["uri"]
-            .as_str()
-            .is_some_and(|uri| !uri.starts_with("data:"))
-        {
+    for (number, buffer) in root.buffers.iter().enumerate() {
+        let uri = buffer.uri.as_deref();
+        let data = buffer_bytes(uri, number, chunk.as_deref(), files)?;
+        if uri.is_some_and(|uri| !uri.starts_with("data:")) {
             size += data.len() as u64;
         }
         reader.numbers.buffers.push(data);
     }
     reader.tree()?;
-    let extras = &root["asset"]["extras"];
+    let extras = &exact["asset"]["extras"];
     let claims = ["proven_deviation_m", "sampled_deviation_m"].map(|key| extras[key].as_f64());
     Ok(MeshFile {
         format: NAME,
@@ -98,49 +92,35 @@ pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Resul
     })
 }
 
-/// The text and the numbers of a binary file.
-fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Error> {
-    let word = |at: usize| {
-        let four = bytes.get(at..at + 4)?.try_into().ok()?;
-        Some(u32::from_le_bytes(four) as usize)
-    };
-    let version = word(4);
-    if version != Some(2) {
-        let text = format!("version {}; version 2 is read", version.unwrap_or_default());
-        return Err(error(NAME, "header", Problem::Unsupported(text)));
+/// The text and the numbers of a file.
+type Parts<'b> = (Cow<'b, [u8]>, Option<Cow<'b, [u8]>>);
+
+fn parts(bytes: &[u8]) -> Result<Parts<'_>, Error> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok((bytes.into(), None));
     }
-    let (mut text, mut numbers) = (None, None);
-    let mut at = 12;
-    while let (Some(length), Some(kind)) = (word(at), bytes.get(at + 4..at + 8)) {
-        let Some(body) = bytes.get(at + 8..).and_then(|rest| rest.get(..length)) else {
-            let there = bytes.len() - at - 8;
-            let text = format!("a chunk of {length} bytes of which {there} are there");
-            return Err(invalid(format!("byte {at}"), text));
-        };
-        match kind {
-            b"JSON" if text.is_none() => text = Some(body),
-            b"BIN\0" if numbers.is_none() => numbers = Some(body),
-            _ => {}
-        }
-        at += 8 + length;
+    let length = bytes.get(8..12).and_then(|b| b.try_into().ok());
+    let length = length.map_or(0, u32::from_le_bytes);
+    if length < 12 {
+        return Err(invalid("header", format!("a length of {length} bytes")));
     }
-    let text = text.ok_or_else(|| invalid("", "there is no chunk of JSON"))?;
-    Ok((text, numbers))
+    let glb = ::gltf::Glb::from_slice(bytes).map_err(|e| invalid("chunks", e.to_string()))?;
+    Ok((glb.json, glb.bin))
 }
 
-pub(super) fn list<'v>(value: &'v Value, key: &str) -> &'v [Value] {
+fn list<'v>(value: &'v Value, key: &str) -> &'v [Value] {
     value[key].as_array().map_or(&[], Vec::as_slice)
 }
 
 /// The bytes of a buffer: the chunk of the file, or from an address in it or beside it.
 fn buffer_bytes(
-    buffer: &Value,
+    uri: Option<&str>,
     number: usize,
     chunk: Option<&[u8]>,
     files: &dyn Resolver,
 ) -> Result<Vec<u8>, Error> {
     let place = format!("buffer {number}");
-    match (buffer["uri"].as_str(), chunk) {
+    match (uri, chunk) {
         (None, Some(chunk)) if number == 0 => Ok(chunk.to_vec()),
         (None, _) => Err(invalid(place, "there is no uri and no chunk")),
         (Some(uri), _) => match uri.strip_prefix("data:") {
@@ -185,7 +165,9 @@ fn unescaped(uri: &str) -> String {
 }
 
 struct Reader<'a> {
-    root: &'a Value,
+    root: &'a Root,
+    /// The nodes, with all digits.
+    places: &'a [Value],
     numbers: Numbers<'a>,
     scene: Scene,
     warnings: Warnings,
@@ -206,21 +188,25 @@ struct Open {
 impl Reader<'_> {
     /// Builds the tree of the scene that is shown; without one all nodes without a parent.
     fn tree(&mut self) -> Result<(), Error> {
-        let nodes = list(self.root, "nodes");
-        let scenes = list(self.root, "scenes");
-        let shown = self.root["scene"].as_u64().unwrap_or(0);
-        let scene = usize::try_from(shown).ok().and_then(|k| scenes.get(k));
-        let numbers = |value: &Value, key: &str| -> Vec<usize> {
-            list(value, key).iter().filter_map(size).collect()
+        let nodes = &self.root.nodes;
+        let shown = self.root.scene.map_or(0, |scene| scene.value());
+        let children = |node: &json::Node| -> Vec<usize> {
+            let children = node.children.iter().flatten();
+            children.map(json::Index::value).collect()
         };
-        let tops = match scene {
-            Some(scene) => numbers(scene, "nodes"),
+        let tops: Vec<usize> = match self.root.scenes.get(shown) {
+            Some(scene) => scene.nodes.iter().map(json::Index::value).collect(),
             None => {
-                let below: Vec<usize> = nodes.iter().flat_map(|n| numbers(n, "children")).collect();
-                (0..nodes.len()).filter(|k| !below.contains(k)).collect()
+                let mut tops = vec![true; nodes.len()];
+                for below in nodes.iter().flat_map(children) {
+                    if let Some(top) = tops.get_mut(below) {
+                        *top = false;
+                    }
+                }
+                (0..nodes.len()).filter(|&k| tops[k]).collect()
             }
         };
-        let mut meshes: Vec<Option<NodeId>> = vec![None; list(self.root, "meshes").len()];
+        let mut meshes: Vec<Option<NodeId>> = vec![None; self.root.meshes.len()];
         let geometry = |e| error(NAME, "nodes", Problem::Geometry(e));
         let mut open = vec![Open {
             index: usize::MAX,
@@ -243,7 +229,7 @@ impl Reader<'_> {
                 open.push(Open {
                     index,
                     depth,
-                    children: numbers(value, "children").into_iter().rev().collect(),
+                    children: children(value).into_iter().rev().collect(),
                     node,
                 });
                 continue;
@@ -269,19 +255,19 @@ impl Reader<'_> {
     /// A node without its children.
     fn node(
         &mut self,
-        value: &Value,
+        value: &json::Node,
         index: usize,
         meshes: &mut [Option<NodeId>],
     ) -> Result<Node, Error> {
         let mut node = Node {
-            name: value["name"].as_str().unwrap_or_default().to_owned(),
-            parent_from_node: place(value),
+            name: value.name.clone().unwrap_or_default(),
+            parent_from_node: self.places.get(index).map_or(DAffine3::IDENTITY, place),
             ..Node::default()
         };
-        let Some(mesh) = value["mesh"].as_u64() else {
+        let Some(mesh) = value.mesh else {
             return Ok(node);
         };
-        let mesh = usize::try_from(mesh).unwrap_or(usize::MAX);
+        let mesh = mesh.value();
         let place = format!("node {index}");
         let known = meshes
             .get(mesh)
@@ -300,12 +286,13 @@ impl Reader<'_> {
                 id
             }
         };
-        let instances = &value["extensions"][INSTANCING]["attributes"];
-        if !instances.is_object() {
+        let extensions = value.extensions.as_ref();
+        let instances = extensions.and_then(|e| e.others.get(INSTANCING)?.get("attributes"));
+        let Some(instances) = instances else {
             self.count(1)?;
             node.children.push(Child::Node(id));
             return Ok(node);
-        }
+        };
         for parent_from_node in self.instances(instances, &place)? {
             let children = vec![Child::Node(id)];
             let at = Node {
@@ -332,12 +319,10 @@ impl Reader<'_> {
     fn instances(&mut self, attributes: &Value, place: &str) -> Result<Vec<DAffine3>, Error> {
         let mut lists = Vec::new();
         for (name, width) in [("TRANSLATION", 3), ("ROTATION", 4), ("SCALE", 3)] {
-            let index = &attributes[name];
-            lists.push(if index.is_null() {
-                None
-            } else {
-                Some(self.numbers.of(index, width, place)?)
-            });
+            let index = attributes[name].as_u64();
+            let index = index.map(|k| usize::try_from(k).unwrap_or(usize::MAX));
+            let numbers = index.map(|k| self.numbers.of(k, width, place));
+            lists.push(numbers.transpose()?);
         }
         let [moves, turns, scales] = [0, 1, 2].map(|k| lists[k].as_deref());
         let counts = [(moves, 3), (turns, 4), (scales, 3)];
@@ -362,39 +347,48 @@ impl Reader<'_> {
 
     /// The primitives of a mesh that are triangles.
     fn mesh(&mut self, number: usize) -> Result<Vec<Mesh>, Error> {
-        let mesh = &self.root["meshes"][number];
+        let Some(mesh) = self.root.meshes.get(number) else {
+            return Ok(Vec::new());
+        };
         let mut parts = Vec::new();
-        for (k, primitive) in list(mesh, "primitives").iter().enumerate() {
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
             let place = format!("mesh {number}, primitive {k}");
-            let mode = primitive["mode"].as_u64().unwrap_or(TRIANGLES);
-            if ![TRIANGLES, STRIP, FAN].contains(&mode) {
-                let text = "points and lines are not a part of the mesh";
-                self.warnings.unsupported(Place::item(0, place), text);
-                continue;
-            }
-            if primitive["targets"].is_array() {
+            let mode = match primitive.mode {
+                Checked::Valid(mode) if is_area(mode) => mode,
+                _ => {
+                    let text = "points and lines are not a part of the mesh";
+                    self.warnings.unsupported(Place::item(0, place), text);
+                    continue;
+                }
+            };
+            if primitive.targets.is_some() {
                 let text = "the mesh is taken as it is before it is morphed";
                 self.warnings
                     .unsupported(Place::item(0, place.clone()), text);
             }
-            let attributes = &primitive["attributes"];
+            let attribute = |semantic| {
+                let index = primitive.attributes.get(&Checked::Valid(semantic));
+                index.map(json::Index::value)
+            };
             let vectors = |numbers: Vec<f64>| -> Vec<DVec3> {
                 numbers.chunks_exact(3).map(DVec3::from_slice).collect()
             };
-            let positions = vectors(self.numbers.of(&attributes["POSITION"], 3, &place)?);
-            let normals = match &attributes["NORMAL"] {
-                Value::Null => Vec::new(),
-                index => vectors(self.numbers.of(index, 3, &place)?),
+            let positions = attribute(Semantic::Positions)
+                .ok_or_else(|| invalid(&place, "it has no POSITION"))?;
+            let positions = vectors(self.numbers.of(positions, 3, &place)?);
+            let normals = match attribute(Semantic::Normals) {
+                None => Vec::new(),
+                Some(index) => vectors(self.numbers.of(index, 3, &place)?),
             };
             self.points += positions.len();
             if self.points > self.limits.points {
                 let text = format!("more than {} vertices", self.limits.points);
                 return Err(error(NAME, place, Problem::TooLarge(text)));
             }
-            let indices: Vec<u32> = match &primitive["indices"] {
-                Value::Null => (0..).take(positions.len()).collect(),
-                index => {
-                    let numbers = self.numbers.of(index, 1, &place)?;
+            let indices: Vec<u32> = match primitive.indices {
+                None => (0..).take(positions.len()).collect(),
+                Some(index) => {
+                    let numbers = self.numbers.of(index.value(), 1, &place)?;
                     #[expect(
                         clippy::cast_possible_truncation,
                         clippy::cast_sign_loss,
@@ -406,7 +400,7 @@ impl Reader<'_> {
             let triangles = triangles(mode, &indices);
             let made = Mesh::new(positions, normals, Vec::new(), triangles);
             let mut made = made.map_err(|e| error(NAME, &place, Problem::Geometry(e)))?;
-            made.name = mesh["name"].as_str().unwrap_or_default().to_owned();
+            made.name = mesh.name.clone().unwrap_or_default();
             made.source = place;
             parts.push(made);
         }
@@ -414,8 +408,12 @@ impl Reader<'_> {
     }
 }
 
-pub(super) fn size(value: &Value) -> Option<usize> {
-    value.as_u64().and_then(|k| usize::try_from(k).ok())
+/// Whether such primitives are triangles.
+fn is_area(mode: Mode) -> bool {
+    matches!(
+        mode,
+        Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
+    )
 }
 
 /// Where a node stands in its parent.
@@ -442,15 +440,15 @@ fn place(value: &Value) -> DAffine3 {
 }
 
 /// The corners of triangles, strips and fans.
-fn triangles(mode: u64, indices: &[u32]) -> Vec<[u32; 3]> {
+fn triangles(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
     let windows = || indices.windows(3).map(|w| [w[0], w[1], w[2]]);
     match mode {
-        STRIP => {
+        Mode::TriangleStrip => {
             let turned =
                 |(k, [a, b, c]): (usize, [u32; 3])| if k % 2 == 0 { [a, b, c] } else { [b, a, c] };
             windows().enumerate().map(turned).collect()
         }
-        FAN => {
+        Mode::TriangleFan => {
             let rest = indices.get(1..).unwrap_or_default().windows(2);
             rest.map(|w| [indices[0], w[0], w[1]]).collect()
         }
@@ -498,8 +496,14 @@ mod tests {
             (DVec3::X * 2.0, DVec3::new(4.0, 2.0, 0.0))
         );
         assert_eq!(scene.meshes()[0].triangles(), [[0, 1, 2]]);
-        assert_eq!(triangles(STRIP, &[0, 1, 2, 3]), [[0, 1, 2], [2, 1, 3]]);
-        assert_eq!(triangles(FAN, &[0, 1, 2, 3]), [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(
+            triangles(Mode::TriangleStrip, &[0, 1, 2, 3]),
+            [[0, 1, 2], [2, 1, 3]]
+        );
+        assert_eq!(
+            triangles(Mode::TriangleFan, &[0, 1, 2, 3]),
+            [[0, 1, 2], [0, 2, 3]]
+        );
     }
 
     #[test]
@@ -513,7 +517,7 @@ mod tests {
         wrong("/accessors/0/count", json!(4), "4 elements do not fit");
         wrong("/accessors/0/count", json!(u64::MAX), "do not fit");
         wrong("/accessors/0/type", json!("VEC2"), "its type is");
-        wrong("/accessors/0/componentType", json!(7), "componentType 7");
+        wrong("/accessors/0/componentType", json!(7), "its componentType");
         wrong(
             "/bufferViews/0/byteLength",
             json!(99),
@@ -528,7 +532,7 @@ mod tests {
         wrong(
             "/meshes/0/primitives/0/attributes",
             json!({}),
-            "accessor null is not there",
+            "it has no POSITION",
         );
         let huge = b"glTF\x02\0\0\0\xff\xff\xff\xff\xff\xff\xff\x7fJSON";
         assert!(read(huge, &NoFiles, &Limits::default()).is_err());

@@ -1,0 +1,245 @@
+//! Files that break the rules of X3D, and those that ask for too much.
+
+use glam::{DVec2, DVec3};
+
+use super::tests::{file, messages, only_surface, read_scene, read_with, square};
+use crate::Limits;
+
+#[test]
+fn knots_that_do_not_fit_are_replaced() {
+    let knots = |attributes: &str| {
+        let import = read_scene(&format!("<Shape>{}</Shape>", square(attributes)));
+        let knots = only_surface(&import).knots_u().as_slice().to_vec();
+        (knots, messages(&import))
+    };
+    let clamped = vec![0.0, 0.0, 1.0, 1.0];
+    assert_eq!(knots(""), (clamped.clone(), vec![]));
+    assert_eq!(knots("uKnot='2 2 5 5'"), (vec![2.0, 2.0, 5.0, 5.0], vec![]));
+    let place = "line 2, NurbsPatchSurface, uKnot: ";
+    let text = "3 knots; dimension + order = 4 are needed; equal steps are used";
+    let expected = (clamped.clone(), vec![format!("{place}{text}")]);
+    assert_eq!(knots("uKnot='0 0 1'"), expected);
+    let text = "two knots are missing; the first and the last are repeated";
+    let expected = (vec![2.0, 2.0, 5.0, 5.0], vec![format!("{place}{text}")]);
+    assert_eq!(knots("uKnot='2 5'"), expected);
+    let text = "knot 2 is 0 after 1; knots must not decrease; equal steps are used";
+    let expected = (clamped, vec![format!("{place}{text}")]);
+    assert_eq!(knots("uKnot='0 1 0 1'"), expected);
+}
+
+#[test]
+fn weights_that_do_not_fit_are_one() {
+    for (weights, text) in [
+        (
+            "1 2 1",
+            "3 weights for 4 control points; all weights are taken as one",
+        ),
+        (
+            "1 1 -1 1",
+            "weight 2 is -1; weights must be positive; all weights are taken as one",
+        ),
+    ] {
+        let shape = format!("<Shape>{}</Shape>", square(&format!("weight='{weights}'")));
+        let import = read_scene(&shape);
+        assert!(!only_surface(&import).is_rational());
+        let expected = format!("line 2, NurbsPatchSurface, weight: {text}");
+        assert_eq!(messages(&import), [expected]);
+    }
+    let import = read_scene(&format!("<Shape>{}</Shape>", square("weight='1 1 1 2'")));
+    let corner = only_surface(&import).evaluate(DVec2::ONE);
+    assert_eq!(corner, DVec3::new(0.5, 0.5, 0.0));
+}
+
+#[test]
+fn a_missing_dimension_follows_from_the_other() {
+    let import = read_scene(
+        "<Shape><NurbsPatchSurface vDimension='3' uOrder='2' vOrder='2'>\
+         <CoordinateDouble containerField='coord' point='0 0 0 1 0 0 0 1 0 1 1 0 0 2 0 1 2 0'/>\
+         </NurbsPatchSurface></Shape>",
+    );
+    assert_eq!(only_surface(&import).knots_u().count(), 2);
+    assert_eq!(only_surface(&import).knots_v().count(), 3);
+    assert_eq!(messages(&import).len(), 1);
+}
+
+#[test]
+fn a_surface_that_cannot_be_is_left_out() {
+    for (attributes, text) in [
+        (
+            "vDimension='3' uOrder='2'",
+            "4 control points; 6 are needed",
+        ),
+        (
+            "vDimension='99999999999999' uOrder='2'",
+            "4 control points; 199999999999998 are needed",
+        ),
+        (
+            "vDimension='2' uOrder='1'",
+            "degree 0; degrees go from 1 to 30",
+        ),
+        (
+            "vDimension='2' uOrder='3'",
+            "2 control points; 3 are needed",
+        ),
+    ] {
+        let import = read_scene(&format!(
+            "<Shape><NurbsPatchSurface uDimension='2' vOrder='2' {attributes}>\
+             <Coordinate point='0 0 0, 1 0 0, 0 1 0, 1 1 0'/></NurbsPatchSurface></Shape>"
+        ));
+        assert!(import.scene.patches().is_empty(), "{attributes}");
+        let expected = format!("line 2, NurbsPatchSurface: {text}");
+        assert_eq!(messages(&import), [expected]);
+    }
+}
+
+#[test]
+fn what_is_used_must_be_complete() {
+    let import = read_scene(&format!(
+        "<Group DEF='A'><Group USE='A'/><Shape USE='B'/><Shape DEF='B'>{}</Shape></Group>\
+         <Shape USE='B'/>",
+        square("")
+    ));
+    assert_eq!(import.scene.placements().len(), 2);
+    assert_eq!(
+        messages(&import),
+        [
+            "line 2, Group USE A: a node is used inside itself; it is left out there",
+            "line 2, Shape USE B: USE of a name that no node before has as its DEF",
+        ]
+    );
+}
+
+#[test]
+fn a_chain_of_uses_is_as_deep_as_nested_nodes() {
+    let mut scene = format!("<Group DEF='G0'><Shape>{}</Shape></Group>", square(""));
+    for i in 1..300 {
+        scene += &format!("<Group DEF='G{i}'><Group USE='G{}'/></Group>", i - 1);
+    }
+    let problem = read_with(&Limits::default(), &file(&scene)).unwrap_err();
+    assert_eq!(problem.problem.kind(), "too large");
+    let limits = Limits {
+        nesting: 400,
+        ..Limits::default()
+    };
+    assert!(read_with(&limits, &file(&scene)).is_ok());
+}
+
+#[test]
+fn nothing_is_left_out_in_silence() {
+    let import = read_scene(
+        "<Shape DEF='S'><Text/><Appearance><ImageTexture url='a'/></Appearance></Shape>\n\
+         <Inline url='a'/><ROUTE/><ProtoDeclare><ProtoBody><Text DEF='S'/></ProtoBody>\
+         </ProtoDeclare>\n<Shape><Text/></Shape><WorldInfo/><MetadataString/>",
+    );
+    assert!(import.scene.root().is_none());
+    assert_eq!(
+        messages(&import),
+        [
+            "line 3, Inline: a file that is named could not be read: \
+             a: files named inside are not opened",
+            "line 3, ROUTE: a ROUTE between nodes that are not both there",
+            "line 2, Text: Text is not read (and 1 more)",
+            "line 2, ImageTexture: a picture could not be read: a: files named inside are not opened",
+        ]
+    );
+}
+
+#[test]
+fn broken_xml_keeps_what_was_complete() {
+    let shape = format!("<Shape>{}</Shape>\n", square(""));
+    let whole = file(&format!("{shape}{shape}"));
+    let second = whole.rfind("</NurbsPatch").unwrap();
+    let import = read_with(&Limits::default(), &whole[..second]).unwrap();
+    assert_eq!(import.scene.placements().len(), 1);
+    assert_eq!(
+        messages(&import),
+        [
+            "line 3: the file ends inside NurbsPatchSurface of line 3",
+            "line 3, NurbsPatchSurface: the file ends inside this NurbsPatchSurface; it is left out",
+        ]
+    );
+    let first = whole.find("</NurbsPatch").unwrap();
+    let error = read_with(&Limits::default(), &whole[..first]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "X3D line 2: the file ends inside NurbsPatchSurface of line 2"
+    );
+    let import = read_with(&Limits::default(), &file(&format!("{shape}<Group>"))).unwrap();
+    assert_eq!(import.scene.placements().len(), 1);
+    let [message] = &messages(&import)[..] else {
+        panic!("one message");
+    };
+    assert!(message.starts_with("line 4: broken XML: "), "{message}");
+}
+
+#[test]
+fn entities_of_a_document_are_not_expanded() {
+    let text = "<!DOCTYPE X3D [<!ENTITY a '0 0 0'>]>\n<X3D><Scene><Viewpoint \
+        description='&lt;&#65;' position='&a;'/></Scene></X3D>";
+    let import = read_with(&Limits::default(), text).unwrap();
+    assert_eq!(import.scene.cameras[0].name, "<A");
+    let [message] = &messages(&import)[..] else {
+        panic!("one message");
+    };
+    assert!(message.starts_with("line 2, Viewpoint: the value of position is not used"));
+}
+
+#[test]
+fn a_file_without_a_scene_is_refused() {
+    let problem = read_with(&Limits::default(), "<html/>").unwrap_err();
+    let text = "X3D the file: there is no scene in it; this is no X3D file";
+    assert_eq!(problem.to_string(), text);
+}
+
+#[test]
+fn limits_hold() {
+    let text = file(&format!("<Shape>{}</Shape>", square("")));
+    for limits in [
+        Limits {
+            entities: 4,
+            ..Limits::default()
+        },
+        Limits {
+            nesting: 3,
+            ..Limits::default()
+        },
+        Limits {
+            points: 3,
+            ..Limits::default()
+        },
+    ] {
+        let problem = read_with(&limits, &text).unwrap_err();
+        assert_eq!(problem.problem.kind(), "too large", "{problem}");
+    }
+}
+
+#[test]
+fn broken_json_says_where() {
+    let json = |text: &str| read_with(&Limits::default(), text);
+    let import = json(
+        "{\"X3D\": {\"Scene\": {\"-children\": [\n{\"Shape\": {\"-geometry\":\
+        {\"Box\": {\"@size\": [1, 2, 3]}}}},\n{\"Group\": {\"-children\" []}}]}}}",
+    );
+    let import = import.unwrap();
+    assert_eq!(import.scene.patches().len(), 6);
+    let text = "line 3: broken JSON: ':' is wanted here; nothing is read from here on";
+    assert_eq!(messages(&import)[0], text);
+    let error = json("{\"X3D\": [").unwrap_err().to_string();
+    assert!(error.starts_with("X3D line 1: broken JSON: "), "{error}");
+}
+
+#[test]
+fn deep_json_meets_the_limit() {
+    for (start, part) in [
+        (
+            "{\"X3D\":{\"Scene\":{\"-children\":[",
+            "{\"Group\":{\"-children\":[",
+        ),
+        ("{\"X3D\":{\"#a\":", "{\"b\":"),
+        ("{\"X3D\":{\"a\":", "["),
+    ] {
+        let text = format!("{start}{}", part.repeat(100_000));
+        let problem = read_with(&Limits::default(), &text).unwrap_err();
+        assert_eq!(problem.problem.kind(), "too large", "{problem}");
+    }
+}

@@ -1,0 +1,174 @@
+//! X3D and VRML files that want to be read for ever: each ends in a sentence, soon, and within
+//! the memory that its process may have.
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
+
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+
+/// Address space of the process, in KiB: memory that is used is less.
+const MEMORY: u32 = 200 * 1024;
+
+/// How long a file may take. Others may keep the processor busy: the best of five counts.
+const PATIENCE: Duration = Duration::from_secs(1);
+const TRIES: u32 = 5;
+
+/// Files and what is said about them.
+fn files() -> Vec<(&'static str, Vec<u8>, &'static str)> {
+    const MILLION: usize = 1_000_000;
+    let deep = "nodes nest deeper than 200";
+    let xml = |inside: &str| format!("<X3D version='3.3'><Scene>{inside}</Scene></X3D>").into();
+    let vrml = |inside: &str| format!("#VRML V2.0 utf8\n{inside}").into_bytes();
+    let nested = "<Group>".repeat(MILLION) + &"</Group>".repeat(MILLION);
+    let mut bomb = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+    let blanks = vec![b' '; 1 << 20];
+    bomb.write_all(b"#VRML V2.0 utf8\n").unwrap();
+    (0..1000).for_each(|_| bomb.write_all(&blanks).unwrap());
+    let mut doubled = "DEF G0 Shape { geometry Box { } }\n".to_owned();
+    let mut instances = "PROTO P0 [ field SFFloat r 1 ] { Sphere { radius IS r } }\n".to_owned();
+    for i in 0..40 {
+        doubled += &format!(
+            "DEF G{} Group {{ children [ USE G{i} USE G{i} ] }}\n",
+            i + 1
+        );
+        instances += &format!(
+            "PROTO P{} [ field SFFloat r 1 ] {{ Group {{ children [ P{i} {{ r IS r }} P{i} \
+             {{ r IS r }} ] }} }}\n",
+            i + 1
+        );
+    }
+    let entities: String = (0..20)
+        .map(|i| format!("<!ENTITY a{} \"{}\">", i + 1, format!("&a{i};").repeat(10)))
+        .collect();
+    let entities = format!(
+        "<!DOCTYPE X3D [<!ENTITY a0 \"aaaaaaaaaa\">{entities}]>\
+         <X3D><Scene><Shape><Box size='&a20;'/></Shape></Scene></X3D>"
+    );
+    vec![
+        ("deep.x3d", xml(&nested), deep),
+        (
+            "deep.wrl",
+            vrml(&"Group { children [ ".repeat(MILLION)),
+            deep,
+        ),
+        (
+            "deep.x3dv",
+            b"#X3D V3.3 utf8\n"
+                .iter()
+                .copied()
+                .chain("Group { children [ ".repeat(MILLION).into_bytes())
+                .collect(),
+            deep,
+        ),
+        (
+            "deep.x3dj",
+            format!(
+                "{{\"X3D\":{{\"Scene\":{}",
+                "{\"-children\":[{\"Group\":".repeat(MILLION)
+            )
+            .into(),
+            deep,
+        ),
+        (
+            "prototypes.wrl",
+            vrml(&"PROTO A [ ] { ".repeat(MILLION)),
+            deep,
+        ),
+        (
+            "bomb.wrl",
+            bomb.finish().unwrap(),
+            "gzip data that grows beyond",
+        ),
+        (
+            "doubled.wrl",
+            vrml(&doubled),
+            "shapes after instancing; the limit is 10000000",
+        ),
+        (
+            "instances.wrl",
+            vrml(&(instances + "P40 { }")),
+            "nodes made by prototypes",
+        ),
+        ("entities.x3d", entities.into_bytes(), "unrecognized entity"),
+        (
+            "itself.wrl",
+            vrml("Inline { url \"itself.wrl\" }"),
+            "it contains itself",
+        ),
+        (
+            "inside.wrl",
+            vrml("DEF A Group { children USE A }"),
+            "a node is used inside itself",
+        ),
+        (
+            "outside.wrl",
+            vrml("Inline { url [ \"../a.wrl\" \"/etc/passwd\" ] }"),
+            "../a.wrl: the name leads out of the folder; /etc/passwd: the name leads out of the folder",
+        ),
+        (
+            "picture.wrl",
+            vrml(
+                "Shape { geometry Box { } appearance Appearance { texture ImageTexture { \
+                  url [ \"../a.png\" \"/etc/a.png\" ] } } }",
+            ),
+            "../a.png: the name leads out of the folder; /etc/a.png: the name leads out",
+        ),
+        (
+            "pixels.wrl",
+            vrml(
+                "Shape { geometry Box { } appearance Appearance { texture PixelTexture { \
+                  image 1000000 1000000 3 1 2 3 } } }",
+            ),
+            "3 texels of 3 numbers for 1000000 x 1000000",
+        ),
+        (
+            "counts.wrl",
+            vrml(
+                "Shape { geometry NurbsSurface { uDimension 2000000000 vDimension 2000000000 \
+                  controlPoint 0 0 0 } }",
+            ),
+            "1 control points; 4000000000000000000 are needed",
+        ),
+    ]
+}
+
+#[test]
+fn hostile_files_end_in_a_sentence_soon() {
+    let folder = TempDir::new().unwrap();
+    for (name, content, expected) in files() {
+        let path = folder.path().join(name);
+        fs::write(&path, content).unwrap();
+        let mut took = Duration::MAX;
+        for _ in 0..TRIES {
+            let started = Instant::now();
+            let said = info(&path);
+            took = took.min(started.elapsed());
+            assert!(said.contains(expected), "{name}: {said}");
+            if took < PATIENCE {
+                break;
+            }
+        }
+        println!("{name}: {took:.2?}");
+        assert!(took < PATIENCE, "{name} took {took:?}");
+    }
+}
+
+/// What `info` says about a file, on both channels, with little memory.
+fn info(path: &Path) -> String {
+    let program = env!("CARGO_BIN_EXE_nurbray");
+    let limited = format!("ulimit -v {MEMORY}; exec \"$0\" info \"$1\"");
+    let output = Command::new("sh")
+        .args(["-c", &limited, program])
+        .arg(path)
+        .output()
+        .unwrap();
+    let texts = [output.stdout, output.stderr];
+    texts
+        .map(|text| String::from_utf8_lossy(&text).into_owned())
+        .concat()
+}
