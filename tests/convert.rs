@@ -278,7 +278,7 @@ fn written_files_give_the_same_picture() {
     fs::copy(place.path("samples/weave.png"), place.path("weave.png")).unwrap();
     let ways: [(&str, &[&str]); 2] = [
         ("teapot", &["obj", "igs", "obj", "x3d", "obj"]),
-        ("mixed", &["obj", "x3d", "obj"]),
+        ("mixed", &["x3d", "obj", "obj"]),
     ];
     for (stem, way) in ways {
         let mut file = format!("samples/{stem}.obj");

@@ -1,8 +1,10 @@
-//! Polygons against `tobj`, where a file has nothing that only one of the two understands.
+//! Polygons are those that `tobj` reads where it understands a file on its own, and right where it
+//! does not.
 
 use std::fmt::Write as _;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
+use kernel::WireShape;
 use nurbray_formats::{Limits, NoFiles, ReadOptions, read};
 
 /// A bent strip of quads and triangles in three groups, by references from both ends.
@@ -72,5 +74,40 @@ fn polygons_are_those_that_tobj_reads() {
             let triangles: Vec<_> = triangles.map(|c| [c[0], c[1], c[2]]).collect();
             assert_eq!(ours.triangles(), triangles);
         }
+    }
+}
+
+#[test]
+fn what_tobj_would_take_for_something_else_is_right() {
+    // A comment, a weight, a colour at one vertex, short and long entries, and wild references.
+    let text = "v 0 0 0 # first\nv 1 0 0 2\nv 1 1 0 255 0 0\nv 0 1 0\nvt 0.5\nvn 0 0 1 9\n\
+                f 1 2 3 4 # all\nf -4//1 2//1 3//1\nf 4 3 99999999999999999999\n\
+                f 1/4611686018427387905 2 3\nl 1 2 3\nl 3/7 -1\nf\\\n 1/1 \\\n 2/1 4/1\n";
+    for text in [text.to_owned(), text.replace('\n', "\r")] {
+        let limits = Limits::default();
+        let options = ReadOptions {
+            limits: &limits,
+            resolver: &NoFiles,
+        };
+        let import = read(text.as_bytes(), Some("obj"), &options).unwrap();
+        let warnings: Vec<_> = import.warnings.as_slice().iter().collect();
+        assert_eq!(warnings.len(), 2, "{warnings:?}");
+        let [flat, with_normals, with_texcoords] = import.scene.meshes() else {
+            panic!("{} meshes", import.scene.meshes().len());
+        };
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
+        assert_eq!(flat.positions(), corners);
+        assert_eq!(flat.triangles(), [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
+        let red = DVec4::new(1.0, 0.0, 0.0, 1.0);
+        assert_eq!(flat.colors(), [DVec4::ONE, DVec4::ONE, red, DVec4::ONE]);
+        assert_eq!(with_normals.normals(), [DVec3::Z; 3]);
+        assert_eq!(with_texcoords.uvs(), [DVec2::new(0.5, 0.0); 3]);
+        assert!(with_texcoords.colors().is_empty());
+        let lines = import.scene.wires().iter().map(|wire| match &wire.shape {
+            WireShape::Curve(curve) => curve.points().collect(),
+            WireShape::Points(points) => points.clone(),
+        });
+        let lines: Vec<Vec<DVec3>> = lines.collect();
+        assert_eq!(lines, [corners[..3].to_vec(), corners[2..].to_vec()]);
     }
 }

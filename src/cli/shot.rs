@@ -59,7 +59,10 @@ pub(super) fn shot<'a>(
         data: data || args.curves,
     };
     let started = Instant::now();
-    let (mut film, stats) = if args.method.is_research() {
+    let has_area = scene.placement_count() > 0;
+    let (mut film, stats) = if !has_area {
+        (Film::new(size.0, size.1), RenderStats::default())
+    } else if args.method.is_research() {
         for remark in args.method.remarks(scene) {
             eprintln!("nurbray: {}: {remark}", input::display(file));
         }
@@ -77,9 +80,8 @@ pub(super) fn shot<'a>(
             .with_context(|| path.display().to_string())?;
     }
     let render_time = started.elapsed();
-    let certified = args
-        .certify
-        .then(|| certify_film(&mut film, &accelerator, &camera));
+    let certified =
+        (args.certify && has_area).then(|| certify_film(&mut film, &accelerator, &camera));
     if args.curves {
         film = draw_curves(film, scene, &camera);
     }

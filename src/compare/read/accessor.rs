@@ -3,6 +3,7 @@
 
 use ::gltf::accessor::Item;
 use ::gltf::accessor::util::ItemIter;
+use ::gltf::json::accessor::sparse::Sparse;
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::buffer::View;
 use ::gltf::json::validation::{Checked, USize64};
@@ -68,38 +69,9 @@ impl Numbers<'_> {
             (None, None) => return Err(invalid(place, "it has no bufferView")),
         };
         if let Some(sparse) = &accessor.sparse {
-            let (few, at, new) = (size(sparse.count), &sparse.indices, &sparse.values);
-            let Checked::Valid(at_kind) = at.component_type else {
-                return Err(invalid(
-                    place,
-                    "the componentType of its indices is unknown",
-                ));
-            };
-            let at = Elements {
-                view: at.buffer_view,
-                offset: Some(at.byte_offset),
-                count: few,
-                width: 1,
-                kind: at_kind.0,
-            };
-            let at = self.read(&at, &place)?;
-            let new = self.read(
-                &elements(new.buffer_view, Some(new.byte_offset), few),
-                &place,
-            )?;
-            for (at, new) in at.into_iter().zip(new.chunks_exact(width)) {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "what is no element is not found"
-                )]
-                let first = (at as usize).saturating_mul(width);
-                let old = values
-                    .get_mut(first..)
-                    .and_then(|rest| rest.get_mut(..width));
-                let old = old.ok_or_else(|| invalid(&place, format!("sparse element {at}")))?;
-                old.copy_from_slice(new);
-            }
+            let new = &sparse.values;
+            let new = elements(new.buffer_view, Some(new.byte_offset), size(sparse.count));
+            self.replace(sparse, &new, &mut values, &place)?;
         }
         // Normalised ones are shares of the largest.
         let most = match kind {
@@ -113,6 +85,45 @@ impl Numbers<'_> {
             values.iter_mut().for_each(|x| *x = (*x / most).max(-1.0));
         }
         Ok(values)
+    }
+
+    /// Puts the new elements of a sparse accessor to their places.
+    fn replace(
+        &self,
+        sparse: &Sparse,
+        new: &Elements,
+        values: &mut [f64],
+        place: &str,
+    ) -> Result<(), Error> {
+        let at = &sparse.indices;
+        let Checked::Valid(kind) = at.component_type else {
+            return Err(invalid(
+                place,
+                "the componentType of its indices is unknown",
+            ));
+        };
+        let at = Elements {
+            view: at.buffer_view,
+            offset: Some(at.byte_offset),
+            count: new.count,
+            width: 1,
+            kind: kind.0,
+        };
+        let at = self.read(&at, place)?;
+        let numbers = self.read(new, place)?;
+        for (at, new) in at.into_iter().zip(numbers.chunks_exact(new.width)) {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "what is no element is not found"
+            )]
+            let first = (at as usize).saturating_mul(new.len());
+            let old = values.get_mut(first..);
+            let old = old.and_then(|rest| rest.get_mut(..new.len()));
+            let old = old.ok_or_else(|| invalid(place, format!("sparse element {at}")))?;
+            old.copy_from_slice(new);
+        }
+        Ok(())
     }
 
     /// All numbers of these elements.

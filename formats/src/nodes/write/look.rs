@@ -1,7 +1,9 @@
 //! Materials, lights, viewpoints, background.
 
 use glam::{DMat3, DQuat, DVec3};
-use kernel::{Camera, Falloff, Light, LightKind, Material, Projection, srgb_from_linear};
+use kernel::{
+    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, srgb_from_linear,
+};
 
 use super::Dialect;
 use super::spell::{Out, Value};
@@ -118,11 +120,32 @@ impl Tree<'_> {
         out
     }
 
+    /// The physically based reading, if it is the one to be written: not where the file gives
+    /// colours and highlights of another look beside it.
+    fn physical(&mut self, material: &Material) -> Option<MetallicRoughness> {
+        let model = material.metallic_roughness?;
+        if self.dialect == Dialect::Vrml97 {
+            return None;
+        }
+        let maps = &material.maps;
+        let usual = Material::physical(model);
+        let colors = |m: &Material| [m.ambient, m.diffuse, m.specular];
+        let pairs = colors(material).into_iter().zip(colors(&usual));
+        let is_usual = pairs.into_iter().all(|(a, b)| a.distance(b) < 1e-9)
+            && (material.shininess - usual.shininess).abs() < 1e-6;
+        if is_usual || maps.metallic.is_some() || maps.roughness.is_some() {
+            return Some(model);
+        }
+        let place = Place::item(0, format!("material \"{}\"", material.name));
+        let text = "metalness and roughness beside colours and highlights of another look; an X3D \
+            material has one of them";
+        self.warnings.unsupported(place, text);
+        None
+    }
+
     /// A material, and its type.
     pub(super) fn material(&mut self, material: &Material) -> (&'static str, Out) {
-        let physical = material
-            .metallic_roughness
-            .filter(|_| self.dialect != Dialect::Vrml97);
+        let physical = self.physical(material);
         let is_unlit = material.is_unlit() && !material.maps.is_empty();
         let mut out;
         if is_unlit && self.dialect != Dialect::Vrml97 {
