@@ -342,7 +342,8 @@ fn curves_and_points_are_drawn_when_they_are_asked_for() {
     let found = dark.count();
     assert!((100..250).contains(&found), "{found} dark pixels");
     let mixed = root("samples/mixed.obj");
-    let [without, with] = ["", "--curves"].map(|options| picture(&mixed, options));
+    let [without, with] = ["", "--curves"]
+        .map(|options| picture(&mixed, &format!("{options} --eye 5,4,6 --target 0,1,0")));
     let pairs = without.pixels().zip(with.pixels());
     let changed = pairs.filter(|(a, b)| a != b).count();
     assert!((60..600).contains(&changed), "{changed} pixels");
