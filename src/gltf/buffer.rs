@@ -217,7 +217,11 @@ impl Data {
     ///
     /// # Errors
     /// If compression fails.
-    pub(super) fn finish(self, root: &mut gltf::json::Root, compress: bool) -> io::Result<Contents> {
+    pub(super) fn finish(
+        self,
+        root: &mut gltf::json::Root,
+        compress: bool,
+    ) -> io::Result<Contents> {
         let (mut buffer, mut unpacked) = (Vec::new(), 0);
         let mut places: BTreeMap<Kind, Index<View>> = BTreeMap::new();
         for (kind, bytes) in self.views {

@@ -266,7 +266,7 @@ impl Faces {
             let line = faces[0].line;
             match self.keys[faces[0].key] {
                 Key::Lines(tag) => lines(faces, &model.mesh, tag, &mut wires, warnings),
-                Key::Mesh { tag, .. } => match mesh(faces, model.mesh, &mut tests, warnings) {
+                Key::Mesh { tag, .. } => match mesh(faces, &model.mesh, &mut tests, warnings) {
                     Ok(mesh) => parts.push(MeshPart { mesh, tag, line }),
                     Err(error) => warnings.add(Place::item(line, "f"), error),
                 },
@@ -327,7 +327,7 @@ fn points(flat: &[f64]) -> Vec<DVec3> {
 /// What `tobj` read of these faces, in triangles.
 fn mesh(
     faces: &[Face],
-    read: tobj::Mesh,
+    read: &tobj::Mesh,
     tests: &mut usize,
     warnings: &mut Warnings,
 ) -> Result<Mesh, kernel::Error> {
