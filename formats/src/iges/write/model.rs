@@ -18,6 +18,9 @@ const HALVINGS: u32 = 10;
 /// Derivatives that differ by less, as a share of their length, are the same.
 const SMOOTH: f64 = 1e-9;
 
+/// Largest distance from a knot, as a share of all, that is rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// A surface that trim curves lie on.
 #[derive(Clone, Debug)]
 pub(super) struct Carrier<'a> {
@@ -84,7 +87,9 @@ impl<'a> Carrier<'a> {
             0 => self.surface.iso_curve_v(start.y),
             _ => self.surface.iso_curve_u(start.x),
         };
-        let part = whole.restricted(range);
+        // What ends beside a knot ends at it: of less nobody could tell the direction.
+        let snapped = whole.knots().snapped(range.clone(), ROUNDING);
+        let part = whole.restricted(if snapped.is_empty() { range } else { snapped });
         let turned = part.map(|part| if from < to { part } else { part.reversed() });
         Some(turned.and_then(|part| part.remapped(curve.domain())))
     }
