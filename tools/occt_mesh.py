@@ -1,0 +1,113 @@
+#!/usr/bin/env python3
+"""Triangles of bodies, beside those of Open CASCADE at the same measured deviation.
+
+    python3 -m venv V && V/bin/pip install cadquery-ocp
+    cargo build --release && V/bin/python tools/occt_mesh.py [FILE ...]
+
+Without files: ten bodies of ../shared/corpus. Both sides make triangles on one thread, with the same
+limit of 15 degrees. First each gets the default tolerance, 1/2000 of the diagonal: `kept` is what
+`nurbray compare` then measures, in tolerances, both ways. Then theirs is asked for what brings the
+measured deviation to ours, within five percent; triangles and times are compared there. Times are
+those of making triangles alone, the best of three."""
+
+import json
+import math
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
+from OCP.IGESControl import IGESControl_Reader
+from OCP.StlAPI import StlAPI_Writer
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+NURBRAY = ROOT / "target/release/nurbray"
+ANGLE = 15.0
+RUNS = 3
+BODIES = ["bladex_shaft.iges", "gmsh_model1.igs", "gmsh_sphere_Rhino3D_default.igs", "mayo_cube.iges",
+          "made_brep186_NIST_PMI_1.igs", "made_brep186_NIST_PMI_3.igs", "made_brep186_screw.igs",
+          "occt_bearing.iges", "occt_hammer.iges", "pygem_test_pipe_hollow.iges"]
+
+
+def clean(shape):
+    (getattr(BRepTools, "Clean_s", None) or BRepTools.Clean)(shape)
+
+
+def theirs(shape, length, out):
+    """Seconds that Open CASCADE takes; its triangles are written to `out`."""
+    best = math.inf
+    for _ in range(RUNS):
+        clean(shape)
+        started = time.process_time()
+        BRepMesh_IncrementalMesh(shape, length, False, math.radians(ANGLE), False)
+        best = min(best, time.process_time() - started)
+    writer = StlAPI_Writer()
+    writer.ASCIIMode = False
+    writer.Write(shape, str(out))
+    return best
+
+
+def ours(body, out):
+    """Seconds that we take, and the tolerance."""
+    best = math.inf
+    for _ in range(RUNS):
+        run = subprocess.run([NURBRAY, "convert", body, "-o", out, "--angle", str(ANGLE), "--json"],
+                             env={**os.environ, "RAYON_NUM_THREADS": "1"}, check=True,
+                             capture_output=True, text=True)
+        report = json.loads(run.stdout)
+        best = min(best, report["tessellate_s"])
+    return best, report["tolerance"]
+
+
+def measured(body, mesh, folder):
+    """Triangles, and the largest distance both ways."""
+    subprocess.run([NURBRAY, "compare", body, mesh, "-o", folder, "--size", "64x48", "--samples",
+                    "1"], check=True, capture_output=True)
+    found = json.loads((folder / "report.json").read_text())["meshes"][0]
+    return found["triangles"], found["hausdorff_found"]
+
+
+def compare(body, folder):
+    mesh = folder / "mesh.stl"
+    time_ours, tolerance = ours(body, mesh)
+    count_ours, deviation = measured(body, mesh, folder / "ours")
+    reader = IGESControl_Reader()
+    reader.ReadFile(str(body))
+    reader.TransferRoots()
+    shape = reader.OneShape()
+    length, kept = tolerance, None
+    for _ in range(8):
+        time_theirs = theirs(shape, length, mesh)
+        count, found = measured(body, mesh, folder / "theirs")
+        kept = kept or found / tolerance
+        if abs(found / deviation - 1.0) < 0.05 or deviation == found:
+            break
+        length *= min(max(deviation / max(found, 1e-12 * tolerance), 0.2), 5.0)
+        if length > 50.0 * tolerance:
+            break
+    return {"name": body.name, "kept_ours": deviation / tolerance, "kept_theirs": kept,
+            "ratio": found / deviation if deviation > 0 else 1.0, "ours": count_ours, "theirs": count,
+            "time_ours": time_ours, "time_theirs": time_theirs}
+
+
+def main():
+    bodies = [pathlib.Path(name) for name in sys.argv[1:]]
+    bodies = bodies or [ROOT / "../shared/corpus/iges" / name for name in BODIES]
+    print("| body | kept by us | kept by theirs | triangles | theirs | ratio | ms | theirs | ratio |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        for body in bodies:
+            row = compare(body.resolve(), pathlib.Path(folder))
+            off = "" if abs(row["ratio"] - 1.0) < 0.05 else f" (at {row['ratio']:.2f} of our deviation)"
+            print(f"| {row['name']} | {row['kept_ours']:.2f} | {row['kept_theirs']:.2f} | {row['ours']} "
+                  f"| {row['theirs']}{off} | {row['ours'] / row['theirs']:.2f} "
+                  f"| {1e3 * row['time_ours']:.1f} | {1e3 * row['time_theirs']:.1f} "
+                  f"| {row['time_ours'] / row['time_theirs']:.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
