@@ -16,6 +16,9 @@ use super::rim::Face;
 /// Reaches of the passes, as shares of the tolerance.
 const REACHES: [f64; 4] = [1e-3, 1e-2, 0.1, 0.5];
 
+/// A trail of fewer points says too little of what lies between its ends.
+const FEW: usize = 9;
+
 /// Passes in which a face may be sewn to itself: its seams fit well.
 const SEAM_PASSES: usize = 2;
 
@@ -415,7 +418,16 @@ impl Sewer<'_, '_> {
         };
         let face = self.strands[s].face;
         let point = self.faces[face].point(after.start());
-        let [first, second] = self.strands[s].trail.split((at, point));
+        let parts = self.strands[s].trail.split((at, point));
+        let of = |part: Trail, curve: &Curve<DVec2>| {
+            if part.0.len() < FEW {
+                Trail::of(&self.faces[face], curve)
+            } else {
+                part
+            }
+        };
+        let [first, second] = parts;
+        let (first, second) = (of(first, &before), of(second, &after));
         let middle = self.add_node(point);
         self.unite(middle, node, reach, true);
         let end = self.strands[s].ends[1];
