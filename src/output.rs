@@ -196,6 +196,14 @@ pub fn encode_png(picture: &Picture) -> io::Result<Vec<u8>> {
     Ok(file)
 }
 
+/// Text as it stands in a page of HTML, also within quotes.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}
+
 /// Writes one number per pixel as the only channel of an EXR file; `size` is width and height.
 ///
 /// # Errors

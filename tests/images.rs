@@ -1,6 +1,6 @@
-//! Differences of pictures against reference implementations: PSNR and SSIM of scikit-image
-//! 0.26 (`gaussian_weights`, `sigma=1.5`, `use_sample_covariance=False`), FLIP of
-//! flip-evaluator 1.7, all on the PNG files in `tests/pairs`.
+//! Differences of pictures against reference implementations: PSNR and SSIM of scikit-image 0.26,
+//! FLIP of flip-evaluator 1.7, all on the PNG files in `tests/pairs`. `tools/images.py` prints
+//! their values.
 #![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
 use std::path::Path;

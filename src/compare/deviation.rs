@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::exact::{Exact, Foot};
 use super::soup::Soup;
-use super::supremum::{Function, Known, Supremum, largest};
+use super::supremum::{Function, Known, largest};
 use super::triangles::closest;
 use kernel::Cover;
 
@@ -85,12 +85,7 @@ pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, budget: us
             worst: Vec::new(),
         };
     }
-    let all = cells
-        .iter()
-        .map(|cell| (cell.found(), cell.clone()))
-        .collect();
-    let top = largest(&function, cells, FLOOR * size, budget);
-    reach(&top, all, size, |cell| function.worst(cell))
+    reach(&function, cells, size, budget)
 }
 
 /// The distance from the triangles to the nearest points of the surfaces.
@@ -114,12 +109,7 @@ pub(crate) fn from_mesh(
         }
     };
     let cells: Vec<_> = (0..soup.triangles.len()).map(cell).collect();
-    let all = cells
-        .iter()
-        .map(|cell| (cell.found(), cell.clone()))
-        .collect();
-    let top = largest(&function, cells, FLOOR * size, budget);
-    reach(&top, all, size, |cell| function.worst(cell))
+    reach(&function, cells, size, budget)
 }
 
 /// The nearest point of the surfaces for every point of a mesh; empty if there is no surface.
@@ -128,21 +118,18 @@ pub(crate) fn feet(exact: &Exact<'_>, soup: &Soup) -> Vec<Foot> {
     points.filter_map(|&p| exact.nearest(p)).collect()
 }
 
-/// Puts together what was found: the worst places are chosen among the cells at the start
-/// and those with the largest values at the end.
-fn reach<C>(
-    top: &Supremum<C>,
-    mut all: Vec<(f64, C)>,
-    size: f64,
-    worst: impl Fn(&C) -> Worst,
-) -> Reach {
-    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+/// Looks for the largest distance over these cells; the worst places are chosen among them and
+/// those with the largest values at the end.
+fn reach<F: Distances>(function: &F, cells: Vec<F::Cell>, size: f64, budget: usize) -> Reach {
+    let worst = |cell: &F::Cell| function.worst(cell);
+    let mut all: Vec<Worst> = cells.iter().map(worst).collect();
+    let top = largest(function, cells, FLOOR * size, budget);
+    all.sort_by(|a, b| b.distance.total_cmp(&a.distance));
     let mut places: Vec<Worst> = Vec::new();
-    for (_, cell) in top.cells.iter().chain(&all) {
+    for place in top.cells.iter().map(|(_, cell)| worst(cell)).chain(all) {
         if places.len() == PLACES {
             break;
         }
-        let place = worst(cell);
         let apart = |other: &Worst| other.from.distance(place.from) > APART * size;
         if place.distance > FLOOR * size && places.iter().all(apart) {
             places.push(place);
@@ -154,6 +141,12 @@ fn reach<C>(
         bound: top.bound + FLOOR * size,
         worst: places,
     }
+}
+
+/// Distances that can be told as places.
+trait Distances: Function {
+    /// The corner of a cell that is farthest away.
+    fn worst(&self, cell: &Self::Cell) -> Worst;
 }
 
 /// For every triangle of the exact side how far the face may reach beyond it, at sides that
@@ -278,7 +271,9 @@ impl FromSurface<'_> {
             inside: true,
         })
     }
+}
 
+impl Distances for FromSurface<'_> {
     fn worst(&self, cell: &SurfaceCell) -> Worst {
         let inside = cell.corners.iter().filter(|spot| spot.inside);
         let spot = inside.max_by(|a, b| a.distance.total_cmp(&b.distance));
@@ -286,7 +281,7 @@ impl FromSurface<'_> {
         Worst {
             from: spot.point,
             to: spot.near,
-            distance: spot.distance,
+            distance: if spot.inside { spot.distance } else { 0.0 },
             patch: self.exact.face_of(cell.triangle as usize),
             uv: spot.uv,
             triangle: spot.triangle,
@@ -301,15 +296,23 @@ impl Function for FromSurface<'_> {
     /// with the corners of the cell it is largest at a corner.
     fn examine(&self, cell: &SurfaceCell) -> Known {
         let points = cell.corners.map(|spot| spot.point);
-        let mut bound = from_corners(points, cell.corners.map(|spot| spot.distance));
+        let distances = cell.corners.map(|spot| spot.distance);
+        let over = |triangle: u32| {
+            let one = self.soup.corners(triangle as usize);
+            most(points.map(|p| closest(one, p).point.distance(p)))
+        };
+        let mut bound = from_corners(points, distances);
         for (k, spot) in cell.corners.iter().enumerate() {
             let known = |j: usize| cell.corners[j].triangle == spot.triangle;
-            if (0..k).any(known) {
-                continue;
+            if !(0..k).any(known) {
+                bound = bound.min(over(spot.triangle));
             }
-            let one = self.soup.corners(spot.triangle as usize);
-            let distances = points.map(|p| closest(one, p).point.distance(p));
-            bound = bound.min(most(distances));
+        }
+        // Corners on an edge of the mesh may tell about triangles on its other side.
+        if bound > 2.0 * most(distances) {
+            let middle = (points[0] + points[1] + points[2]) / 3.0;
+            let nearest = self.soup.tree.nearest_within(middle, bound);
+            bound = nearest.map_or(bound, |found| bound.min(over(found.triangle)));
         }
         let slack = self.slack[cell.triangle as usize];
         let bound = bound + cell.chord;
@@ -370,21 +373,6 @@ struct FromMesh<'a> {
 }
 
 impl FromMesh<'_> {
-    fn worst(&self, cell: &MeshCell) -> Worst {
-        let k = (0..3).max_by(|&i, &j| cell.feet[i].distance.total_cmp(&cell.feet[j].distance));
-        let (from, foot) = k.map_or((cell.corners[0], cell.feet[0]), |k| {
-            (cell.corners[k], cell.feet[k])
-        });
-        Worst {
-            from,
-            to: foot.point,
-            distance: foot.distance,
-            patch: foot.face,
-            uv: foot.uv,
-            triangle: cell.triangle,
-        }
-    }
-
     /// A bound by the surface over the triangle of the nearest points' parameters on the face
     /// of one of them.
     fn over_face(&self, cell: &MeshCell, base: &Foot) -> Option<f64> {
@@ -415,9 +403,26 @@ impl FromMesh<'_> {
 
     /// A bound by one triangle of the exact side.
     fn over_triangle(&self, cell: &MeshCell, number: usize) -> f64 {
-        let one = self.exact.corners()[number];
+        let one = self.exact.corners(number);
         let distances = cell.corners.map(|p| closest(one, p).point.distance(p));
         most(distances) + self.exact.chords[number] + self.slack[number]
+    }
+}
+
+impl Distances for FromMesh<'_> {
+    fn worst(&self, cell: &MeshCell) -> Worst {
+        let k = (0..3).max_by(|&i, &j| cell.feet[i].distance.total_cmp(&cell.feet[j].distance));
+        let (from, foot) = k.map_or((cell.corners[0], cell.feet[0]), |k| {
+            (cell.corners[k], cell.feet[k])
+        });
+        Worst {
+            from,
+            to: foot.point,
+            distance: foot.distance,
+            patch: foot.face,
+            uv: foot.uv,
+            triangle: cell.triangle,
+        }
     }
 }
 
@@ -455,7 +460,7 @@ impl Function for FromMesh<'_> {
             let share = if from.triangle == to.triangle {
                 0.5
             } else {
-                let pair = [from, to].map(|foot| self.exact.corners()[foot.triangle as usize]);
+                let pair = [from, to].map(|foot| self.exact.corners(foot.triangle as usize));
                 change(cell.corners[i], cell.corners[j], pair)
             };
             let point = cell.corners[i].lerp(cell.corners[j], share);

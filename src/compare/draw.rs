@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::images::Picture;
+use crate::film::PixelData;
 use crate::render::Eye;
 
 /// Colours from the least value to the largest, sRGB: dark blue over green to yellow, in steps
@@ -126,6 +127,24 @@ fn put(picture: &mut Picture, x: usize, y: usize, color: [f32; 3]) {
 /// Lines are drawn in front of what is nearer by less than this share of its depth.
 const IN_FRONT: f64 = 2e-3;
 
+/// The largest depth in a pixel and beside it, where that is one: on a slope the depth of a line
+/// is not quite that in the middle of its pixel.
+fn deepest(depths: &[f32], width: usize) -> Vec<f32> {
+    let around = |k: usize| {
+        let beside = [
+            (k % width > 0).then(|| k - 1),
+            (k % width + 1 < width).then(|| k + 1),
+            k.checked_sub(width),
+            Some(k + width).filter(|&other| other < depths.len()),
+        ];
+        let beside = beside.into_iter().flatten().map(|other| depths[other]);
+        beside
+            .filter(|d| *d < PixelData::FAR)
+            .fold(depths[k], f32::max)
+    };
+    (0..depths.len()).map(around).collect()
+}
+
 /// Draws the segments that are not hidden, with the depth of every pixel at hand; the colour
 /// is mixed with what is there.
 pub(crate) fn lines(
@@ -136,6 +155,7 @@ pub(crate) fn lines(
     color: [f32; 3],
 ) {
     let (width, height) = (picture.width() as f64, picture.height() as f64);
+    let deepest = deepest(depths, picture.width());
     let mut drawn = vec![false; depths.len()];
     for ends in segments {
         let [(a, near), (b, far)] = ends.map(|p| eye.project(p));
@@ -167,7 +187,7 @@ pub(crate) fn lines(
                 reason = "inside the picture"
             )]
             let index = p.y as usize * picture.width() + p.x as usize;
-            if depth <= f64::from(depths[index]) * (1.0 + IN_FRONT) && !drawn[index] {
+            if depth <= f64::from(deepest[index]) * (1.0 + IN_FRONT) && !drawn[index] {
                 drawn[index] = true;
                 let pixel = &mut picture.pixels_mut()[index];
                 *pixel = [0, 1, 2].map(|c| 0.35 * pixel[c] + 0.65 * color[c]);

@@ -8,7 +8,7 @@ use kernel::nearest::{self, Nearby};
 use kernel::{Aabb, Curve, Patch, Scene, Shape, TrimRegion};
 use rayon::prelude::*;
 
-use super::triangles::TriangleTree;
+use super::triangles::{BoxTree, Found, TriangleTree};
 use crate::tessellate::pieces::{Pieces, Rect};
 use crate::tessellate::{Tessellation, stretch};
 
@@ -68,6 +68,9 @@ pub(crate) struct Face<'a> {
     nearby: Nearby<'a>,
     rims: Vec<Curve<DVec2>>,
     rim: Vec<RimPoint>,
+    /// Its triangles, and the number of the first of them among all.
+    tree: TriangleTree,
+    first: u32,
     /// Every point of the face is this near to one of its triangles.
     pub(crate) proven: f64,
     /// Whether its normal points into the closed body it bounds; `None` if there is none.
@@ -98,7 +101,8 @@ pub(crate) struct Exact<'a> {
     pub(crate) triangles: Vec<[u32; 3]>,
     /// How far the surface is from each triangle at the same parameters, at most.
     pub(crate) chords: Vec<f64>,
-    tree: TriangleTree,
+    /// The boxes around the triangles of each face.
+    boxes: BoxTree,
     /// How much nearer than its triangles a face is looked for: what is proven of all faces, but
     /// not more than twice the tolerance for the sake of those of which little is.
     reach: f64,
@@ -139,6 +143,9 @@ impl<'a> Exact<'a> {
                     face.chord(uvs)
                 };
                 part.chords = part.triangles.iter().map(chord).collect();
+                let corners = part.triangles.iter();
+                let corners = corners.map(|t| t.map(|k| part.vertices[k as usize].1));
+                face.tree = TriangleTree::new(corners.collect());
                 (face, part)
             })
             .collect();
@@ -147,20 +154,19 @@ impl<'a> Exact<'a> {
             vertices: Vec::new(),
             triangles: Vec::new(),
             chords: Vec::new(),
-            tree: TriangleTree::new(Vec::new()),
+            boxes: BoxTree::new(&[]),
             reach: 0.0,
         };
         for (face, part) in parts {
             all.reach = all.reach.max(face.proven.min(2.0 * triangles.tolerance));
             all.add(face, part);
         }
-        let corners = all.triangles.iter();
-        let corners = corners.map(|t| t.map(|k| all.vertices[k as usize].point));
-        all.tree = TriangleTree::new(corners.collect());
+        let boxes: Vec<_> = all.faces.iter().map(|face| face.tree.bounds()).collect();
+        all.boxes = BoxTree::new(&boxes);
         all
     }
 
-    fn add(&mut self, face: Face<'a>, part: Part) {
+    fn add(&mut self, mut face: Face<'a>, part: Part) {
         let small = |k: usize| u32::try_from(k).expect("memory ends before 2^32 vertices");
         let (number, first) = (small(self.faces.len()), small(self.vertices.len()));
         let vertices = part.vertices.into_iter();
@@ -169,6 +175,7 @@ impl<'a> Exact<'a> {
             uv,
             point,
         }));
+        face.first = small(self.triangles.len());
         let triangles = part.triangles.into_iter();
         self.triangles
             .extend(triangles.map(|t| t.map(|k| first + k)));
@@ -181,9 +188,9 @@ impl<'a> Exact<'a> {
         self.vertices[self.triangles[triangle][0] as usize].face
     }
 
-    /// The corners of the triangles.
-    pub(crate) fn corners(&self) -> &[[DVec3; 3]] {
-        self.tree.corners()
+    /// The corners of a triangle.
+    pub(crate) fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|k| self.vertices[k as usize].point)
     }
 
     /// A box around all faces.
@@ -191,9 +198,28 @@ impl<'a> Exact<'a> {
         Aabb::around(self.vertices.iter().map(|vertex| vertex.point))
     }
 
+    /// The nearest triangle of each face that may be the nearest if faces are nearer than their
+    /// triangles by `slack`: distance, face, and what was found; a few more may be among them.
+    fn nearest_triangles(&self, p: DVec3, slack: f64) -> Vec<(u32, Found)> {
+        let mut found: Vec<(u32, Found)> = Vec::new();
+        let mut reach = f64::INFINITY;
+        self.boxes.visit(p, reach, |number| {
+            let face = &self.faces[number as usize];
+            if let Some(mut own) = face.tree.nearest_within(p, reach) {
+                reach = reach.min(own.distance * (1.0 + ROUNDING) + slack);
+                own.triangle += face.first;
+                found.push((number, own));
+            }
+            reach * reach
+        });
+        found.sort_by(|a, b| a.1.distance.total_cmp(&b.1.distance).then(a.0.cmp(&b.0)));
+        found
+    }
+
     /// The number of the triangle nearest to `p`; `None` if there is none.
     pub(crate) fn nearest_triangle(&self, p: DVec3) -> Option<usize> {
-        Some(self.tree.nearest(p)?.triangle as usize)
+        let found = self.nearest_triangles(p, 0.0);
+        Some(found.first()?.1.triangle as usize)
     }
 
     /// The point of all faces nearest to `p`, `None` if there is no face.
@@ -201,41 +227,21 @@ impl<'a> Exact<'a> {
     /// It is one where the distance has a minimum on its face or on the rim of its face, and
     /// the least of those of all faces whose triangles come near enough.
     pub(crate) fn nearest(&self, p: DVec3) -> Option<Foot> {
-        let first = self.tree.nearest(p)?;
-        let mut tried: Vec<(f64, u32, DVec2)> = Vec::new();
-        let uv = |triangle: u32, shares: [f64; 3]| {
-            let corners = self.triangles[triangle as usize].map(|k| self.vertices[k as usize].uv);
-            corners[0] * shares[0] + corners[1] * shares[1] + corners[2] * shares[2]
-        };
-        let nearest = first.distance * (1.0 + ROUNDING);
-        let reach = nearest + 2.0 * self.reach;
-        self.tree.within(p, reach, |found| {
-            let face = self.face_of(found.triangle as usize);
-            // The face may be nearer than its triangles by what is proven, not more.
-            let slack = self.faces[face as usize].proven + self.reach;
-            if found.distance > nearest + slack {
-                return;
-            }
-            let guess = (
-                found.distance,
-                face,
-                uv(found.triangle, found.closest.shares),
-            );
-            match tried.iter_mut().find(|(_, own, _)| *own == face) {
-                Some(own) if own.0 > guess.0 => *own = guess,
-                Some(_) => {}
-                None => tried.push(guess),
-            }
-        });
-        tried.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        tried.truncate(FACES_TRIED);
+        let tried = self.nearest_triangles(p, 2.0 * self.reach);
+        let first = tried.first()?.1;
         let mut best: Option<Foot> = None;
-        for (distance, face, guess) in tried {
+        for (face, found) in tried.into_iter().take(FACES_TRIED) {
             let known = best.map_or(f64::INFINITY, |best| best.distance);
-            if distance - self.faces[face as usize].proven >= known {
+            // The face may be nearer than its triangles by what is proven, not more.
+            let proven = self.faces[face as usize].proven;
+            let nearest = first.distance * (1.0 + ROUNDING) + proven + self.reach;
+            if found.distance > nearest || found.distance - proven >= known {
                 continue;
             }
-            let foot = self.foot(face, p, guess);
+            let corners = self.triangles[found.triangle as usize];
+            let shares = corners.iter().zip(found.closest.shares);
+            let guess = shares.map(|(k, share)| self.vertices[*k as usize].uv * share);
+            let foot = self.foot(face, p, guess.sum());
             if foot.distance < known {
                 let triangle = first.triangle;
                 best = Some(Foot { triangle, ..foot });
@@ -304,6 +310,8 @@ impl<'a> Face<'a> {
             nearby,
             rims,
             rim,
+            tree: TriangleTree::new(Vec::new()),
+            first: 0,
             proven: 0.0,
             inwards: None,
         }

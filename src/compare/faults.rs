@@ -97,19 +97,20 @@ const FAR: f64 = 5e-3;
 /// Faces that are told one by one.
 const TOLD: usize = 12;
 
-/// Looks for faults of a mesh that stands where the surfaces do, or elsewhere by `pose`.
+/// Looks for faults of a mesh that stands where the surfaces do, or elsewhere by `pose`; no face
+/// that has all its triangles is farther from them than `proven`, if that is finite.
 pub(crate) fn faults(
     exact: &Exact<'_>,
     soup: &Soup,
-    samples: &[Sample],
-    feet: &[Foot],
+    (samples, feet): (&[Sample], &[Foot]),
+    proven: f64,
     pose: Option<Fault>,
 ) -> Vec<Fault> {
     let mut found = Vec::new();
     match pose {
         Some(fault) => found.push(fault),
         None => {
-            found.extend(missing(exact, samples));
+            found.extend(missing(exact, samples, proven));
             found.extend(extra(exact, soup, feet));
         }
     }
@@ -286,8 +287,12 @@ fn typical(exact: &Exact<'_>, samples: &[Sample]) -> f64 {
 }
 
 /// Faces without triangles.
-fn missing(exact: &Exact<'_>, samples: &[Sample]) -> Vec<Fault> {
-    let typical = typical(exact, samples);
+fn missing(exact: &Exact<'_>, samples: &[Sample], proven: f64) -> Vec<Fault> {
+    let coarse = if proven.is_finite() {
+        proven
+    } else {
+        typical(exact, samples)
+    };
     let mut boxes = vec![Aabb::EMPTY; exact.faces.len()];
     for vertex in &exact.vertices {
         let own = &mut boxes[vertex.face as usize];
@@ -302,7 +307,7 @@ fn missing(exact: &Exact<'_>, samples: &[Sample]) -> Vec<Fault> {
     for sample in samples {
         let face = sample.face as usize;
         let width = areas[face] / boxes[face].diagonal();
-        if sample.distance > typical.max(WIDTH * width) {
+        if sample.distance > coarse.max(WIDTH * width) {
             bare[face] += sample.area;
             if worst[face].is_none_or(|w| w.distance < sample.distance) {
                 worst[face] = Some(sample);

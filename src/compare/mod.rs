@@ -72,13 +72,14 @@ const PROVEN_BUDGET: usize = 30_000;
 /// The same for a mesh that stands elsewhere, which no proof makes better.
 const FAULTY_BUDGET: usize = 2_000;
 
-/// Measures a mesh; beside the result what is wrong with the mesh as a whole.
-fn measure(exact: &Exact<'_>, soup: &Soup, budget: usize) -> (Deviation, Vec<Fault>) {
+/// Measures a mesh; beside the result what is wrong with the mesh as a whole. The surfaces are
+/// known to be no farther from it than `proven`, which is infinite where nothing is known.
+fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault>) {
     let pose = faults::pose(exact, soup);
-    let budget = if pose.is_none() {
-        budget
-    } else {
-        FAULTY_BUDGET
+    let budget = match pose {
+        Some(_) => FAULTY_BUDGET,
+        None if proven.is_finite() => PROVEN_BUDGET,
+        None => BUDGET,
     };
     let size = exact.bounds().union(soup.bounds()).diagonal();
     let feet = deviation::feet(exact, soup);
@@ -98,7 +99,7 @@ fn measure(exact: &Exact<'_>, soup: &Soup, budget: usize) -> (Deviation, Vec<Fau
         flat_normals: degrees(|sample| sample.flat),
         smooth_normals: degrees(|sample| sample.smooth),
     };
-    let faults = faults::faults(exact, soup, &samples, &feet, pose);
+    let faults = faults::faults(exact, soup, (&samples, &feet), proven, pose);
     (deviation, faults)
 }
 
@@ -129,7 +130,12 @@ impl<'a> Subject<'a> {
 
     /// Measures the meshes of another scene, which stand in this one by `scene_from_mesh`.
     pub fn measure(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Deviation {
-        measure(&self.exact(), &Soup::new(mesh, scene_from_mesh), BUDGET).0
+        measure(
+            &self.exact(),
+            &Soup::new(mesh, scene_from_mesh),
+            f64::INFINITY,
+        )
+        .0
     }
 
     /// Fits the meshes of another scene onto the surfaces.

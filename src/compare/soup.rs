@@ -102,7 +102,7 @@ impl Soup {
 
     /// The least box around the triangles.
     pub(crate) fn bounds(&self) -> Aabb {
-        Aabb::around(self.tree.corners().iter().flatten().copied())
+        self.tree.bounds()
     }
 
     /// For every triangle the number of the part that hangs together with it, and how many

@@ -3,10 +3,10 @@
 use glam::DVec3;
 use kernel::Aabb;
 
-/// Triangles of a leaf.
+/// Boxes of a leaf.
 const FILL: usize = 4;
 
-/// Levels of a tree over less than 2^32 triangles, and some.
+/// Levels of a tree over less than 2^32 boxes, and some.
 const LEVELS: usize = 40;
 
 /// The point of a triangle nearest to another point.
@@ -74,11 +74,10 @@ pub(crate) struct Found {
     pub(crate) distance: f64,
 }
 
-/// A hierarchy of boxes over triangles, two wide.
+/// A hierarchy of boxes, two wide.
 #[derive(Debug)]
-pub(crate) struct TriangleTree {
-    corners: Vec<[DVec3; 3]>,
-    /// Numbers of triangles in the order of the leaves.
+pub(crate) struct BoxTree {
+    /// Numbers of boxes in the order of the leaves.
     order: Vec<u32>,
     nodes: Vec<Node>,
 }
@@ -91,87 +90,22 @@ struct Node {
     count: u32,
 }
 
-impl TriangleTree {
-    /// Puts triangles into a tree; they keep their numbers.
-    pub(crate) fn new(corners: Vec<[DVec3; 3]>) -> Self {
-        let count = u32::try_from(corners.len()).expect("memory ends before 2^32 triangles");
-        let mut tree = Self {
-            corners,
-            order: (0..count).collect(),
-            nodes: Vec::new(),
-        };
+impl BoxTree {
+    /// Puts boxes into a tree; they keep their numbers.
+    pub(crate) fn new(boxes: &[Aabb]) -> Self {
+        let count = u32::try_from(boxes.len()).expect("memory ends before 2^32 boxes");
+        let mut order: Vec<u32> = (0..count).collect();
+        let mut nodes = Vec::new();
         if count > 0 {
-            let mut order = std::mem::take(&mut tree.order);
-            tree.build(&mut order, 0);
-            tree.order = order;
+            build(boxes, &mut order, 0, &mut nodes);
         }
-        tree
+        Self { order, nodes }
     }
 
-    /// Adds the node of these triangles, of which the first is number `first` in the order.
-    fn build(&mut self, order: &mut [u32], first: usize) {
-        let own = |k: &u32| self.corners[*k as usize];
-        let bounds = Aabb::around(order.iter().flat_map(own));
-        let small = |k: usize| u32::try_from(k).expect("fewer nodes than triangles");
-        let index = self.nodes.len();
-        let leaf = order.len() <= FILL;
-        self.nodes.push(Node {
-            bounds,
-            first: small(first),
-            count: if leaf { small(order.len()) } else { 0 },
-        });
-        if leaf {
-            return;
-        }
-        let middles = Aabb::around(order.iter().map(|k| middle(own(k)))).size();
-        let axis = (0..3)
-            .max_by(|&i, &j| middles[i].total_cmp(&middles[j]))
-            .unwrap_or(0);
-        let half = order.len() / 2;
-        order.select_nth_unstable_by(half, |a, b| {
-            let key = |k: &u32| middle(own(k))[axis];
-            key(a).total_cmp(&key(b)).then(a.cmp(b))
-        });
-        let (left, right) = order.split_at_mut(half);
-        self.build(left, first);
-        self.nodes[index].first = small(self.nodes.len());
-        self.build(right, first + half);
-    }
-
-    /// The corners of the triangles by their numbers.
-    pub(crate) fn corners(&self) -> &[[DVec3; 3]] {
-        &self.corners
-    }
-
-    /// The nearest triangle; `None` if there is none.
-    pub(crate) fn nearest(&self, p: DVec3) -> Option<Found> {
-        let mut best: Option<Found> = None;
-        let mut square = f64::INFINITY;
-        self.visit(p, |found, own| {
-            if own < square {
-                square = own;
-                best = Some(found);
-            }
-            square
-        });
-        best
-    }
-
-    /// Shows every triangle no farther from `p` than `reach`, in no particular order.
-    pub(crate) fn within(&self, p: DVec3, reach: f64, mut show: impl FnMut(Found)) {
-        let square = reach * reach;
-        self.visit(p, |found, own| {
-            if own <= square {
-                show(found);
-            }
-            square
-        });
-    }
-
-    /// Goes through the boxes from near to far. `look` is given triangles and the squares of
-    /// their distances, and answers with the square beyond which nothing is of interest.
-    fn visit(&self, p: DVec3, mut look: impl FnMut(Found, f64) -> f64) {
-        let mut square = f64::INFINITY;
+    /// Goes through the boxes from near to far, those at most `square` from `p`, which is the
+    /// square of a distance. `look` is given numbers of boxes, and answers with the square beyond
+    /// which nothing is of interest.
+    pub(crate) fn visit(&self, p: DVec3, mut square: f64, mut look: impl FnMut(u32) -> f64) {
         if self.nodes.is_empty() {
             return;
         }
@@ -187,15 +121,8 @@ impl TriangleTree {
             let node = self.nodes[index as usize];
             if node.count > 0 {
                 let leaf = node.first as usize..(node.first + node.count) as usize;
-                for &triangle in &self.order[leaf] {
-                    let closest = closest(self.corners[triangle as usize], p);
-                    let own = closest.point.distance_squared(p);
-                    let found = Found {
-                        triangle,
-                        closest,
-                        distance: own.sqrt(),
-                    };
-                    square = look(found, own);
+                for &number in &self.order[leaf] {
+                    square = look(number);
                 }
                 continue;
             }
@@ -209,8 +136,104 @@ impl TriangleTree {
     }
 }
 
-fn middle([a, b, c]: [DVec3; 3]) -> DVec3 {
-    (a + b + c) / 3.0
+/// Adds the node of these boxes, of which the first is number `first` in the order.
+fn build(boxes: &[Aabb], order: &mut [u32], first: usize, nodes: &mut Vec<Node>) {
+    let own = |k: &u32| boxes[*k as usize];
+    let bounds = order.iter().fold(Aabb::EMPTY, |all, k| all.union(own(k)));
+    let small = |k: usize| u32::try_from(k).expect("fewer nodes than boxes");
+    let index = nodes.len();
+    let leaf = order.len() <= FILL;
+    nodes.push(Node {
+        bounds,
+        first: small(first),
+        count: if leaf { small(order.len()) } else { 0 },
+    });
+    if leaf {
+        return;
+    }
+    let middles = Aabb::around(order.iter().map(|k| own(k).center())).size();
+    let axis = (0..3)
+        .max_by(|&i, &j| middles[i].total_cmp(&middles[j]))
+        .unwrap_or(0);
+    let half = order.len() / 2;
+    order.select_nth_unstable_by(half, |a, b| {
+        let key = |k: &u32| own(k).center()[axis];
+        key(a).total_cmp(&key(b)).then(a.cmp(b))
+    });
+    let (left, right) = order.split_at_mut(half);
+    build(boxes, left, first, nodes);
+    nodes[index].first = small(nodes.len());
+    build(boxes, right, first + half, nodes);
+}
+
+/// Triangles in a hierarchy of boxes.
+#[derive(Debug)]
+pub(crate) struct TriangleTree {
+    corners: Vec<[DVec3; 3]>,
+    tree: BoxTree,
+}
+
+impl TriangleTree {
+    /// Puts triangles into a tree; they keep their numbers.
+    pub(crate) fn new(corners: Vec<[DVec3; 3]>) -> Self {
+        let boxes: Vec<_> = corners.iter().map(|t| Aabb::around(*t)).collect();
+        let tree = BoxTree::new(&boxes);
+        Self { corners, tree }
+    }
+
+    /// The corners of the triangles by their numbers.
+    pub(crate) fn corners(&self) -> &[[DVec3; 3]] {
+        &self.corners
+    }
+
+    /// A box around all of them.
+    pub(crate) fn bounds(&self) -> Aabb {
+        self.tree.nodes.first().map_or(Aabb::EMPTY, |n| n.bounds)
+    }
+
+    /// The nearest triangle; `None` if there is none.
+    pub(crate) fn nearest(&self, p: DVec3) -> Option<Found> {
+        self.nearest_within(p, f64::INFINITY)
+    }
+
+    /// The nearest triangle no farther away than `reach`; `None` if there is none.
+    pub(crate) fn nearest_within(&self, p: DVec3, reach: f64) -> Option<Found> {
+        let mut best: Option<Found> = None;
+        let mut square = reach * reach;
+        self.tree.visit(p, square, |triangle| {
+            let (found, own) = self.found(triangle, p);
+            if own < square || (best.is_none() && own <= square) {
+                square = own;
+                best = Some(found);
+            }
+            square
+        });
+        best
+    }
+
+    /// Shows every triangle no farther from `p` than `reach`, in no particular order.
+    pub(crate) fn within(&self, p: DVec3, reach: f64, mut show: impl FnMut(Found)) {
+        let square = reach * reach;
+        self.tree.visit(p, square, |triangle| {
+            let (found, own) = self.found(triangle, p);
+            if own <= square {
+                show(found);
+            }
+            square
+        });
+    }
+
+    /// A triangle's point nearest to `p`, and the square of the distance.
+    fn found(&self, triangle: u32, p: DVec3) -> (Found, f64) {
+        let closest = closest(self.corners[triangle as usize], p);
+        let square = closest.point.distance_squared(p);
+        let found = Found {
+            triangle,
+            closest,
+            distance: square.sqrt(),
+        };
+        (found, square)
+    }
 }
 
 impl Node {

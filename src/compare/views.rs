@@ -19,7 +19,7 @@ use crate::render::{Eye, RenderOptions, film_ray, render};
 /// Rays along the side of a pixel where silhouettes are compared finely.
 const FINE: u32 = 4;
 
-/// The size of a zoomed crop.
+/// The size of a zoomed crop, unless the pictures are smaller.
 const CROP: (u32, u32) = (400, 300);
 
 /// A crop shows this many times the deviation, but at least and at most these shares of the
@@ -149,9 +149,30 @@ pub(crate) struct Crop {
     pub(crate) extent: f64,
 }
 
-/// The same triangles as a scene with the lights of another one, coloured as the surfaces that
-/// they are nearest to.
-fn scene_of(scene: &Scene, exact: &Exact<'_>, soup: &Soup, smooth: Smooth) -> Scene {
+/// For every triangle the number of the material of the surface that it is nearest to, counted
+/// from one; zero for none.
+fn materials(scene: &Scene, exact: &Exact<'_>, soup: &Soup) -> Vec<usize> {
+    let placements = scene.placements();
+    let faces = placements
+        .iter()
+        .filter(|at| matches!(at.shape, Shape::Patch(_)));
+    let faces: Vec<usize> = faces
+        .map(|at| at.material.map_or(0, |material| material.index() + 1))
+        .collect();
+    if faces.iter().all(|face| *face == faces[0]) {
+        let group = faces.first().copied().unwrap_or(0);
+        return vec![group; soup.triangles.len()];
+    }
+    let group = |[a, b, c]: &[DVec3; 3]| {
+        let nearest = exact.nearest_triangle((*a + *b + *c) / 3.0);
+        nearest.map_or(0, |k| faces[exact.face_of(k) as usize])
+    };
+    soup.tree.corners().par_iter().map(group).collect()
+}
+
+/// The same triangles as a scene with the lights of another one, and with its materials by their
+/// numbers `groups`.
+fn scene_of(scene: &Scene, soup: &Soup, groups: &[usize], smooth: Smooth) -> Scene {
     let mut made = Scene::default();
     made.lights.clone_from(&scene.lights);
     made.headlight = scene.headlight;
@@ -161,23 +182,8 @@ fn scene_of(scene: &Scene, exact: &Exact<'_>, soup: &Soup, smooth: Smooth) -> Sc
         .cloned()
         .map(|m| made.add_material(m))
         .collect();
-    let placements = scene.placements();
-    let faces = placements
-        .iter()
-        .filter(|at| matches!(at.shape, Shape::Patch(_)));
-    let faces: Vec<Option<usize>> = faces.map(|at| at.material.map(MaterialId::index)).collect();
-    let group = |[a, b, c]: &[DVec3; 3]| {
-        let nearest = exact.nearest_triangle((*a + *b + *c) / 3.0);
-        let material = nearest.and_then(|k| faces[exact.face_of(k) as usize]);
-        material.map_or(0, |k| k + 1)
-    };
-    let groups: Vec<usize> = if ids.is_empty() {
-        vec![0; soup.triangles.len()]
-    } else {
-        soup.tree.corners().par_iter().map(group).collect()
-    };
     let mut root = Node::default();
-    for (group, mut mesh) in soup.meshes(&groups, smooth) {
+    for (group, mut mesh) in soup.meshes(groups, smooth) {
         mesh.material = group.checked_sub(1).map(|k| ids[k]);
         let mesh = made.add_mesh(mesh).expect("the material was added before");
         let (shape, material) = (Shape::Mesh(mesh), None);
@@ -196,8 +202,9 @@ pub(crate) fn take(
     worst: &[Worst],
     largest: f64,
 ) -> Views {
-    let smooth_scene = scene_of(stage.scene, exact, soup, Smooth::Yes);
-    let flat_scene = scene_of(stage.scene, exact, soup, Smooth::No);
+    let groups = materials(stage.scene, exact, soup);
+    let smooth_scene = scene_of(stage.scene, soup, &groups, Smooth::Yes);
+    let flat_scene = scene_of(stage.scene, soup, &groups, Smooth::No);
     let started = Instant::now();
     let accelerator = Accelerator::build(&smooth_scene, &METHODS[0]);
     let build = started.elapsed();
@@ -473,14 +480,15 @@ fn crop(
     let across =
         (towards - normal * towards.dot(normal)).normalize_or(normal.any_orthonormal_vector());
     let eye = place.from + (normal * 0.55 + across).normalize() * extent;
+    let (width, height) = (CROP.0.min(stage.view.width), CROP.1.min(stage.view.height));
     let projection = Projection::Orthographic {
-        extent: extent * f64::from(CROP.1) / f64::from(CROP.0),
+        extent: extent * f64::from(height) / f64::from(width),
     };
     let camera = Camera::look_at(eye, place.from, normal, projection);
     let camera = camera.unwrap_or_else(|| stage.camera.clone());
     let view = View {
-        width: CROP.0,
-        height: CROP.1,
+        width,
+        height,
         ..stage.view.clone()
     };
     let film = shoot(mesh, &camera, &view);

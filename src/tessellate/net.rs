@@ -211,9 +211,7 @@ impl Power {
     fn sum(&self, terms: &[(&[DVec4], &[DVec4], f64)]) -> Vec<DVec4> {
         let mut sum = vec![DVec4::ZERO; self.len()];
         for (a, b, factor) in terms {
-            self.each(a.len(), b.len(), |i, j, k| {
-                sum[k] += a[i] * (b[j].w * factor);
-            });
+            self.add(a, b, &mut sum, |sum, a, b| *sum += a * (b.w * factor));
         }
         sum
     }
@@ -221,25 +219,34 @@ impl Power {
     /// The product of the weights of two nets, as weights.
     fn weights(&self, a: &[DVec4], b: &[DVec4]) -> Vec<DVec4> {
         let mut product = vec![DVec4::ZERO; self.len()];
-        self.each(a.len(), b.len(), |i, j, k| product[k].w += a[i].w * b[j].w);
+        self.add(a, b, &mut product, |product, a, b| product.w += a.w * b.w);
         product
     }
 
-    /// Visits the pairs of two nets with the place of their product; the second is single.
-    fn each(&self, a: usize, b: usize, mut visit: impl FnMut(usize, usize, usize)) {
+    /// Adds the pairs of two nets, each to its place in the product; the second net is single.
+    fn add(
+        &self,
+        a: &[DVec4],
+        b: &[DVec4],
+        product: &mut [DVec4],
+        add: impl Fn(&mut DVec4, DVec4, DVec4),
+    ) {
         let [row_b, row] = self.rows;
-        let row_a = row + 1 - row_b;
-        for i in 0..a {
-            let from = (i / row_a) * row + i % row_a;
-            for j in 0..b {
-                visit(i, j, from + (j / row_b) * row + j % row_b);
+        for (i, own) in a.chunks_exact(row + 1 - row_b).enumerate() {
+            for (j, other) in b.chunks_exact(row_b).enumerate() {
+                let to = &mut product[(i + j) * row..][..row];
+                for (k, own) in own.iter().enumerate() {
+                    for (sum, other) in to[k..].iter_mut().zip(other) {
+                        add(sum, *own, *other);
+                    }
+                }
             }
         }
     }
 
     /// Where the quotient of two nets is; the divisor's coefficients are positive.
     fn quotient(&self, numerator: &[DVec4], divisor: &[DVec4]) -> Ball {
-        let (degree_u, degree_v) = (self.binomials[0].len() - 1, self.binomials[1].len() - 1);
+        let degree_v = self.binomials[1].len() - 1;
         // Scaled coefficients sum up to the value in the middle but for a common factor.
         let top = numerator
             .iter()
@@ -247,17 +254,19 @@ impl Power {
             .truncate();
         let bottom: f64 = divisor.iter().map(|h| h.w).sum();
         let center = top / bottom;
-        let row = degree_v + 1;
         let (mut most, mut least) = (0.0_f64, f64::INFINITY);
-        for k in 0..(degree_u + 1) * row {
-            let factor = self.binomials[0][k / row] * self.binomials[1][k % row];
-            let off = numerator[k].truncate() - center * divisor[k].w;
-            most = most.max(off.length() / factor);
-            least = least.min(divisor[k].w / factor);
+        let rows = numerator.chunks_exact(degree_v + 1);
+        for (i, (above, below)) in rows.zip(divisor.chunks_exact(degree_v + 1)).enumerate() {
+            for (j, (above, below)) in above.iter().zip(below).enumerate() {
+                let factor = (self.binomials[0][i] * self.binomials[1][j]).recip();
+                let off = above.truncate() - center * below.w;
+                most = most.max(off.length_squared() * (factor * factor));
+                least = least.min(below.w * factor);
+            }
         }
         Ball {
             center,
-            radius: most / least,
+            radius: most.sqrt() / least,
         }
     }
 }

@@ -7,6 +7,7 @@
 //! be as far apart as the tolerance.
 
 use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve};
@@ -21,6 +22,12 @@ const FEW: usize = 9;
 
 /// Passes in which a face may be sewn to itself: its seams fit well.
 const SEAM_PASSES: usize = 2;
+
+/// A curve strays from a chord of its trail by at most about this share of the chord.
+const BULGE: f64 = 0.1;
+
+/// Points of two curves are one if their distance is this share of a chord.
+const EQUAL: f64 = 1e-9;
 
 /// A stretch of boundary on one face.
 #[derive(Clone, Debug)]
@@ -116,37 +123,31 @@ impl Trail {
             } else {
                 0.0
             };
-            (
-                w[0].0 + (w[1].0 - w[0].0) * share,
-                (w[0].1 + way * share).distance(target),
-            )
+            let off = (w[0].1 + way * share).distance(target);
+            // The curve may be nearer than its chord.
+            let least = (off - BULGE * way.length()).max(0.0);
+            (off, least, w[0].0 + (w[1].0 - w[0].0) * share)
         };
-        let candidates = self.0.windows(2).map(near).enumerate();
-        let Some((k, (mut t, _))) = candidates.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else {
-            return (curve.domain().start, f64::INFINITY);
-        };
-        let low = self.0[k.saturating_sub(1)].0;
-        let high = self.0[(k + 2).min(self.0.len() - 1)].0;
-        let mut best = (t, face.point(curve.evaluate(t)).distance(target));
-        for _ in 0..6 {
-            let c = curve.derivatives(t);
-            let d = face.pieces.surface.derivatives(face.clamped(c.point));
-            let slope = d.du * c.first.x + d.dv * c.first.y;
-            let step = (target - d.point).dot(slope) / slope.length_squared();
-            let next = (t + step).clamp(low, high);
-            if !next.is_finite() {
-                break;
+        let mut chords: Vec<_> = self.0.windows(2).map(near).enumerate().collect();
+        let mut best = (curve.domain().start, f64::INFINITY);
+        loop {
+            chords.retain(|(_, (_, least, _))| *least < best.1);
+            let nearest = chords.iter().min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+            let Some(&(k, (_, _, t))) = nearest else {
+                return best;
+            };
+            let low = self.0[k.saturating_sub(1)].0;
+            let high = self.0[(k + 2).min(self.0.len() - 1)].0;
+            let found = approach(face, curve, target, t, low..high);
+            if found.1 < best.1 {
+                best = found;
             }
-            let distance = face.point(curve.evaluate(next)).distance(target);
-            if distance < best.1 {
-                best = (next, distance);
+            if best.1 <= EQUAL * self.0[k].1.distance(self.0[k + 1].1) {
+                return best;
             }
-            if (next - t).abs() <= 1e-12 * (high - low) {
-                break;
-            }
-            t = next;
+            // Its neighbours have been looked at, too.
+            chords.retain(|(other, _)| other.abs_diff(k) > 1);
         }
-        best
     }
 
     /// The parts before and after a parameter, which both get the point there.
@@ -160,6 +161,37 @@ impl Trail {
     }
 }
 
+/// The point of a curve nearest to `target` in a range, by Newton's steps from `t` on: its
+/// parameter and distance.
+fn approach(
+    face: &Face<'_>,
+    curve: &Curve<DVec2>,
+    target: DVec3,
+    mut t: f64,
+    range: Range<f64>,
+) -> (f64, f64) {
+    let mut best = (t, face.point(curve.evaluate(t)).distance(target));
+    for _ in 0..6 {
+        let c = curve.derivatives(t);
+        let d = face.pieces.surface.derivatives(face.clamped(c.point));
+        let slope = d.du * c.first.x + d.dv * c.first.y;
+        let step = (target - d.point).dot(slope) / slope.length_squared();
+        let next = (t + step).clamp(range.start, range.end);
+        if !next.is_finite() {
+            break;
+        }
+        let distance = face.point(curve.evaluate(next)).distance(target);
+        if distance < best.1 {
+            best = (next, distance);
+        }
+        if (next - t).abs() <= 1e-12 * (range.end - range.start) {
+            break;
+        }
+        t = next;
+    }
+    best
+}
+
 /// Appends points up to `to` so that halves are nearly as straight as the whole.
 fn refine(
     sample: &impl Fn(f64) -> (f64, DVec3),
@@ -170,7 +202,7 @@ fn refine(
 ) {
     let middle = sample(0.5 * (from.0 + to.0));
     let off = middle.1.distance(from.1.midpoint(to.1));
-    if depth > 0 && off > 0.1 * from.1.distance(to.1) {
+    if depth > 0 && off > BULGE * from.1.distance(to.1) {
         refine(sample, from, middle, depth - 1, out);
         refine(sample, middle, to, depth - 1, out);
     } else {

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Aabb, Curve, Patch, Surface};
@@ -63,7 +63,7 @@ pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<S
             items: &items,
             edge,
             exact,
-            noise,
+            widths: noise..=tolerance,
         };
         seams.strips(edge.ends.map(|end| spreads[end]))
     });
@@ -169,7 +169,8 @@ struct Seams<'a, 's> {
     items: &'a [u32],
     edge: &'a Edge,
     exact: f64,
-    noise: f64,
+    /// How wide strips may be: less matters to no ray, more is no gap.
+    widths: RangeInclusive<f64>,
 }
 
 /// The two boundaries of a strip.
@@ -213,7 +214,7 @@ impl Seams<'_, '_> {
             }
             let whole = first.curve.domain();
             for (at, spread) in [whole.start, whole.end].into_iter().zip(spreads) {
-                if spread > self.noise {
+                if spread > *self.widths.start() {
                     strips.extend(pair.cap(at, 2.0 * spread, item));
                 }
             }
@@ -251,7 +252,7 @@ impl Seams<'_, '_> {
             let middle = at(0.5);
             self.divide(pair, range.start..middle, depth - 1, make);
             self.divide(pair, middle..range.end, depth - 1, make);
-        } else if widest > self.noise {
+        } else if self.widths.contains(&widest) {
             make(sides, interpolated(&uv));
         }
     }

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
+use kernel::modelling::loft;
 use kernel::{Child, Curve, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface, TrimLoop};
 
 use super::joints::border_key;
@@ -175,4 +176,20 @@ fn what_two_faces_share_to_the_last_bit_is_not_sewn() {
     };
     assert_eq!(key(&left, 0.0), key(&right, 0.0));
     assert!(key(&left, -1.0) != key(&right, 1.0) && key(&left, -0.5).is_none());
+}
+
+#[test]
+fn two_walls_of_a_thin_shell_are_not_joined() {
+    // Thinner than what the chords of its rims stray from them.
+    let ring = |size: f64, z: f64| -> Vec<DVec3> {
+        let turns = (0..72).map(|k| DVec2::from_angle(TAU * f64::from(k) / 72.0));
+        turns
+            .map(|turn| (DVec2::from_angle(2.65 * turn.x) * (size - 0.05 * turn.y)).extend(z))
+            .collect()
+    };
+    let rings = [(1.0, 0.0), (0.97, 0.1), (0.9, 0.2), (0.8, 0.3)].map(|(size, z)| ring(size, z));
+    let tubes = loft(&rings).unwrap();
+    let scene = scene(tubes.into_iter().map(Patch::from).collect());
+    let accelerator = Accelerator::build(&scene, &METHODS[0]).sealed(None);
+    assert_eq!(accelerator.strip_count(), 0);
 }

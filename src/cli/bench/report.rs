@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use nurbray::output::replace_file;
+use nurbray::output::{escaped, replace_file};
 use serde_json::{Value, json};
 
 use super::{Measured, MethodArgs, Row};
@@ -279,10 +279,4 @@ fn page(args: &MethodArgs, pairs: &[(&Row, &Context)]) -> String {
         let _ = write!(text, "</table>\n{figures}");
     }
     text
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('"', "&quot;")
 }

@@ -5,9 +5,9 @@ mod page;
 mod plot;
 mod text;
 
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use std::{fs, io};
 
 use formats::Warnings;
 use glam::DAffine3;
@@ -22,7 +22,7 @@ use super::images::Picture;
 use super::read::MeshFile;
 use super::soup::Soup;
 use super::views::{self, ImageDifference, Stage, View};
-use super::{BUDGET, Deviation, PROVEN_BUDGET, Subject, Worst, measure};
+use super::{Deviation, Subject, Worst, measure};
 use crate::output::{self, OutputOptions};
 use crate::tessellate::Tessellation;
 
@@ -253,11 +253,8 @@ fn compare_one(
 ) -> io::Result<Compared> {
     let started = Instant::now();
     let soup = Soup::new(&candidate.scene, &candidate.scene_from_mesh);
-    let budget = match candidate.made {
-        Some(_) => PROVEN_BUDGET,
-        None => BUDGET,
-    };
-    let (deviation, faults) = measure(exact, &soup, budget);
+    let proven = candidate.made.map_or(f64::INFINITY, |made| made.proven);
+    let (deviation, faults) = measure(exact, &soup, proven);
     let measuring = started.elapsed();
     let worst = worst(&deviation);
     let views = views::take(stage, exact, &soup, &worst, deviation.surface_to_mesh.found);
@@ -313,7 +310,7 @@ fn compare_one(
 
 fn write_png(path: &Path, picture: &Picture) -> io::Result<()> {
     let bytes = output::encode_png(picture)?;
-    fs::write(path, bytes)
+    output::replace_file(path, |file| file.write_all(&bytes))
 }
 
 /// The triangles with the deviation in their middles.
@@ -363,7 +360,6 @@ impl Report {
 
     fn write(&self) -> io::Result<()> {
         let write = |name: &str, bytes: &[u8]| {
-            use io::Write as _;
             output::replace_file(&self.folder.join(name), |file| file.write_all(bytes))
         };
         let json = serde_json::to_vec_pretty(&self.json())?;

@@ -10,22 +10,11 @@ use serde_json::{Value, json};
 use super::plot::{Series, plot};
 use super::text::{sentence, short};
 use super::{Compared, PICTURES, Report, Solid};
+use crate::output::escaped;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
-
-/// Text as it stands in a page.
-fn escaped(text: &str) -> String {
-    let letter = |c: char| match c {
-        '&' => "&amp;".to_owned(),
-        '<' => "&lt;".to_owned(),
-        '>' => "&gt;".to_owned(),
-        '"' => "&quot;".to_owned(),
-        _ => c.to_string(),
-    };
-    text.chars().map(letter).collect()
-}
 
 impl Report {
     /// The page.

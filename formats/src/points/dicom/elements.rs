@@ -1,7 +1,7 @@
 //! The encoding of DICOM data sets (PS3.5): implicit and explicit lengths, little endian.
 //!
-//! No crate reads them here: those at hand allocate what a file claims before they look whether
-//! it is there.
+//! No crate reads them here: with dicom-object 0.10, a file of 268 bytes that announces a long value
+//! takes 3.5 GB, and nested sequences end the program by a full stack.
 
 use std::borrow::Cow;
 use std::io::Read as _;
