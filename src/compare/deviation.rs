@@ -308,12 +308,6 @@ impl Function for FromSurface<'_> {
                 bound = bound.min(over(spot.triangle));
             }
         }
-        // Corners on an edge of the mesh may tell about triangles on its other side.
-        if bound > 2.0 * most(distances) {
-            let middle = (points[0] + points[1] + points[2]) / 3.0;
-            let nearest = self.soup.tree.nearest_within(middle, bound);
-            bound = nearest.map_or(bound, |found| bound.min(over(found.triangle)));
-        }
         let slack = self.slack[cell.triangle as usize];
         let bound = bound + cell.chord;
         let coarse = diameter(points) > slack;
