@@ -132,7 +132,7 @@ const IN_FRONT: f64 = 2e-3;
 fn deepest(depths: &[f32], width: usize) -> Vec<f32> {
     let around = |k: usize| {
         let beside = [
-            (k % width > 0).then(|| k - 1),
+            (!k.is_multiple_of(width)).then(|| k - 1),
             (k % width + 1 < width).then(|| k + 1),
             k.checked_sub(width),
             Some(k + width).filter(|&other| other < depths.len()),
