@@ -168,9 +168,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
     fn instances(&mut self) {
         let accelerator = self.accelerator;
         let top = &accelerator.top;
-        if let [_] = accelerator.instances[..] {
-            self.instance(0);
-            return;
+        match accelerator.instances[..] {
+            [] => return,
+            [_] => return self.instance(0),
+            _ => {}
         }
         let map = top.map();
         let packet = &mut *self.packet;

@@ -237,6 +237,9 @@ fn rays_that_are_none_meet_nothing() {
         direction: DVec3::NEG_Z,
     };
     assert!(!accelerator.any(&ray, 0.0..f64::INFINITY, &mut workspace));
+    let mut hits = vec![];
+    accelerator.nearest_many(&[ray], &[0.0..f64::INFINITY], &mut workspace, &mut hits);
+    assert_eq!(hits, [None]);
 }
 
 /// A scene of all that packets treat in ways of their own: cubic, quadratic and rational
