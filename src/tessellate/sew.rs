@@ -26,6 +26,9 @@ const SEAM_PASSES: usize = 2;
 /// A curve strays from a chord of its trail by at most about this share of the chord.
 const BULGE: f64 = 0.1;
 
+/// Steps towards the nearest point of a curve, at most.
+const STEPS: usize = 20;
+
 /// Points of two curves are one if their distance is this share of a chord.
 const EQUAL: f64 = 1e-9;
 
@@ -171,7 +174,7 @@ fn approach(
     range: Range<f64>,
 ) -> (f64, f64) {
     let mut best = (t, face.point(curve.evaluate(t)).distance(target));
-    for _ in 0..6 {
+    for _ in 0..STEPS {
         let c = curve.derivatives(t);
         let d = face.pieces.surface.derivatives(face.clamped(c.point));
         let slope = d.du * c.first.x + d.dv * c.first.y;
