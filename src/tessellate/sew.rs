@@ -453,16 +453,15 @@ impl Sewer<'_, '_> {
         };
         let face = self.strands[s].face;
         let point = self.faces[face].point(after.start());
-        let parts = self.strands[s].trail.split((at, point));
-        let of = |part: Trail, curve: &Curve<DVec2>| {
+        let [first, second] = self.strands[s].trail.split((at, point));
+        let fine = |part: Trail, curve: &Curve<DVec2>| {
             if part.0.len() < FEW {
                 Trail::of(&self.faces[face], curve)
             } else {
                 part
             }
         };
-        let [first, second] = parts;
-        let (first, second) = (of(first, &before), of(second, &after));
+        let (first, second) = (fine(first, &before), fine(second, &after));
         let middle = self.add_node(point);
         self.unite(middle, node, reach, true);
         let end = self.strands[s].ends[1];
