@@ -6,12 +6,15 @@
 
 use std::fmt::Write as _;
 use std::hint::black_box;
+use std::time::Instant;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nurbray_formats::{Limits, NoFiles, ReadOptions, read};
 
 /// Lines of each file.
 const LINES: usize = 1_000_000;
+/// How often both readers are timed one after the other.
+const PAIRS: usize = 21;
 
 /// A wavy field of quads with normals and texture vertices.
 fn polygons() -> String {
@@ -114,9 +117,26 @@ fn memory(name: &str, text: &str, reader: Reader) {
     );
 }
 
+/// How many times as long as `tobj` we take, from runs one after the other; a machine that is
+/// busy with something else slows down both.
+fn ratio(text: &str) {
+    let time = |reader: Reader| {
+        let start = Instant::now();
+        black_box(reader(text));
+        start.elapsed().as_secs_f64()
+    };
+    let mut ratios: Vec<f64> = (0..PAIRS).map(|_| time(ours) / time(tobj)).collect();
+    ratios.sort_by(f64::total_cmp);
+    let [low, median, high] = [PAIRS / 4, PAIRS / 2, PAIRS - 1 - PAIRS / 4].map(|k| ratios[k]);
+    eprintln!(
+        "polygons, our time by that of tobj: {median:.2} (half of {PAIRS} pairs in {low:.2} .. {high:.2})"
+    );
+}
+
 fn obj(c: &mut Criterion) {
     let (polygons, free_form) = (polygons(), free_form());
     assert_eq!(ours(&polygons), tobj(&polygons));
+    ratio(&polygons);
     let cases: [(&str, &str, Reader); 3] = [
         ("polygons", &polygons, ours),
         ("polygons, tobj", &polygons, tobj),

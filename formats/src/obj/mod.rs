@@ -365,7 +365,7 @@ impl<'a> Reader<'a> {
     /// Takes a `v`, `vt`, `vn` or `vp`. A wrong one keeps its number in its list.
     fn vertex(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
         let read = statement.some_numbers::<7>();
-        let (x, count) = read.clone().unwrap_or(([f64::NAN; 7], 8));
+        let (x, count) = *read.as_ref().unwrap_or(&([f64::NAN; 7], 8));
         let least = match statement.keyword() {
             "v" => {
                 let weight = if count == 4 { x[3] } else { 1.0 };

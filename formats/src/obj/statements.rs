@@ -93,7 +93,7 @@ impl<'a> Statement<'a> {
 
     /// Where its line stands in the text, if there is nothing else in it.
     pub(super) fn plain(&self) -> Option<Range<usize>> {
-        let is_one = matches!(self.text, Cow::Borrowed(text) if !text.contains('#'));
+        let is_one = matches!(self.text, Cow::Borrowed(text) if memchr::memchr(b'#', text.as_bytes()).is_none());
         Some(self.place.clone()).filter(|place| is_one && !place.is_empty())
     }
 
@@ -116,7 +116,7 @@ pub(crate) struct Statements<'a> {
     length: usize,
     line: usize,
     /// What ends a line; old files use a lone carriage return.
-    end: char,
+    end: u8,
     /// Whether any line may go on.
     continued: bool,
 }
@@ -124,7 +124,7 @@ pub(crate) struct Statements<'a> {
 impl<'a> Statements<'a> {
     /// The statements of `text`.
     pub(crate) fn new(text: &'a str) -> Self {
-        let end = if text.contains('\n') { '\n' } else { '\r' };
+        let end = if text.contains('\n') { b'\n' } else { b'\r' };
         Self {
             rest: text,
             length: text.len(),
@@ -139,10 +139,13 @@ impl<'a> Statements<'a> {
         if self.rest.is_empty() {
             return None;
         }
-        let (line, rest) = self.rest.split_once(self.end).unwrap_or((self.rest, ""));
+        let end = memchr::memchr(self.end, self.rest.as_bytes());
+        let (line, rest) = end.map_or((self.rest, ""), |end| {
+            (&self.rest[..end], &self.rest[end + 1..])
+        });
         self.rest = rest;
         self.line += 1;
-        Some(line.trim())
+        Some(line.trim_ascii())
     }
 
     /// Joins `first` with the lines that continue it.
@@ -202,7 +205,7 @@ impl<'a> Iterator for Statements<'a> {
                 return Some(self.joined(text));
             }
             let mut statement = Statement::new(self.line, Cow::Borrowed(text));
-            if self.end == '\n' && !self.rest.is_empty() {
+            if self.end == b'\n' && !self.rest.is_empty() {
                 statement.place = start..self.length - self.rest.len();
             }
             return Some(statement);
@@ -242,13 +245,16 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let (mut number, mut point, mut length) = (0_u64, None, 0);
     for byte in digits {
         match byte {
-            _ if byte.is_ascii_whitespace() => break,
-            _ if length == POWERS.len() => return None,
-            b'0'..=b'9' => number = number * 10 + u64::from(byte - b'0'),
+            // More digits than there are powers are no short number, however they come out.
+            b'0'..=b'9' => number = number.wrapping_mul(10).wrapping_add(u64::from(byte - b'0')),
             b'.' if point.is_none() => point = Some(length),
+            _ if byte.is_ascii_whitespace() => break,
             _ => return None,
         }
         length += 1;
+    }
+    if length > POWERS.len() {
+        return None;
     }
     let decimals = point.map_or(0, |place| length - 1 - place);
     if length == usize::from(point.is_some()) || number >= 1 << 53 {
