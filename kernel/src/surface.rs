@@ -172,8 +172,14 @@ impl Surface {
     ///
     /// `None` where the surface has no area in any direction from the point.
     pub fn normal(&self, uv: DVec2) -> Option<DVec3> {
+        self.point_and_normal(uv).1
+    }
+
+    /// The point at `(u, v)` with its [normal](Self::normal).
+    pub fn point_and_normal(&self, uv: DVec2) -> (DVec3, Option<DVec3>) {
         let d = self.derivatives(uv);
-        normal::regular([d.du, d.dv], self.derivative_sizes(uv)).or_else(|| normal::limit(self, uv))
+        let regular = normal::regular([d.du, d.dv], self.derivative_sizes(uv));
+        (d.point, regular.or_else(|| normal::limit(self, uv)))
     }
 
     /// Bounds of the terms that the first derivatives along u and v are the sums of.

@@ -224,7 +224,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
     #[inline(never)]
     fn alone(&mut self, lane: usize) {
         let range = self.packet.from[lane]..self.packet.until[lane];
-        let mut best = Nearest(None);
+        let mut best = Nearest {
+            any: self.any,
+            ..Nearest::default()
+        };
         let rooms = (
             &mut self.packet.top_stack_alone,
             &mut self.packet.stack_alone,
@@ -233,7 +236,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         self.accelerator
             .search::<Newton>(&self.rays[lane], range, rooms, &mut best);
         self.alive &= !(1 << lane);
-        if let Some(candidate) = best.0 {
+        if let Some(candidate) = best.found {
             self.keep(lane, candidate, None);
         }
     }
@@ -294,7 +297,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
     fn triangles(&mut self, cluster: &Cluster<'_>, lane: usize) {
         let instance = &self.accelerator.instances[self.instance as usize];
         let ray = self.rays[lane].transformed(&instance.cluster_from_world);
-        let mut best = Nearest(None);
+        let mut best = Nearest {
+            any: self.any,
+            ..Nearest::default()
+        };
         let mut visitor = TriangleVisitor {
             cluster,
             ray: &ray,
@@ -308,7 +314,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         cluster
             .triangle_tree
             .traverse(&local, &mut range, stack, &mut visitor);
-        if let Some(candidate) = best.0 {
+        if let Some(candidate) = best.found {
             self.keep(lane, candidate, None);
         }
     }

@@ -66,9 +66,9 @@ impl Accelerator<'_> {
         range: Range<f64>,
         workspace: &mut Workspace,
     ) -> Option<Hit> {
-        let mut best = Nearest(None);
+        let mut best = Nearest::default();
         self.search::<I>(ray, range.clone(), workspace.rooms(), &mut best);
-        let hit = best.0.map(|candidate| self.work_out(ray, &candidate));
+        let hit = best.found.map(|candidate| self.work_out(ray, &candidate));
         self.sealed_nearest(ray, &range, workspace.rooms(), hit)
     }
 
@@ -78,9 +78,12 @@ impl Accelerator<'_> {
         range: Range<f64>,
         workspace: &mut Workspace,
     ) -> bool {
-        let mut found = Any(false);
-        self.search::<I>(ray, range.clone(), workspace.rooms(), &mut found);
-        found.0 || self.sealed_any(ray, &range, workspace.rooms())
+        let mut first = Nearest {
+            any: true,
+            ..Nearest::default()
+        };
+        self.search::<I>(ray, range.clone(), workspace.rooms(), &mut first);
+        first.found.is_some() || self.sealed_any(ray, &range, workspace.rooms())
     }
 
     pub(crate) fn all_with<I: Intersector>(
@@ -194,26 +197,19 @@ pub(super) trait Collector {
     fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool;
 }
 
-/// Keeps the nearest.
-pub(super) struct Nearest(pub(super) Option<Candidate>);
+/// Keeps the nearest, or stops at the first.
+#[derive(Default)]
+pub(super) struct Nearest {
+    pub(super) found: Option<Candidate>,
+    pub(super) any: bool,
+}
 
 impl Collector for Nearest {
     #[inline(always)]
     fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool {
         range.end = candidate.t;
-        self.0 = Some(candidate);
-        true
-    }
-}
-
-/// Stops at the first.
-struct Any(bool);
-
-impl Collector for Any {
-    #[inline(always)]
-    fn take(&mut self, _: Candidate, _: &mut Range<f64>) -> bool {
-        self.0 = true;
-        false
+        self.found = Some(candidate);
+        !self.any
     }
 }
 

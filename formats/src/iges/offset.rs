@@ -42,8 +42,8 @@ fn fitted(surface: &Surface, side: DVec3, distance: f64) -> Result<Surface, Prob
         distance
     };
     let at = |u: f64, v: f64| {
-        let uv = DVec2::new(u, v);
-        surface.evaluate(uv) + surface.normal(uv).unwrap_or_default() * distance
+        let (point, normal) = surface.point_and_normal(DVec2::new(u, v));
+        point + normal.unwrap_or_default() * distance
     };
     let size = surface.hull_bounds().diagonal() + distance.abs();
     let breaks = [surface.knots_u().breaks(), surface.knots_v().breaks()];

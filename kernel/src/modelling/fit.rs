@@ -114,10 +114,10 @@ pub fn fit_surface(
 /// How far cubics along u, and along v, stray from a function between neighbouring breaks.
 fn strays(function: &impl Fn(f64, f64) -> DVec3, breaks: &[Vec<f64>; 2]) -> [Vec<f64>; 2] {
     [0, 1].map(|axis: usize| {
-        let across: Vec<f64> = breaks[1 - axis]
-            .windows(2)
-            .flat_map(|w| [w[0], f64::midpoint(w[0], w[1]), w[1]])
-            .collect();
+        let mut across = vec![breaks[1 - axis][0]];
+        for w in breaks[1 - axis].windows(2) {
+            across.extend([f64::midpoint(w[0], w[1]), w[1]]);
+        }
         let worst = |pair: &[f64]| {
             let at = |share: f64, other: f64| {
                 let along = pair[0] + (pair[1] - pair[0]) * share;
