@@ -16,6 +16,7 @@ use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisito
 use super::tree::{IS_LEAF, WIDTH};
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
+use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Intersector, Target};
 use crate::simd::{LANES, Simd, Task, WIDE_LANES};
 
@@ -303,7 +304,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         };
         let mut visitor = TriangleVisitor {
             cluster,
-            ray: &ray,
+            ray: Sheared::new(&ray),
             instance: self.instance,
             collector: &mut best,
             go_on: true,

@@ -11,7 +11,8 @@ use super::cells::Piece;
 use super::tree::{LocalRay, Visitor, WIDTH};
 use super::{Accelerator, Cluster, Instance, ItemShape, Workspace};
 use crate::intersect::net::evaluate_at;
-use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, Touch, triangle};
+use crate::intersect::triangle::Sheared;
+use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, Touch};
 
 /// Rounding error of a distance in a piece of size one, a few operations wide.
 const SLACK: f64 = 4e-15;
@@ -264,7 +265,7 @@ impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
             }
             let mut visitor = TriangleVisitor {
                 cluster,
-                ray: &ray,
+                ray: Sheared::new(&ray),
                 instance: number,
                 collector: &mut *self.collector,
                 go_on: true,
@@ -363,16 +364,17 @@ impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
 /// Meets the triangles of the leaves that a ray passes.
 pub(super) struct TriangleVisitor<'a, C> {
     pub(super) cluster: &'a Cluster<'a>,
-    pub(super) ray: &'a Ray,
+    pub(super) ray: Sheared,
     pub(super) instance: u32,
     pub(super) collector: &'a mut C,
     pub(super) go_on: bool,
 }
 
 impl<C: Collector> Visitor for TriangleVisitor<'_, C> {
+    #[inline(always)]
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
         for number in self.cluster.triangle_tree.leaf(number) {
-            let hit = triangle::intersect(self.ray, &self.cluster.triangles[number].corners);
+            let hit = self.ray.meet(&self.cluster.triangles[number].corners);
             let Some((t, barycentric)) = hit.filter(|(t, _)| range.contains(t)) else {
                 continue;
             };

@@ -211,23 +211,31 @@ pub(crate) fn take(
     let started = Instant::now();
     let film = shoot(&accelerator, &stage.camera, stage.view);
     let render = started.elapsed();
-    let flat = Accelerator::build(&flat_scene, &METHODS[0]);
-    let flat = Picture::of(&shoot(&flat, &stage.camera, stage.view));
     let smooth = Picture::of(&film);
-    let map = flip_map(&stage.picture, &smooth);
-    let (silhouette, silhouettes) = silhouettes(stage, &accelerator, &film);
-    let (depth, position) = geometry(&stage.film, &film);
-    let result = ImageDifference {
-        depth,
-        position,
-        psnr: psnr(&stage.picture, &smooth),
-        psnr_linear: psnr_linear(&stage.picture, &smooth),
-        ssim: ssim(&stage.picture, &smooth),
-        flip: map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64,
-        ..silhouettes
-    };
+    // What takes one thread runs beside what takes all.
+    let (flat, (map, result, silhouette)) = rayon::join(
+        || {
+            let flat = Accelerator::build(&flat_scene, &METHODS[0]);
+            Picture::of(&shoot(&flat, &stage.camera, stage.view))
+        },
+        || {
+            let map = flip_map(&stage.picture, &smooth);
+            let (silhouette, silhouettes) = silhouettes(stage, &accelerator, &film);
+            let (depth, position) = geometry(&stage.film, &film);
+            let result = ImageDifference {
+                depth,
+                position,
+                psnr: psnr(&stage.picture, &smooth),
+                psnr_linear: psnr_linear(&stage.picture, &smooth),
+                ssim: ssim(&stage.picture, &smooth),
+                flip: map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64,
+                ..silhouettes
+            };
+            (map, result, silhouette)
+        },
+    );
     let (heat, distances) = heat(stage, soup, largest);
-    let crops = worst.iter().take(CROPS);
+    let crops = worst.par_iter().take(CROPS);
     let crops = crops
         .map(|place| crop(stage, exact, &accelerator, soup, place))
         .collect();

@@ -332,7 +332,7 @@ fn mesh(
     warnings: &mut Warnings,
 ) -> Result<Mesh, kernel::Error> {
     let positions = points(&read.positions);
-    let mut triangles = Vec::with_capacity(read.indices.len().saturating_sub(2 * faces.len()));
+    let mut triangles = Vec::new();
     let mut rest = &read.indices[..];
     for face in faces {
         let (corners, after) = rest.split_at(face.count as usize);

@@ -271,10 +271,14 @@ fn compare_one(
     named
         .par_iter()
         .try_for_each(|(name, picture)| write_png(&at(name), picture))?;
-    for (crop, k) in views.crops.iter().zip(1..) {
-        write_png(&at(&format!("crop{k}-exact.png")), &crop.exact)?;
-        write_png(&at(&format!("crop{k}-mesh.png")), &crop.mesh)?;
-    }
+    views
+        .crops
+        .par_iter()
+        .enumerate()
+        .try_for_each(|(k, crop)| {
+            write_png(&at(&format!("crop{}-exact.png", k + 1)), &crop.exact)?;
+            write_png(&at(&format!("crop{}-mesh.png", k + 1)), &crop.mesh)
+        })?;
     output::write(&views.film, &at("smooth.exr"), &OutputOptions::default())?;
     let size = [stage.film.width(), stage.film.height()];
     output::write_channel(&at("deviation.exr"), size, "deviation", &views.distances)?;
