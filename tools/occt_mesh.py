@@ -22,6 +22,7 @@ import time
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
 from OCP.IGESControl import IGESControl_Reader
+from OCP.Interface import Interface_Static
 from OCP.StlAPI import StlAPI_Writer
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -33,8 +34,17 @@ BODIES = ["bladex_shaft.iges", "gmsh_model1.igs", "gmsh_sphere_Rhino3D_default.i
           "occt_bearing.iges", "occt_hammer.iges", "pygem_test_pipe_hollow.iges"]
 
 
+# How Open CASCADE calls units of length; it reads files into the one it is told.
+UNITS = {"mm": "MM", "m": "M", "cm": "CM", "in": "INCH", "ft": "FT", "um": "UM"}
+
+
+def static(owner, name):
+    """Some versions of the binding mark static functions."""
+    return getattr(owner, name + "_s", None) or getattr(owner, name)
+
+
 def clean(shape):
-    (getattr(BRepTools, "Clean_s", None) or BRepTools.Clean)(shape)
+    static(BRepTools, "Clean")(shape)
 
 
 def theirs(shape, length, out):
@@ -75,7 +85,10 @@ def compare(body, folder):
     mesh = folder / "mesh.stl"
     time_ours, tolerance = ours(body, mesh)
     count_ours, deviation = measured(body, mesh, folder / "ours")
+    info = subprocess.run([NURBRAY, "info", body, "--json"], check=True, capture_output=True)
+    unit = json.loads(info.stdout)["unit"]["name"]
     reader = IGESControl_Reader()
+    static(Interface_Static, "SetCVal")("xstep.cascade.unit", UNITS[unit])
     reader.ReadFile(str(body))
     reader.TransferRoots()
     shape = reader.OneShape()
@@ -87,7 +100,7 @@ def compare(body, folder):
         if abs(found / deviation - 1.0) < 0.05 or deviation == found:
             break
         length *= min(max(deviation / max(found, 1e-12 * tolerance), 0.2), 5.0)
-        if length > 50.0 * tolerance:
+        if not tolerance / 20.0 < length < 50.0 * tolerance:
             break
     return {"name": body.name, "kept_ours": deviation / tolerance, "kept_theirs": kept,
             "ratio": found / deviation if deviation > 0 else 1.0, "ours": count_ours, "theirs": count,
