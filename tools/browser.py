@@ -20,7 +20,7 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 REPORTS = [
     ("teapot", ["samples/teapot.obj", "--tolerance", "1%,0.3%,0.1%"]),
-    ("can", ["samples/can.igs", "--tolerance", "1mm,0.3mm,0.1mm"]),
+    ("machine", ["samples/methods/machine.x3d", "--tolerance", "1mm,0.3mm,0.1mm"]),
 ]
 # Width, height, and whether it is a phone.
 SCREENS = [(1280, 900, False), (390, 844, True)]

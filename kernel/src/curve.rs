@@ -110,7 +110,16 @@ impl<P: Point> Curve<P> {
 
     /// The point at `t`. Outside the domain the end pieces are prolonged.
     pub fn evaluate(&self, t: f64) -> P {
-        self.derivatives(t).point
+        let [point] = spline::derivatives(&self.knots, &self.points, t);
+        P::project(point)
+    }
+
+    /// Point and first derivative at `t`: less work than all [derivatives](Self::derivatives).
+    pub fn tangent(&self, t: f64) -> (P, P) {
+        let [a, a1] = spline::derivatives(&self.knots, &self.points, t);
+        let point = P::project(a);
+        let first = (P::numerator(a1) - point * a1.weight()) * (1.0 / a.weight());
+        (point, first)
     }
 
     /// Point, first and second derivative at `t` \[Piegl 97, eq. 4.8\].

@@ -228,37 +228,38 @@ impl KnotVector {
     /// of all `degree + 1`. Outside the domain those of the end pieces are prolonged.
     pub fn basis_functions(&self, t: f64) -> (usize, Vec<f64>) {
         let span = self.span(t);
-        let [values, ..] = self.basis(span, t);
+        let [values] = self.basis(span, t);
         (span - self.degree, values[..=self.degree].to_vec())
     }
 
-    /// The `degree + 1` basis functions that are not zero on `span`, and their
-    /// first and second derivatives, at `t`.
+    /// The `degree + 1` basis functions that are not zero on `span`, and their derivatives of
+    /// the orders below `ORDERS`, at most 3, at `t`.
     ///
     /// Cox-de Boor recurrence; derivatives as differences of the functions one degree
     /// lower \[Piegl 97, eq. 2.5 and 2.7\].
-    pub(crate) fn basis(&self, span: usize, t: f64) -> [BasisRow; 3] {
+    #[inline]
+    pub(crate) fn basis<const ORDERS: usize>(&self, span: usize, t: f64) -> [BasisRow; ORDERS] {
         let p = self.degree;
-        let mut rows = [[0.0; MAX_DEGREE + 1]; 3];
-        let [value, first, second] = &mut rows;
-        value[0] = 1.0;
+        let mut rows = [[0.0; MAX_DEGREE + 1]; ORDERS];
+        rows[0][0] = 1.0;
         for d in 1..=p {
-            if d == p {
-                self.difference(span, d, value, first);
+            // The last differences of lower degrees become derivatives.
+            for order in (1..ORDERS).filter(|order| d + order == p + 1) {
+                let (values, rows) = rows.split_at_mut(1);
+                rows[order - 1][..p].copy_from_slice(&values[0][..p]);
             }
-            if d + 1 == p {
-                self.difference(span, d, value, second);
-            }
-            self.raise(span, d, t, value);
+            self.raise(span, d, t, &mut rows[0]);
         }
-        if p > 1 {
-            let lower = *second;
-            self.difference(span, p, &lower, second);
+        for (order, row) in rows.iter_mut().enumerate().take(p + 1) {
+            for d in p + 1 - order..=p {
+                self.difference(span, d, row);
+            }
         }
         rows
     }
 
     /// Basis values of degree `d - 1` in `row` become those of degree `d`.
+    #[inline]
     fn raise(&self, span: usize, d: usize, t: f64, row: &mut BasisRow) {
         let mut saved = 0.0;
         for (r, value) in row[..d].iter_mut().enumerate() {
@@ -270,17 +271,17 @@ impl KnotVector {
         row[d] = saved;
     }
 
-    /// Derivatives of the basis of degree `d` from `lower`, which holds values or
-    /// derivatives of the basis of degree `d - 1`.
-    fn difference(&self, span: usize, d: usize, lower: &BasisRow, out: &mut BasisRow) {
+    /// Values or derivatives of the basis of degree `d - 1` in `row` become derivatives, one
+    /// order higher, of the basis of degree `d`.
+    #[inline]
+    fn difference(&self, span: usize, d: usize, row: &mut BasisRow) {
         let mut saved = 0.0;
-        for r in 0..d {
+        for (r, value) in row[..d].iter_mut().enumerate() {
             let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
-            let part = d as f64 * lower[r] / (right - left);
-            out[r] = saved - part;
-            saved = part;
+            let part = d as f64 * *value / (right - left);
+            (*value, saved) = (saved - part, part);
         }
-        out[d] = saved;
+        row[d] = saved;
     }
 }
 

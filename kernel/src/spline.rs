@@ -310,7 +310,11 @@ pub(crate) fn elevate_once<H: Linear>(knots: &KnotVector, points: &[H]) -> Splin
 }
 
 /// The point, first and second derivative of a homogeneous curve at `t`.
-pub(crate) fn derivatives<H: Linear>(knots: &KnotVector, points: &[H], t: f64) -> [H; 3] {
+pub(crate) fn derivatives<H: Linear, const ORDERS: usize>(
+    knots: &KnotVector,
+    points: &[H],
+    t: f64,
+) -> [H; ORDERS] {
     let span = knots.span(t);
     let local = &points[span - knots.degree()..=span];
     knots.basis(span, t).map(|row| {

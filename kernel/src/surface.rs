@@ -141,7 +141,7 @@ impl Surface {
 
     /// The point at `(u, v)`. Outside the domain the border pieces are prolonged.
     pub fn evaluate(&self, uv: DVec2) -> DVec3 {
-        let [[x, ..], ..] = self.homogeneous_derivatives(uv);
+        let [[x]] = self.homogeneous_derivatives(uv);
         x.truncate() / x.w
     }
 
@@ -177,9 +177,17 @@ impl Surface {
 
     /// The point at `(u, v)` with its [normal](Self::normal).
     pub fn point_and_normal(&self, uv: DVec2) -> (DVec3, Option<DVec3>) {
-        let d = self.derivatives(uv);
-        let regular = normal::regular([d.du, d.dv], self.derivative_sizes(uv));
-        (d.point, regular.or_else(|| normal::limit(self, uv)))
+        let (point, tangents) = self.tangents(uv);
+        let regular = normal::regular(tangents, self.derivative_sizes(uv));
+        (point, regular.or_else(|| normal::limit(self, uv)))
+    }
+
+    /// Point and first derivatives along u and v: less work than all [derivatives](Self::derivatives).
+    pub fn tangents(&self, uv: DVec2) -> (DVec3, [DVec3; 2]) {
+        let [[x, xv], [xu, _]] = self.homogeneous_derivatives(uv);
+        let (scale, point) = (1.0 / x.w, x.truncate() / x.w);
+        let tangent = |d: DVec4| (d.truncate() - point * d.w) * scale;
+        (point, [tangent(xu), tangent(xv)])
     }
 
     /// Bounds of the terms that the first derivatives along u and v are the sums of.
@@ -200,18 +208,20 @@ impl Surface {
         })
     }
 
-    /// `result[a][b]` is the derivative of `(w S, w)`, `a` times along u, `b` times along v.
-    fn homogeneous_derivatives(&self, uv: DVec2) -> [[DVec4; 3]; 3] {
+    /// `result[a][b]` is the derivative of `(w S, w)`, `a` times along u, `b` times along v, both
+    /// below `N`.
+    #[inline]
+    fn homogeneous_derivatives<const N: usize>(&self, uv: DVec2) -> [[DVec4; N]; N] {
         let (span_u, span_v) = (self.knots_u.span(uv.x), self.knots_v.span(uv.y));
-        let rows_u = self.knots_u.basis(span_u, uv.x);
-        let rows_v = self.knots_v.basis(span_v, uv.y);
+        let rows_u: [_; N] = self.knots_u.basis(span_u, uv.x);
+        let rows_v: [_; N] = self.knots_v.basis(span_v, uv.y);
         let (p, q) = (self.knots_u.degree(), self.knots_v.degree());
-        let mut sums = [[DVec4::ZERO; 3]; 3];
+        let mut sums = [[DVec4::ZERO; N]; N];
         let rows = self.points.chunks_exact(self.knots_v.count());
         for (i, points) in rows.skip(span_u - p).take(p + 1).enumerate() {
-            let mut row = [DVec4::ZERO; 3];
+            let mut row = [DVec4::ZERO; N];
             for (j, &point) in points[span_v - q..=span_v].iter().enumerate() {
-                for b in 0..3 {
+                for b in 0..N {
                     row[b] += point * rows_v[b][j];
                 }
             }
@@ -228,7 +238,10 @@ impl Surface {
     pub fn iso_curve_u(&self, u: f64) -> Curve<DVec3> {
         let Range { start, end } = self.knots_u.domain();
         let u = u.max(start).min(end);
-        let point = |column: Vec<_>| spline::derivatives(&self.knots_u, &column, u)[0];
+        let point = |column: Vec<_>| {
+            let [point] = spline::derivatives(&self.knots_u, &column, u);
+            point
+        };
         Curve::trusted((self.knots_v.clone(), self.columns().map(point).collect()))
     }
 

@@ -382,10 +382,10 @@ impl<'a> Face<'a> {
         let curve = &self.rims[start.curve as usize];
         let domain = curve.domain();
         let at = |t: f64| {
-            let c = curve.derivatives(t);
-            let uv = self.nearby.wrapped(c.point);
-            let d = self.patch.surface.derivatives(uv);
-            (uv, d.point, d.du * c.first.x + d.dv * c.first.y)
+            let (uv, way) = curve.tangent(t);
+            let uv = self.nearby.wrapped(uv);
+            let (point, [du, dv]) = self.patch.surface.tangents(uv);
+            (uv, point, du * way.x + dv * way.y)
         };
         let (mut t, mut here) = (start.t, at(start.t));
         let mut damping = 1.0;

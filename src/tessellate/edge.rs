@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use kernel::Curve;
 
 use super::Limits;
-use super::pieces::Rect;
+use super::pieces::{Rect, Spread};
 use super::rim::Face;
 use super::sew::{Edge, Trail, Use};
 
@@ -85,8 +85,7 @@ impl<'a> Walker<'a> {
         self.cross_creases(&mut stations);
         let proven = stations
             .windows(2)
-            .map(|w| self.distance(&w[0], &w[1]))
-            .fold(0.0, f64::max);
+            .fold(0.0, |most, w| self.distance(&w[0], &w[1], most));
         Chain { stations, proven }
     }
 
@@ -219,12 +218,12 @@ impl<'a> Walker<'a> {
             let face = &self.faces[used.face];
             let allowed = SHARE * face.tolerance;
             let gap = from.places[k].gap.max(to.places[k].gap);
-            let bound = self.bound(k, from, to);
-            most = most.max(bound / (allowed - gap).max(0.1 * allowed));
             // Below the tolerance directions mean nothing.
             if length > face.tolerance {
                 most = most.max((self.turn(k, from, to) / self.limits.angle).powi(2));
             }
+            let left = (allowed - gap).max(0.1 * allowed);
+            most = most.max(self.bound(k, from, to, most * left) / left);
         }
         most
     }
@@ -234,9 +233,9 @@ impl<'a> Walker<'a> {
         let used = &self.uses[k];
         let surface = self.faces[used.face].pieces.surface;
         let look = |place: &Place| {
-            let c = used.curve.derivatives(place.t);
-            let d = surface.derivatives(place.uv);
-            (d.du * c.first.x + d.dv * c.first.y, d.du.cross(d.dv))
+            let (_, way) = used.curve.tangent(place.t);
+            let (_, [du, dv]) = surface.tangents(place.uv);
+            (du * way.x + dv * way.y, du.cross(dv))
         };
         let (a, b) = (look(&from.places[k]), look(&to.places[k]));
         let angle = |a: DVec3, b: DVec3| {
@@ -251,16 +250,19 @@ impl<'a> Walker<'a> {
         normals.max(0.5 * angle(a.0, b.0))
     }
 
-    /// How far the boundary of every face is from the chord, gaps included.
-    fn distance(&self, from: &Station, to: &Station) -> f64 {
-        (0..self.uses.len())
-            .map(|k| self.bound(k, from, to) + from.places[k].gap.max(to.places[k].gap))
-            .fold(0.0, f64::max)
+    /// How far the boundary of any face is from the chord, gaps included, if that is more than
+    /// `most`, else that.
+    fn distance(&self, from: &Station, to: &Station, most: f64) -> f64 {
+        (0..self.uses.len()).fold(most, |most, k| {
+            let gap = from.places[k].gap.max(to.places[k].gap);
+            most.max(self.bound(k, from, to, most - gap) + gap)
+        })
     }
 
     /// How far one face's boundary, and what lies between it and the straight way in
-    /// parameters, is from the chord of the surface.
-    fn bound(&self, k: usize, from: &Station, to: &Station) -> f64 {
+    /// parameters, is from the chord of the surface; no more than needed to tell that it is below
+    /// `enough`.
+    fn bound(&self, k: usize, from: &Station, to: &Station, enough: f64) -> f64 {
         let used = &self.uses[k];
         let face = &self.faces[used.face];
         let (a, b) = (from.places[k].uv, to.places[k].uv);
@@ -270,10 +272,16 @@ impl<'a> Walker<'a> {
         let rect = Rect::around([a, b]);
         let (min, max) = (face.clamped(rect.min - off), face.clamped(rect.max + off));
         let rect = Rect { min, max };
-        let spread = face.pieces.spread(&rect);
         let size = rect.size();
-        let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
-        aside + spread.chord(b - a, size) + spread.chord(off, size)
+        let bound = |spread: &Spread| {
+            let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
+            aside + spread.chord(b - a, size) + spread.chord(off, size)
+        };
+        bound(
+            &face
+                .pieces
+                .spread_until(&rect, |rough| bound(rough) <= enough),
+        )
     }
 
     /// Adds the points where a curve passes a line across which its surface has a crease.

@@ -8,7 +8,7 @@ use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, FixedVertexHandle, Inn
 use spade::{CdtEdge, ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
 use super::Limits;
-use super::pieces::Rect;
+use super::pieces::{Rect, Spread};
 use super::rim::Face;
 use super::seed::{Seed, seeds};
 
@@ -63,6 +63,8 @@ pub(super) struct Vertex {
     /// The shared point, on boundaries.
     pub(super) id: Option<u32>,
     pub(super) gap: f64,
+    /// Along the surface's normal; on a crease that of one side.
+    normal: DVec3,
 }
 
 /// A vertex in the plane of the triangulation.
@@ -208,6 +210,7 @@ impl<'a> Mesher<'a> {
                     position: corner.position,
                     id: Some(corner.id),
                     gap: corner.gap,
+                    normal: self.face.point_and_normal(uv).1,
                 },
                 None => self.inner_vertex(uv),
             };
@@ -218,12 +221,13 @@ impl<'a> Mesher<'a> {
 
     /// A vertex that is not on a boundary, or divides a pole.
     fn inner_vertex(&self, uv: DVec2) -> Vertex {
-        let position = self.face.point(uv);
+        let (position, normal) = self.face.point_and_normal(uv);
         let plain = Vertex {
             uv,
             position,
             id: None,
             gap: 0.0,
+            normal,
         };
         let domain = self.face.pieces.domain();
         let on_border = |axis: usize| uv[axis] <= domain.min[axis] || uv[axis] >= domain.max[axis];
@@ -240,6 +244,7 @@ impl<'a> Mesher<'a> {
         shared.map_or(plain, |shared| Vertex {
             uv,
             gap: shared.position.distance(position),
+            normal,
             ..*shared
         })
     }
@@ -298,7 +303,8 @@ impl<'a> Mesher<'a> {
             let end = (t + step).min(1.0);
             let rect = Rect::around([from + way * t, from + way * end]);
             let part = way * (end - t);
-            let error = self.face.pieces.spread(&rect).chord(part, rect.size());
+            let spread = self.face.pieces.spread(&rect);
+            let error = spread.chord(part, rect.size());
             let ratio = error / (0.9 * self.face.tolerance);
             if ratio > 1.0 && step > 1e-6 {
                 step = (end - t) * (0.9 / ratio).sqrt().clamp(0.1, 0.9);
@@ -461,15 +467,24 @@ impl<'a> Mesher<'a> {
         }
         let [a, b, c] = corners.map(|k| self.vertices[k as usize]);
         let rect = Rect::around([a.uv, b.uv, c.uv]);
-        let spread = self.face.pieces.spread(&rect);
-        let bound = if self.face.pieces.is_creased_inside(&rect) {
-            spread.bent(rect.size())
-        } else {
-            spread.triangle([a.uv, b.uv, c.uv], rect.size())
+        let is_creased = self.face.pieces.is_creased_inside(&rect);
+        let bound = |spread: &Spread| {
+            if is_creased {
+                spread.bent(rect.size())
+            } else {
+                spread.triangle([a.uv, b.uv, c.uv], rect.size())
+            }
         };
         let gap = a.gap.max(b.gap).max(c.gap);
         let tolerance = AIM * self.face.tolerance;
-        let mut ratio = bound / (tolerance - gap).max(0.1 * tolerance);
+        let limit = (tolerance - gap).max(0.1 * tolerance);
+        let bound = bound(
+            &self
+                .face
+                .pieces
+                .spread_until(&rect, |rough| bound(rough) <= limit),
+        );
+        let mut ratio = bound / limit;
         let center = (a.uv + b.uv + c.uv) / 3.0;
         let sides = [(a, b), (b, c), (c, a)];
         for (p, q) in sides {
@@ -480,8 +495,7 @@ impl<'a> Mesher<'a> {
                     if self.face.pieces.is_creased(v.uv) {
                         return self.face.pieces.normal(v.uv, center).unwrap_or_default();
                     }
-                    let d = self.face.pieces.surface.derivatives(v.uv);
-                    d.du.cross(d.dv)
+                    v.normal
                 };
                 let angle = normal(p).angle_between(normal(q));
                 // Slightly more than asked of seeds, which are spaced for it exactly.

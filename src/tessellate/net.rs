@@ -29,35 +29,32 @@ impl Net {
         piece: &BezierSurface,
         u: Range<f64>,
         v: Range<f64>,
+        rough: bool,
     ) -> Spread {
         let [whole_u, whole_v] = [piece.u(), piece.v()];
         let share = |x: f64, r: &Range<f64>| ((x - r.start) / (r.end - r.start)).clamp(0.0, 1.0);
+        let flat = [u.start >= u.end, v.start >= v.end];
         let row = self.q + 1;
         let (a, b) = (share(u.start, &whole_u), share(u.end, &whole_u));
         for j in 0..row {
             cut(&mut self.points[j..], self.p, row, a, b);
         }
         let (c, d) = (share(v.start, &whole_v), share(v.end, &whole_v));
+        // A part without width is one row of points, and tells about its own direction only.
+        if flat[0] {
+            self.points.truncate(row);
+            self.p = 0;
+        }
         for i in 0..=self.p {
             cut(&mut self.points[i * row..], self.q, 1, c, d);
         }
-        // A part without width tells about its own direction only.
-        let wide = |part: &Range<f64>, whole: &Range<f64>| {
-            if part.start < part.end {
-                part.clone()
-            } else {
-                whole.clone()
-            }
-        };
-        let flat = [u.start >= u.end, v.start >= v.end];
-        let mut spread = self.spread(wide(&u, &whole_u), wide(&v, &whole_v));
-        if flat[0] {
-            (spread.du, spread.duu, spread.duv) = Default::default();
-        }
         if flat[1] {
-            (spread.dv, spread.dvv, spread.duv) = Default::default();
+            self.points = self.points.iter().copied().step_by(row).collect();
+            self.q = 0;
         }
-        spread
+        let wide = |part: Range<f64>, whole: Range<f64>, flat| if flat { whole } else { part };
+        let (u, v) = (wide(u, whole_u, flat[0]), wide(v, whole_v, flat[1]));
+        self.spread(u, v, rough)
     }
 
     /// First derivatives along u and v at a point of the piece's domain, borders included.
@@ -115,13 +112,13 @@ impl Net {
         ]
     }
 
-    /// Bounds over all of the net, whose domain is given.
+    /// Bounds over all of the net, whose domain is given; rough ones cost less.
     ///
     /// Every derivative is a quotient `N / w^k` of polynomials; about its value `A` in the
     /// middle it strays by no more than the largest coefficient of `N - A w^k` over the
     /// least weight to the k. With `X = w S`: for `Su`, `N = Xu w - X wu =: M` and k = 2; for
     /// `Suu`, `N = Mu w - 2 wu M` and k = 3; for `Suv`, `N = Mv w - 2 wv M`.
-    pub(super) fn spread(&self, u: Range<f64>, v: Range<f64>) -> Spread {
+    pub(super) fn spread(&self, u: Range<f64>, v: Range<f64>, rough: bool) -> Spread {
         let (p, q) = (self.p, self.q);
         let (du, dv) = ((u.end - u.start).recip(), (v.end - v.start).recip());
         let along_u = |net: &[DVec4]| derivative(net, p, q + 1, true, du);
@@ -148,6 +145,9 @@ impl Net {
                 dvv: ball(&xvv),
             };
         }
+        if rough {
+            return self.rough([&xu, &xv, &xuu, &xuv, &xvv]);
+        }
         let one = Power::new(p, q, 1);
         let [x, xu, xv, xuu, xuv, xvv] = [x, &xu, &xv, &xuu, &xuv, &xvv].map(|n| one.scaled(n));
         let two = Power::new(p, q, 2);
@@ -173,6 +173,72 @@ impl Net {
             duu: three.quotient(&n_uu, &cube),
             duv: three.quotient(&n_uv, &cube),
             dvv: three.quotient(&n_vv, &cube),
+        }
+    }
+
+    /// The same from balls around the coefficients of `X` and of its derivatives, by the rule of
+    /// the quotient: `Su = (Xu - S wu) / w`, `Suu = (Xuu - 2 Su wu - S wuu) / w`, `Suv = (Xuv -
+    /// Su wv - Sv wu - S wuv) / w`. With the origin in the middle of the part, `S` is short.
+    fn rough(&self, derivatives: [&[DVec4]; 5]) -> Spread {
+        let (p, q) = (self.p, self.q);
+        let here = middle(&self.points, p, q);
+        let origin = here.truncate() / here.w;
+        let reach = |net: &[DVec4]| {
+            let vector = |h: &DVec4| h.truncate() - origin * h.w;
+            let middle = middle(net, p, q);
+            let center = vector(&middle);
+            let off = |h: &DVec4| vector(h).distance_squared(center);
+            let radius = net.iter().map(off).fold(0.0, f64::max).sqrt();
+            let off = |h: &DVec4| (h.w - middle.w).abs();
+            Reach {
+                vector: Ball { center, radius },
+                weight: [middle.w, net.iter().map(off).fold(0.0, f64::max)],
+            }
+        };
+        let x = reach(&self.points);
+        let least = self.points.iter().map(|h| h.w).fold(x.weight[0], f64::min);
+        let [u, v, uu, uv, vv] = derivatives.map(reach);
+        let by_weight = |ball: Ball| ball.over(x.weight, least);
+        let s = by_weight(x.vector);
+        let du = by_weight(u.vector.less(1.0, s, u.weight));
+        let dv = by_weight(v.vector.less(1.0, s, v.weight));
+        let duu = uu.vector.less(2.0, du, u.weight).less(1.0, s, uu.weight);
+        let dvv = vv.vector.less(2.0, dv, v.weight).less(1.0, s, vv.weight);
+        let duv = uv.vector.less(1.0, du, v.weight).less(1.0, dv, u.weight);
+        let duv = duv.less(1.0, s, uv.weight);
+        Spread {
+            du,
+            dv,
+            duu: by_weight(duu),
+            duv: by_weight(duv),
+            dvv: by_weight(dvv),
+        }
+    }
+}
+
+/// Where the homogeneous vectors of a net are: vectors about an origin, and weights.
+#[derive(Clone, Copy)]
+struct Reach {
+    vector: Ball,
+    /// A weight, and how far others are from it at most.
+    weight: [f64; 2],
+}
+
+impl Ball {
+    /// Less some multiple of the products of vectors and weights.
+    fn less(self, times: f64, other: Self, [weight, off]: [f64; 2]) -> Self {
+        let radius = other.radius * (weight.abs() + off) + other.center.length() * off;
+        Self {
+            center: self.center - other.center * (times * weight),
+            radius: self.radius + times * radius,
+        }
+    }
+
+    /// Divided by weights, which are no less than `least`.
+    fn over(self, [weight, off]: [f64; 2], least: f64) -> Self {
+        Self {
+            center: self.center / weight,
+            radius: (self.radius + self.center.length() * off / weight) / least,
         }
     }
 }
@@ -287,6 +353,9 @@ fn derivative(net: &[DVec4], degree: usize, row: usize, along_u: bool, scale: f6
     let n = degree as f64;
     let stride = if along_u { row } else { 1 };
     let place = |k: usize| if along_u { k / row } else { k % row };
+    if degree == 0 {
+        return vec![DVec4::ZERO; net.len()];
+    }
     let value = |k: usize| {
         let i = place(k);
         let mut sum = DVec4::ZERO;

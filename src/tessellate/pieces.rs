@@ -151,6 +151,7 @@ pub(crate) struct Pieces<'a> {
     /// Breaks inside the domain at which a first derivative jumps.
     pub(super) creases: [Vec<f64>; 2],
     list: Vec<Piece>,
+    is_rational: bool,
 }
 
 #[derive(Debug)]
@@ -165,7 +166,7 @@ impl<'a> Pieces<'a> {
             .bezier_pieces()
             .into_iter()
             .map(|net| Piece {
-                spread: Net::of(&net).spread(net.u(), net.v()),
+                spread: Net::of(&net).spread(net.u(), net.v(), false),
                 net,
             })
             .collect();
@@ -175,6 +176,7 @@ impl<'a> Pieces<'a> {
             breaks,
             creases: [Vec::new(), Vec::new()],
             list,
+            is_rational: surface.is_rational(),
         };
         pieces.creases = [0, 1].map(|axis| pieces.find_creases(axis));
         pieces
@@ -213,6 +215,17 @@ impl<'a> Pieces<'a> {
 
     /// Bounds over a rectangle inside the domain.
     pub(crate) fn spread(&self, rect: &Rect) -> Spread {
+        self.bounds(rect, false)
+    }
+
+    /// The same, or rough ones, which cost less, where they are `enough`.
+    pub(super) fn spread_until(&self, rect: &Rect, enough: impl Fn(&Spread) -> bool) -> Spread {
+        let rough = self.is_rational.then(|| self.bounds(rect, true));
+        let rough = rough.filter(enough);
+        rough.unwrap_or_else(|| self.bounds(rect, false))
+    }
+
+    fn bounds(&self, rect: &Rect, rough: bool) -> Spread {
         let mut all: Option<Spread> = None;
         for i in self.spans(0, rect.min.x, rect.max.x) {
             for j in self.spans(1, rect.min.y, rect.max.y) {
@@ -223,7 +236,7 @@ impl<'a> Pieces<'a> {
                 let spread = if part_u == u && part_v == v {
                     piece.spread
                 } else {
-                    Net::of(&piece.net).restricted(&piece.net, part_u, part_v)
+                    Net::of(&piece.net).restricted(&piece.net, part_u, part_v, rough)
                 };
                 all = Some(all.map_or(spread, |all| all.union(spread)));
             }

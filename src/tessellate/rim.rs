@@ -38,6 +38,12 @@ impl<'a> Face<'a> {
         self.pieces.surface.evaluate(self.clamped(uv))
     }
 
+    /// The same with a vector along the normal, which is zero where the surface has none.
+    pub(super) fn point_and_normal(&self, uv: DVec2) -> (DVec3, DVec3) {
+        let (point, [du, dv]) = self.pieces.surface.tangents(self.clamped(uv));
+        (point, du.cross(dv))
+    }
+
     pub(crate) fn clamped(&self, uv: DVec2) -> DVec2 {
         let domain = self.pieces.domain();
         uv.max(domain.min).min(domain.max)

@@ -175,10 +175,10 @@ fn approach(
 ) -> (f64, f64) {
     let mut best = (t, face.point(curve.evaluate(t)).distance(target));
     for _ in 0..STEPS {
-        let c = curve.derivatives(t);
-        let d = face.pieces.surface.derivatives(face.clamped(c.point));
-        let slope = d.du * c.first.x + d.dv * c.first.y;
-        let step = (target - d.point).dot(slope) / slope.length_squared();
+        let (uv, way) = curve.tangent(t);
+        let (point, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
+        let slope = du * way.x + dv * way.y;
+        let step = (target - point).dot(slope) / slope.length_squared();
         let next = (t + step).clamp(range.start, range.end);
         if !next.is_finite() {
             break;
