@@ -6,7 +6,8 @@ use kernel::Curve;
 use super::Limits;
 use super::pieces::{Rect, Spread};
 use super::rim::Face;
-use super::sew::{Edge, Trail, Use};
+use super::sew::{Edge, Use};
+use super::trail::Trail;
 
 /// The part of a tolerance that edges may use: triangles beside them need a little more.
 const SHARE: f64 = 0.97;

@@ -20,14 +20,16 @@ mod sew;
 mod shell;
 #[cfg(test)]
 mod tests;
+mod trail;
 
 use glam::{DAffine3, DVec2};
 use kernel::{Camera, Mesh, Projection, Scene, Shape};
 use rayon::prelude::*;
 
 pub(crate) use rim::Face;
-pub(crate) use sew::{Edge, Sewn, Trail, sew};
+pub(crate) use sew::{Edge, Sewn, sew};
 pub use shell::Shell;
+pub(crate) use trail::Trail;
 
 /// How far triangles may be from the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,0 +1,150 @@
+//! Points along the curves on surfaces that bound faces.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::{Aabb, Curve};
+
+use super::rim::Face;
+
+/// Steps towards the nearest point of a curve, at most.
+const STEPS: usize = 20;
+
+/// A curve strays from a chord of its trail by at most about this share of the chord.
+const BULGE: f64 = 0.1;
+
+/// Points of two curves are one if their distance is this share of a chord.
+const EQUAL: f64 = 1e-9;
+
+/// Points along a curve on a surface.
+#[derive(Clone, Debug)]
+pub(crate) struct Trail(pub(super) Vec<(f64, DVec3)>);
+
+impl Trail {
+    /// Points so close that the curve between two of them is nearly straight.
+    pub(crate) fn of(face: &Face<'_>, curve: &Curve<DVec2>) -> Self {
+        let breaks = curve.knots().breaks();
+        let per_piece = (16 / (breaks.len() - 1)).clamp(2, 8);
+        let sample = |t: f64| (t, face.point(curve.evaluate(t)));
+        let mut points = vec![sample(breaks[0])];
+        for pair in breaks.windows(2) {
+            for k in 1..=per_piece {
+                let share = k as f64 / per_piece as f64;
+                let t = pair[0] + (pair[1] - pair[0]) * share;
+                let next = sample(if k == per_piece { pair[1] } else { t });
+                let last = points[points.len() - 1];
+                refine(&sample, last, next, 5, &mut points);
+            }
+        }
+        Self(points)
+    }
+
+    pub(super) fn bounds(&self) -> Aabb {
+        Aabb::around(self.0.iter().map(|p| p.1))
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        self.0.windows(2).map(|w| w[0].1.distance(w[1].1)).sum()
+    }
+
+    /// The parameter of the point of the curve nearest to `target`, and its distance.
+    pub(crate) fn project(
+        &self,
+        face: &Face<'_>,
+        curve: &Curve<DVec2>,
+        target: DVec3,
+    ) -> (f64, f64) {
+        let near = |w: &[(f64, DVec3)]| {
+            let way = w[1].1 - w[0].1;
+            let share = (target - w[0].1).dot(way) / way.length_squared();
+            let share = if share.is_finite() {
+                share.clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            let off = (w[0].1 + way * share).distance(target);
+            // The curve may be nearer than its chord.
+            let least = (off - BULGE * way.length()).max(0.0);
+            (off, least, w[0].0 + (w[1].0 - w[0].0) * share)
+        };
+        let mut chords: Vec<_> = self.0.windows(2).map(near).enumerate().collect();
+        let mut best = (curve.domain().start, f64::INFINITY);
+        loop {
+            chords.retain(|(_, (_, least, _))| *least < best.1);
+            let nearest = chords.iter().min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+            let Some(&(k, (_, _, t))) = nearest else {
+                return best;
+            };
+            let low = self.0[k.saturating_sub(1)].0;
+            let high = self.0[(k + 2).min(self.0.len() - 1)].0;
+            let found = approach(face, curve, target, t, low..high);
+            if found.1 < best.1 {
+                best = found;
+            }
+            if best.1 <= EQUAL * self.0[k].1.distance(self.0[k + 1].1) {
+                return best;
+            }
+            // Its neighbours have been looked at, too.
+            chords.retain(|(other, _)| other.abs_diff(k) > 1);
+        }
+    }
+
+    /// The parts before and after a parameter, which both get the point there.
+    pub(super) fn split(&self, at: (f64, DVec3)) -> [Self; 2] {
+        let k = self.0.partition_point(|p| p.0 < at.0);
+        let mut before = self.0[..k].to_vec();
+        before.push(at);
+        let mut after = vec![at];
+        after.extend(self.0[k..].iter().filter(|p| p.0 > at.0));
+        [Self(before), Self(after)]
+    }
+}
+
+/// The point of a curve nearest to `target` in a range, by Newton's steps from `t` on: its
+/// parameter and distance.
+fn approach(
+    face: &Face<'_>,
+    curve: &Curve<DVec2>,
+    target: DVec3,
+    mut t: f64,
+    range: Range<f64>,
+) -> (f64, f64) {
+    let mut best = (t, face.point(curve.evaluate(t)).distance(target));
+    for _ in 0..STEPS {
+        let (uv, way) = curve.tangent(t);
+        let (point, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
+        let slope = du * way.x + dv * way.y;
+        let step = (target - point).dot(slope) / slope.length_squared();
+        let next = (t + step).clamp(range.start, range.end);
+        if !next.is_finite() {
+            break;
+        }
+        let distance = face.point(curve.evaluate(next)).distance(target);
+        if distance < best.1 {
+            best = (next, distance);
+        }
+        if (next - t).abs() <= 1e-12 * (range.end - range.start) {
+            break;
+        }
+        t = next;
+    }
+    best
+}
+
+/// Appends points up to `to` so that halves are nearly as straight as the whole.
+fn refine(
+    sample: &impl Fn(f64) -> (f64, DVec3),
+    from: (f64, DVec3),
+    to: (f64, DVec3),
+    depth: u32,
+    out: &mut Vec<(f64, DVec3)>,
+) {
+    let middle = sample(0.5 * (from.0 + to.0));
+    let off = middle.1.distance(from.1.midpoint(to.1));
+    if depth > 0 && off > BULGE * from.1.distance(to.1) {
+        refine(sample, from, middle, depth - 1, out);
+        refine(sample, middle, to, depth - 1, out);
+    } else {
+        out.push(to);
+    }
+}
