@@ -243,10 +243,10 @@ impl KnotVector {
         let mut rows = [[0.0; MAX_DEGREE + 1]; ORDERS];
         rows[0][0] = 1.0;
         for d in 1..=p {
-            // The last differences of lower degrees become derivatives.
-            for order in (1..ORDERS).filter(|order| d + order == p + 1) {
-                let (values, rows) = rows.split_at_mut(1);
-                rows[order - 1][..p].copy_from_slice(&values[0][..p]);
+            // The derivative of this order begins with the values of degree `p - order`.
+            let order = p + 1 - d;
+            if order < ORDERS {
+                rows[order] = rows[0];
             }
             self.raise(span, d, t, &mut rows[0]);
         }

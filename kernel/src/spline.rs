@@ -309,7 +309,8 @@ pub(crate) fn elevate_once<H: Linear>(knots: &KnotVector, points: &[H]) -> Splin
     (KnotVector::trusted(n, raised), elevated)
 }
 
-/// The point, first and second derivative of a homogeneous curve at `t`.
+/// The derivatives of a homogeneous curve of the orders below `ORDERS`, at most 3, at `t`; the
+/// first one is the point.
 pub(crate) fn derivatives<H: Linear, const ORDERS: usize>(
     knots: &KnotVector,
     points: &[H],

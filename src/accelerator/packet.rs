@@ -225,10 +225,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
     #[inline(never)]
     fn alone(&mut self, lane: usize) {
         let range = self.packet.from[lane]..self.packet.until[lane];
-        let mut best = Nearest {
-            any: self.any,
-            ..Nearest::default()
-        };
+        let mut best = Nearest::or_first(self.any);
         let rooms = (
             &mut self.packet.top_stack_alone,
             &mut self.packet.stack_alone,
@@ -298,10 +295,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
     fn triangles(&mut self, cluster: &Cluster<'_>, lane: usize) {
         let instance = &self.accelerator.instances[self.instance as usize];
         let ray = self.rays[lane].transformed(&instance.cluster_from_world);
-        let mut best = Nearest {
-            any: self.any,
-            ..Nearest::default()
-        };
+        let mut best = Nearest::or_first(self.any);
         let mut visitor = TriangleVisitor {
             cluster,
             ray: Sheared::new(&ray),

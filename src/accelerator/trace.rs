@@ -79,10 +79,7 @@ impl Accelerator<'_> {
         range: Range<f64>,
         workspace: &mut Workspace,
     ) -> bool {
-        let mut first = Nearest {
-            any: true,
-            ..Nearest::default()
-        };
+        let mut first = Nearest::or_first(true);
         self.search::<I>(ray, range.clone(), workspace.rooms(), &mut first);
         first.found.is_some() || self.sealed_any(ray, &range, workspace.rooms())
     }
@@ -202,7 +199,15 @@ pub(super) trait Collector {
 #[derive(Default)]
 pub(super) struct Nearest {
     pub(super) found: Option<Candidate>,
-    pub(super) any: bool,
+    first: bool,
+}
+
+impl Nearest {
+    /// What stops at the first if `first`.
+    pub(super) fn or_first(first: bool) -> Self {
+        let found = None;
+        Self { found, first }
+    }
 }
 
 impl Collector for Nearest {
@@ -210,7 +215,7 @@ impl Collector for Nearest {
     fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool {
         range.end = candidate.t;
         self.found = Some(candidate);
-        !self.any
+        !self.first
     }
 }
 

@@ -350,12 +350,12 @@ fn binomials(n: usize) -> Vec<f64> {
 /// The derivative of a net along one parameter, at the degree of the net: differences, with
 /// the degree raised again.
 fn derivative(net: &[DVec4], degree: usize, row: usize, along_u: bool, scale: f64) -> Vec<DVec4> {
-    let n = degree as f64;
-    let stride = if along_u { row } else { 1 };
-    let place = |k: usize| if along_u { k / row } else { k % row };
     if degree == 0 {
         return vec![DVec4::ZERO; net.len()];
     }
+    let n = degree as f64;
+    let stride = if along_u { row } else { 1 };
+    let place = |k: usize| if along_u { k / row } else { k % row };
     let value = |k: usize| {
         let i = place(k);
         let mut sum = DVec4::ZERO;

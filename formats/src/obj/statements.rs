@@ -93,8 +93,11 @@ impl<'a> Statement<'a> {
 
     /// Where its line stands in the text, if there is nothing else in it.
     pub(super) fn plain(&self) -> Option<Range<usize>> {
-        let is_one = matches!(self.text, Cow::Borrowed(text) if memchr::memchr(b'#', text.as_bytes()).is_none());
-        Some(self.place.clone()).filter(|place| is_one && !place.is_empty())
+        let is_own = matches!(self.text, Cow::Owned(_));
+        if is_own || self.place.is_empty() || memchr::memchr(b'#', self.text.as_bytes()).is_some() {
+            return None;
+        }
+        Some(self.place.clone())
     }
 
     /// All that follows the keyword, for names with blanks.
@@ -145,7 +148,7 @@ impl<'a> Statements<'a> {
         });
         self.rest = rest;
         self.line += 1;
-        Some(line.trim_ascii())
+        Some(line.trim())
     }
 
     /// Joins `first` with the lines that continue it.
@@ -307,6 +310,11 @@ mod tests {
         assert_eq!(all(text), [(3, "v:1,2,3,4".into()), (5, "end:".into())]);
         assert_eq!(all("v 1\rv 2\r"), [(1, "v:1".into()), (2, "v:2".into())]);
         assert_eq!(all("v 1 \\"), [(1, "v:1".into())]);
+        // Blanks beyond ASCII, at the ends of lines.
+        assert_eq!(
+            all("\u{a0}v 1\u{b}\nend\u{a0}"),
+            [(1, "v:1".into()), (2, "end:".into())]
+        );
     }
 
     #[test]
