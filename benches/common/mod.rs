@@ -94,22 +94,24 @@ impl View {
     /// Visits the rays of 8 by 8 pixels, those in parts of 4 by 4, square by square.
     pub(crate) fn packets(&self, width: usize, height: usize, visit: &mut dyn FnMut(&[Ray])) {
         let aspect = width as f64 / height as f64;
+        let across = |x: usize| (2.0 * (x as f64 + 0.5) / width as f64 - 1.0) * aspect;
+        let along = |y: usize| 1.0 - 2.0 * (y as f64 + 0.5) / height as f64;
+        let columns: Vec<DVec3> = (0..width).map(|x| self.right * across(x)).collect();
+        let rows: Vec<DVec3> = (0..height)
+            .map(|y| self.forward + self.up * along(y))
+            .collect();
         let mut rays = Vec::new();
         squares(width, height, 32, &mut |x, y| {
             let (w, h) = (width.min(x + 32) - x, height.min(y + 32) - y);
             squares(w, h, 8, &mut |i, j| {
                 rays.clear();
-                for k in 0..64 {
-                    let (part, k) = (k / 16, k % 16);
-                    let x = x + i + part % 2 * 4 + k % 4;
-                    let y = y + j + part / 2 * 4 + k / 4;
-                    if x < width && y < height {
-                        let a = (2.0 * (x as f64 + 0.5) / width as f64 - 1.0) * aspect;
-                        let b = 1.0 - 2.0 * (y as f64 + 0.5) / height as f64;
-                        rays.push(Ray {
+                for part in 0..4 {
+                    let (x, y) = (x + i + part % 2 * 4, y + j + part / 2 * 4);
+                    for row in rows.iter().skip(y).take(4) {
+                        rays.extend(columns.iter().skip(x).take(4).map(|column| Ray {
                             origin: self.eye,
-                            direction: self.forward + self.right * a + self.up * b,
-                        });
+                            direction: *row + *column,
+                        }));
                     }
                 }
                 visit(&rays);

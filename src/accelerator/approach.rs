@@ -109,8 +109,9 @@ pub(super) struct Approach<F> {
     pub(super) tilt: [F; 2],
     /// Roots are no further from there.
     pub(super) radius: [F; 2],
-    /// What is uncertain of the place.
-    pub(super) error: F,
+    /// What is uncertain of the place: in any direction, and in that of the tilt, of which this
+    /// is a part.
+    pub(super) error: [F; 2],
 }
 
 /// Whether one of the rays `16 group ..` of the beam may meet a cell: a bit for each.
@@ -185,13 +186,18 @@ pub(super) fn approach<S: Simd, const RATIONAL: bool>(
     let blur = s.fma(s.splat(view.direction_size), s.abs(inverse), one);
     let depth = s.fma(distance, s.splat(view.sizes[2]), one);
     let width = s.fma(distance, s.splat(view.sizes[0] + view.sizes[1]), one);
-    let tilt = s.add(one, s.max(size1, size2));
-    let rounding = s.fma(s.mul(tilt, depth), blur, width);
-    let dropped = s.mul(s.splat(view.dropped), tilt);
-    let mut error = s.fma(s.splat(ROUNDING), rounding, dropped);
+    let dropped = s.splat(view.dropped);
+    let blurred = s.mul(depth, blur);
+    let along = s.fma(s.splat(ROUNDING), blurred, dropped);
+    let mut any = s.fma(s.splat(ROUNDING), s.add(blurred, width), dropped);
     if RATIONAL {
-        error = s.fma(dropped, s.max(s.abs(x0), s.abs(y0)), error);
+        any = s.fma(
+            s.mul(dropped, s.add(one, s.max(size1, size2))),
+            s.max(s.abs(x0), s.abs(y0)),
+            any,
+        );
     }
+    let error = s.fma(along, s.max(size1, size2), any);
     // What is not linear moves roots along the cell, and along the tilt by what stands across.
     let [b1, b2, b3] = view.bulge;
     let (b1, b2, b3) = (s.splat(b1), s.splat(b2), s.splat(b3));
@@ -231,7 +237,7 @@ pub(super) fn approach<S: Simd, const RATIONAL: bool>(
         place: [x0, y0],
         tilt: [g1, g2],
         radius: [radius1, radius2],
-        error,
+        error: [any, along],
     }
 }
 

@@ -3,8 +3,9 @@
 
 use super::approach::{Approach, View, approach};
 use super::beam::Beam;
-use super::expansion::ORDER;
+use super::distance::{Distance, Matrix, distance, value};
 use super::model::Model;
+use super::windows::{Batch, Waiting};
 use crate::simd::{LANES, Simd};
 
 /// Uniqueness is proven below one; less bounds the number of steps.
@@ -23,19 +24,47 @@ const CLOSE: f32 = 1e-2;
 /// open at a border is found from both sides.
 const MARGIN: f32 = 1e-4;
 
+/// A window is halved unless less than this share of it is left.
+const NARROWER: f32 = 0.4;
+
+/// Growth of what is summed in single precision.
+const GROWTH: f32 = 1.0 + 1e-5;
+
 /// Steps in single precision.
 const STEPS: usize = 5;
 
-/// What sixteen rays found in a cell, a bit for each.
+/// How sixteen rays come to a cell.
+#[derive(Clone, Copy)]
+pub(super) struct Seen<F> {
+    /// Where the tangent plane is met, in the cell's coordinates, and the tilt against it.
+    pub(super) place: [F; 2],
+    pub(super) tilt: [F; 2],
+    /// What is uncertain of the place: in any direction, and in that of the tilt, of which this
+    /// is a part.
+    pub(super) error: [F; 2],
+}
+
+/// What sixteen rays found in a cell or in parts of it, a bit for each.
 pub(super) struct Verdict {
     /// They met it here, in its coordinates from -1 to 1.
     pub(super) met: u32,
     pub(super) x: [f32; LANES],
     pub(super) y: [f32; LANES],
-    /// It is to be cut for these.
+    /// It is not clear for these how many roots they have.
     pub(super) open: u32,
+    /// Where these may be.
+    pub(super) rest: Rest,
     /// Single precision says too little for these, and would say less of its parts.
     pub(super) blurred: u32,
+}
+
+/// Parts of a cell in which roots may be.
+pub(super) struct Rest {
+    pub(super) low: [[f32; LANES]; 2],
+    pub(super) high: [[f32; LANES]; 2],
+    /// A bit for each that is to be halved, and for each of them that is halved along y.
+    pub(super) halve: u32,
+    pub(super) along_y: u32,
 }
 
 impl Verdict {
@@ -44,6 +73,12 @@ impl Verdict {
         x: [0.0; LANES],
         y: [0.0; LANES],
         open: 0,
+        rest: Rest {
+            low: [[0.0; LANES]; 2],
+            high: [[0.0; LANES]; 2],
+            halve: 0,
+            along_y: 0,
+        },
         blurred: 0,
     };
 
@@ -58,163 +93,6 @@ impl Verdict {
             self.y[lane] = ys[lane];
         }
         self.met |= new;
-    }
-}
-
-/// What a polynomial of a cell is at a point, and its derivatives.
-struct Jet<F> {
-    value: F,
-    by_x: F,
-    by_y: F,
-}
-
-/// Coordinate `r` of the cell at `x`, `y`: Horner's rule for value and derivatives.
-#[inline(always)]
-fn jet<S: Simd, const M: usize, const N: usize>(
-    s: S,
-    model: &Model,
-    r: usize,
-    x: S::F,
-    y: S::F,
-) -> Jet<S::F> {
-    let (mut value, mut by_y) = line::<S, N>(s, model, r, M - 1, y);
-    let mut by_x = s.splat(0.0);
-    for i in (0..M - 1).rev() {
-        let (next, next_by_y) = line::<S, N>(s, model, r, i, y);
-        by_x = if i == M - 2 {
-            value
-        } else {
-            s.fma(by_x, x, value)
-        };
-        value = s.fma(value, x, next);
-        by_y = s.fma(by_y, x, next_by_y);
-    }
-    Jet { value, by_x, by_y }
-}
-
-/// What stands beside `x^i` at `y`, and its derivative.
-#[inline(always)]
-fn line<S: Simd, const N: usize>(s: S, model: &Model, r: usize, i: usize, y: S::F) -> (S::F, S::F) {
-    let terms = &model.terms[i * ORDER..(i + 1) * ORDER];
-    let (mut value, mut by_y) = (s.splat(terms[N - 1][r]), s.splat(0.0));
-    for j in (0..N - 1).rev() {
-        by_y = if j == N - 2 {
-            value
-        } else {
-            s.fma(by_y, y, value)
-        };
-        value = s.fma(value, y, s.splat(terms[j][r]));
-    }
-    (value, by_y)
-}
-
-/// As [`jet`], the value alone.
-#[inline(always)]
-fn at<S: Simd, const M: usize, const N: usize>(
-    s: S,
-    model: &Model,
-    r: usize,
-    x: S::F,
-    y: S::F,
-) -> S::F {
-    let mut value = s.splat(0.0);
-    for i in (0..M).rev() {
-        let terms = &model.terms[i * ORDER..(i + 1) * ORDER];
-        let mut line = s.splat(terms[N - 1][r]);
-        for j in (0..N - 1).rev() {
-            line = s.fma(line, y, s.splat(terms[j][r]));
-        }
-        value = if i == M - 1 {
-            line
-        } else {
-            s.fma(value, x, line)
-        };
-    }
-    value
-}
-
-/// The distances of a cell's point from a ray along both its axes, and their derivatives.
-struct Distance<F> {
-    value: [F; 2],
-    by_x: [F; 2],
-    by_y: [F; 2],
-}
-
-#[inline(always)]
-fn distance<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
-    s: S,
-    model: &Model,
-    [x0, y0]: [S::F; 2],
-    [g1, g2]: [S::F; 2],
-    [x, y]: [S::F; 2],
-) -> Distance<S::F> {
-    let a = jet::<S, M, N>(s, model, 0, x, y);
-    let b = jet::<S, M, N>(s, model, 1, x, y);
-    let c = jet::<S, M, N>(s, model, 2, x, y);
-    let mut value = [s.fnma(g1, c.value, a.value), s.fnma(g2, c.value, b.value)];
-    let mut by_x = [s.fnma(g1, c.by_x, a.by_x), s.fnma(g2, c.by_x, b.by_x)];
-    let mut by_y = [s.fnma(g1, c.by_y, a.by_y), s.fnma(g2, c.by_y, b.by_y)];
-    if RATIONAL {
-        let w = jet::<S, M, N>(s, model, 3, x, y);
-        value = [s.fnma(x0, w.value, value[0]), s.fnma(y0, w.value, value[1])];
-        by_x = [s.fnma(x0, w.by_x, by_x[0]), s.fnma(y0, w.by_x, by_x[1])];
-        by_y = [s.fnma(x0, w.by_y, by_y[0]), s.fnma(y0, w.by_y, by_y[1])];
-    } else {
-        value = [s.sub(value[0], x0), s.sub(value[1], y0)];
-    }
-    Distance { value, by_x, by_y }
-}
-
-/// As [`distance`], without derivatives.
-#[inline(always)]
-fn value<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
-    s: S,
-    model: &Model,
-    [x0, y0]: [S::F; 2],
-    [g1, g2]: [S::F; 2],
-    [x, y]: [S::F; 2],
-) -> [S::F; 2] {
-    let c = at::<S, M, N>(s, model, 2, x, y);
-    let f1 = s.fnma(g1, c, at::<S, M, N>(s, model, 0, x, y));
-    let f2 = s.fnma(g2, c, at::<S, M, N>(s, model, 1, x, y));
-    if RATIONAL {
-        let w = at::<S, M, N>(s, model, 3, x, y);
-        [s.fnma(x0, w, f1), s.fnma(y0, w, f2)]
-    } else {
-        [s.sub(f1, x0), s.sub(f2, y0)]
-    }
-}
-
-/// A 2 x 2 matrix for each ray, row by row.
-#[derive(Clone, Copy)]
-struct Matrix<F>([F; 4]);
-
-impl<F: Copy> Matrix<F> {
-    /// The inverse of the derivatives.
-    #[inline(always)]
-    fn inverse<S: Simd<F = F>>(s: S, Distance { by_x, by_y, .. }: &Distance<F>) -> Self {
-        let determinant = s.fnma(by_y[0], by_x[1], s.mul(by_x[0], by_y[1]));
-        let scale = s.div(s.splat(1.0), determinant);
-        let minus = s.sub(s.splat(0.0), scale);
-        Self([
-            s.mul(by_y[1], scale),
-            s.mul(by_y[0], minus),
-            s.mul(by_x[1], minus),
-            s.mul(by_x[0], scale),
-        ])
-    }
-
-    #[inline(always)]
-    fn times<S: Simd<F = F>>(&self, s: S, [x, y]: [F; 2]) -> [F; 2] {
-        let [a, b, c, d] = self.0;
-        [s.fma(a, x, s.mul(b, y)), s.fma(c, x, s.mul(d, y))]
-    }
-
-    /// The sizes of the entries.
-    #[inline(always)]
-    fn abs<S: Simd<F = F>>(&self, s: S) -> Self {
-        let [a, b, c, d] = self.0;
-        Self([s.abs(a), s.abs(b), s.abs(c), s.abs(d)])
     }
 }
 
@@ -283,23 +161,101 @@ struct Window<F> {
 
 impl<F: Copy> Window<F> {
     #[inline(always)]
+    fn new<S: Simd<F = F>>(s: S, low: [F; 2], high: [F; 2]) -> Self {
+        let (mut middle, mut half) = (low, high);
+        for k in 0..2 {
+            middle[k] = s.mul(s.splat(0.5), s.add(low[k], high[k]));
+            half[k] = s.mul(s.splat(0.5), s.sub(high[k], low[k]));
+        }
+        Self {
+            low,
+            high,
+            middle,
+            half,
+        }
+    }
+
+    /// What is within `radius` of a place in the cell.
+    #[inline(always)]
     fn around<S: Simd<F = F>>(s: S, place: [F; 2], radius: [F; 2], border: F) -> Self {
         let minus = s.sub(s.splat(0.0), border);
-        let mut window = Self {
-            low: place,
-            high: place,
-            middle: place,
-            half: place,
-        };
+        let (mut low, mut high) = (place, place);
         for k in 0..2 {
-            let low = s.max(s.sub(place[k], radius[k]), minus);
-            let high = s.min(s.add(place[k], radius[k]), border);
-            window.middle[k] = s.mul(s.splat(0.5), s.add(low, high));
-            window.half[k] = s.mul(s.splat(0.5), s.sub(high, low));
-            (window.low[k], window.high[k]) = (low, high);
+            low[k] = s.max(s.sub(place[k], radius[k]), minus);
+            high[k] = s.min(s.add(place[k], radius[k]), border);
         }
-        window
+        Self::new(s, low, high)
     }
+}
+
+/// The middle of a window: how far the surface is there from a ray, and what inverts the
+/// derivatives.
+struct Middle<F> {
+    distance: Distance<F>,
+    inverse: Matrix<F>,
+}
+
+/// What the values differ at most from those of the tangent plane in the middle of a window, by
+/// how much the derivatives change: half of that on the average.
+#[inline(always)]
+fn over<S: Simd>(s: S, change: [S::F; 2], half: [S::F; 2]) -> S::F {
+    let sum = s.fma(change[0], half[0], s.mul(change[1], half[1]));
+    s.mul(sum, s.splat(0.5 * GROWTH))
+}
+
+/// What is left of windows after a step of Krawczyk's: roots differ from where Newton's step
+/// from the middle leads by what the derivatives can change in between. The bits are those of
+/// the windows in which roots may be.
+#[inline(always)]
+fn narrowed<S: Simd, const RATIONAL: bool>(
+    s: S,
+    model: &Model,
+    seen: &Seen<S::F>,
+    window: &Window<S::F>,
+    middle: &Middle<S::F>,
+    rest: &mut Rest,
+) -> u32 {
+    let half = window.half;
+    let [ax, ay] = change(s, model, 0, half);
+    let [bx, by] = change(s, model, 1, half);
+    let [cx, cy] = change(s, model, 2, half);
+    let (mut a, mut b) = (over(s, [ax, ay], half), over(s, [bx, by], half));
+    let c = over(s, [cx, cy], half);
+    if RATIONAL {
+        let w = over(s, change(s, model, 3, half), half);
+        a = s.fma(s.abs(seen.place[0]), w, a);
+        b = s.fma(s.abs(seen.place[1]), w, b);
+    }
+    let steps = middle.inverse.times(s, middle.distance.value);
+    let [g1, g2] = middle.inverse.times(s, seen.tilt);
+    let tilts = [s.abs(g1), s.abs(g2)];
+    let Matrix([p1, q1, p2, q2]) = middle.inverse.abs(s);
+    // The step and what it inverts are rounded, too.
+    let [any, along] = seen.error;
+    let any = s.fma(any, s.add(half[0], half[1]), any);
+    let (mut left, mut sizes) = (u32::MAX, [half[0]; 2]);
+    for (k, [p, q]) in [[p1, q1], [p2, q2]].into_iter().enumerate() {
+        let known = s.fma(p, s.add(a, any), s.mul(q, s.add(b, any)));
+        let radius = s.fma(tilts[k], s.add(c, along), known);
+        let center = s.sub(window.middle[k], steps[k]);
+        // What is not a number leaves the window as it is.
+        let low = s.max(s.sub(center, radius), window.low[k]);
+        let high = s.min(s.add(center, radius), window.high[k]);
+        left &= !s.bits(s.lt(high, low));
+        s.store(low, &mut rest.low[k]);
+        s.store(high, &mut rest.high[k]);
+        sizes[k] = s.sub(high, low);
+    }
+    let area = s.mul(sizes[0], sizes[1]);
+    let before = s.mul(half[0], half[1]);
+    rest.halve = !s.bits(s.lt(area, s.mul(before, s.splat(4.0 * NARROWER))));
+    // The axis along which the derivatives change more.
+    let [xx, xy, yy] = &model.second;
+    let (xx, xy, yy) = (s.splat(xx[2]), s.splat(xy[2]), s.splat(yy[2]));
+    let along_x = s.mul(sizes[0], s.fma(tilts[0], xx, s.mul(tilts[1], xy)));
+    let along_y = s.mul(sizes[1], s.fma(tilts[0], xy, s.mul(tilts[1], yy)));
+    rest.along_y = s.bits(s.lt(along_x, along_y));
+    left
 }
 
 /// Tests rays `16 group ..` of the beam whose bits are set in `lanes` against a cell.
@@ -311,6 +267,7 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
     beam: &Beam,
     group: usize,
     lanes: u32,
+    waiting: &mut Waiting,
 ) -> Verdict {
     let Approach {
         beside,
@@ -320,41 +277,107 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
         error,
     } = approach::<S, RATIONAL>(s, view, beam, group);
     let lanes = lanes & !beside;
-    let mut verdict = Verdict::NONE;
     if lanes == 0 {
-        return verdict;
+        return Verdict::NONE;
     }
+    let seen = Seen { place, tilt, error };
+    let window = Window::around(s, place, radius, s.splat(1.0 + MARGIN));
+    let verdict = look::<S, M, N, RATIONAL>(s, model, &seen, &window, lanes);
+    if verdict.open != 0 {
+        waiting.begin(s, group, &seen, &verdict);
+    }
+    verdict
+}
+
+/// Looks into parts of a cell.
+#[inline(always)]
+pub(super) fn again<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    model: &Model,
+    batch: &Batch,
+) -> Verdict {
+    let (low, high) = batch.range(s);
+    let window = Window::new(s, low, high);
+    let lanes = (1 << batch.count) - 1;
+    look::<S, M, N, RATIONAL>(s, model, &batch.seen(s), &window, lanes)
+}
+
+/// Looks for roots in windows, one of each ray whose bit is set.
+#[inline(always)]
+fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    model: &Model,
+    seen: &Seen<S::F>,
+    window: &Window<S::F>,
+    lanes: u32,
+) -> Verdict {
+    let &Seen { place, tilt, error } = seen;
+    let mut verdict = Verdict::NONE;
+    let distance = distance::<S, M, N, RATIONAL>(s, model, place, tilt, window.middle);
+    let inverse = Matrix::inverse(s, &distance);
+    let (unique, contraction) =
+        contraction::<S, RATIONAL>(s, model, place, tilt, window.half, &inverse);
+    // Errors along the tilt grow no more than it shrinks.
+    let [any, along] = error;
+    let [a, b, c, d] = inverse.abs(s).0;
+    let [g1, g2] = inverse.times(s, tilt);
+    let tilted = s.mul(along, s.max(s.abs(g1), s.abs(g2)));
+    let grown = s.fma(any, s.max(s.add(a, b), s.add(c, d)), tilted);
+    let amplified = s.mul(grown, s.add(s.splat(1.0), contraction));
+    let known = s.bits(s.lt(amplified, s.splat(BLURRED)));
+    // Of a flat cell seen from its edge the parts are seen no better.
+    let total = s.fma(along, s.max(s.abs(tilt[0]), s.abs(tilt[1])), any);
+    let sharp = s.bits(s.lt(total, s.splat(BLURRED)));
+    verdict.blurred = lanes & unique & !known;
+    if model.bulge[2] < FLAT {
+        verdict.blurred |= lanes & !sharp;
+    }
+    let active = lanes & unique & known;
+    let middle = Middle { distance, inverse };
+    verdict.open = lanes & !active & !verdict.blurred;
+    if active != 0 {
+        verdict.open |= iterate::<S, M, N, RATIONAL>(
+            s,
+            (model, seen),
+            (window, &middle),
+            (contraction, amplified),
+            active,
+            &mut verdict,
+        );
+    }
+    if verdict.open != 0 {
+        verdict.open &= narrowed::<S, RATIONAL>(s, model, seen, window, &middle, &mut verdict.rest);
+    }
+    verdict
+}
+
+/// Newton's iteration for the rays `active`, which have one root each at most; those that did
+/// not come to an end come back.
+#[inline(always)]
+fn iterate<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    (model, &Seen { place, tilt, .. }): (&Model, &Seen<S::F>),
+    (
+        window,
+        Middle {
+            distance: first,
+            inverse,
+        },
+    ): (&Window<S::F>, &Middle<S::F>),
+    (contraction, amplified): (S::F, S::F),
+    mut active: u32,
+    verdict: &mut Verdict,
+) -> u32 {
     let border = s.splat(1.0 + MARGIN);
     let Window {
         low,
         high,
         middle,
         half,
-    } = Window::around(s, place, radius, border);
-    let first = distance::<S, M, N, RATIONAL>(s, model, place, tilt, middle);
-    let inverse = Matrix::inverse(s, &first);
-    let (unique, contraction) = contraction::<S, RATIONAL>(s, model, place, tilt, half, &inverse);
-    let [a, b, c, d] = inverse.abs(s).0;
-    let growth = s.mul(
-        s.max(s.add(a, b), s.add(c, d)),
-        s.add(s.splat(1.0), contraction),
-    );
-    let amplified = s.mul(error, growth);
-    let known = s.bits(s.lt(amplified, s.splat(BLURRED)));
-    let mut active = lanes & unique & known;
-    // Of a flat cell seen from its edge the parts are seen no better.
-    let sharp = s.bits(s.lt(error, s.splat(BLURRED)));
-    verdict.blurred = lanes & unique & !known;
-    if view.bulge[2] < FLAT {
-        verdict.blurred |= lanes & !sharp;
-    }
-    verdict.open = lanes & !active & !verdict.blurred;
-    let mut x = middle;
-    let mut now = first;
+    } = window;
+    let mut x = *middle;
+    let mut now = *first;
     for step in 0..STEPS {
-        if active == 0 {
-            break;
-        }
         // A root is as far from where the step of the middle leads as that one may miss it.
         let sure = inverse.times(s, now.value);
         let length = s.max(s.abs(sure[0]), s.abs(sure[1]));
@@ -367,7 +390,7 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
             break;
         }
         let (newest, leap) = if step == 0 {
-            (inverse, sure)
+            (*inverse, sure)
         } else {
             let newest = Matrix::inverse(s, &now);
             (newest, newest.times(s, now.value))
@@ -392,8 +415,7 @@ pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool
         }
         now = distance::<S, M, N, RATIONAL>(s, model, place, tilt, x);
     }
-    verdict.open |= active;
-    verdict
+    active
 }
 
 /// The numbers of the bits that are set.

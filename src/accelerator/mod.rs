@@ -10,6 +10,7 @@ mod beam;
 mod block;
 mod build;
 mod cells;
+mod distance;
 mod expansion;
 mod finish;
 mod hits;
@@ -21,6 +22,7 @@ mod seal;
 mod strip;
 mod trace;
 mod tree;
+mod windows;
 
 use std::sync::Arc;
 

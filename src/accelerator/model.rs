@@ -32,7 +32,6 @@ pub(super) struct Model {
     /// Middle and half of the length along u and v, in the parameters of the piece.
     pub(super) middle: [f64; 2],
     pub(super) half: [f64; 2],
-    pub(super) cut_v: bool,
 }
 
 impl Model {
@@ -47,7 +46,6 @@ impl Model {
         center: DVec3::ZERO,
         middle: [0.0; 2],
         half: [0.0; 2],
-        cut_v: false,
     };
 
     #[inline(always)]
@@ -84,7 +82,6 @@ impl Model {
             self.middle[k] = f64::midpoint(start, end);
             self.half[k] = (end - start) * 0.5;
         }
-        self.cut_v = local.cut_v;
     }
 }
 

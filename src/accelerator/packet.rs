@@ -9,23 +9,17 @@ use super::approach::{self, View};
 use super::beam::{Beam, BeamBounds, RAYS};
 use super::cells::Cell;
 use super::finish::{self, Lines};
-use super::leaf::{self, Bits, Verdict};
+use super::leaf::{self, Bits};
 use super::model::Model;
 use super::room::{Found, Met, PacketRoom};
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
 use super::tree::{IS_LEAF, WIDTH};
+use super::windows::Waiting;
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
 use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Intersector, Target};
 use crate::simd::{LANES, Simd, Task, WIDE_LANES};
-
-/// Halvings of a cell while rays are traced; what is then still not clear is left to
-/// subdivision in double precision, ray by ray.
-const HALVINGS: u8 = 8;
-
-/// Cells that wait to be examined: two more for each halving.
-const WAITING: usize = HALVINGS as usize + 2;
 
 impl Accelerator<'_> {
     /// As [`Self::nearest`] for many rays, which should run side by side: their hits replace
@@ -332,78 +326,44 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
             let lanes = lanes & self.alive;
             if lanes != 0 {
-                self.cell(cluster, cell, lanes);
+                self.cell(cluster, &cell, lanes);
             }
         }
     }
 
-    /// Examines a cell, and parts of it for the rays for which it is not clear.
+    /// Looks for the roots of some rays in a cell.
     #[inline(always)]
-    fn cell(&mut self, cluster: &Cluster<'_>, cell: Cell, lanes: u64) {
-        let mut waiting = [(cell, 0_u64, 0_u8); WAITING];
-        waiting[0] = (cell, lanes, 0);
-        let mut count = 1;
-        while count > 0 {
-            count -= 1;
-            let (cell, lanes, depth) = waiting[count];
-            let lanes = lanes & self.alive;
-            if lanes == 0 {
-                continue;
-            }
-            self.scratch.cells += u64::from(lanes.count_ones());
-            let (open, cut) = self.examine(cluster, &cell, lanes);
-            if open == 0 {
-                continue;
-            }
-            let Some(axis) = cut.filter(|_| depth < HALVINGS) else {
-                for lane in Bits(open) {
-                    self.subdivide(cluster, &cell, lane);
-                }
-                continue;
-            };
-            for half in cell.halves(axis) {
-                waiting[count] = (half, open, depth + 1);
-                count += 1;
-            }
-        }
-    }
-
-    /// What a cell says of the rays: roots are taken, and the rays for which it must be cut
-    /// come back, with the direction of the cut; none for a cell without a frame.
-    #[inline(always)]
-    fn examine(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) -> (u64, Option<usize>) {
+    fn cell(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) {
+        self.scratch.cells += u64::from(lanes.count_ones());
         let number = self.accelerator.instances[self.instance as usize].cluster;
-        let PacketRoom { models, beam, .. } = &mut *self.packet;
+        let PacketRoom {
+            models,
+            beam,
+            waiting,
+            roots,
+            ..
+        } = &mut *self.packet;
         let model = models.of(number, cluster, cell);
-        if !model.bulge[0].is_finite() {
-            return (lanes, None);
-        }
+        waiting.clear();
+        roots.count = 0;
         let view = View::of_model(model, beam);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let (mut open, mut blurred) = (0, 0);
-        let mut met = Met::default();
-        for group in 0..RAYS / LANES {
-            let part = group_of(lanes, group);
-            if part == 0 {
-                continue;
-            }
-            let verdict = meet(self.s, model, &view, beam, group, part, piece.is_rational);
-            open |= u64::from(verdict.open) << (group * LANES);
-            blurred |= u64::from(verdict.blurred) << (group * LANES);
-            for k in Bits(u64::from(verdict.met)) {
-                met.push(group * LANES + k, verdict.x[k], verdict.y[k]);
-            }
-        }
-        let (middle, half, cut_v) = (model.middle, model.half, model.cut_v);
+        let blurred = if !model.bulge[0].is_finite() {
+            lanes
+        } else if piece.is_rational {
+            look::<S, 4, 4, true>(self.s, model, (&view, beam), lanes, (waiting, roots))
+        } else {
+            look::<S, 4, 4, false>(self.s, model, (&view, beam), lanes, (waiting, roots))
+        };
+        let part = (model.middle, model.half);
         let mut start = 0;
-        while start < met.count {
-            self.finish(cluster, cell, &met, start, (middle, half));
+        while start < self.packet.roots.count {
+            self.finish(cluster, cell, start, part);
             start += WIDE_LANES;
         }
         for lane in Bits(blurred & self.alive) {
             self.subdivide(cluster, cell, lane);
         }
-        (open, Some(usize::from(cut_v)))
     }
 
     /// Finishes eight roots in double precision and takes those that count.
@@ -412,10 +372,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
         &mut self,
         cluster: &Cluster<'_>,
         cell: &Cell,
-        met: &Met,
         first: usize,
         (middle, half): ([f64; 2], [f64; 2]),
     ) {
+        let met = &self.packet.roots;
         let used = (met.count - first).min(WIDE_LANES);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         let mut lanes = [met.lanes[first]; WIDE_LANES];
@@ -567,20 +527,38 @@ fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH
     }
 }
 
-/// [`leaf::meet`] for the degrees of a piece.
+/// Looks for the roots of rays in a cell, and into parts of it for rays for which it is not
+/// clear; those come back for which single precision does not do.
 #[inline(always)]
-fn meet<S: Simd>(
+fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
     s: S,
     model: &Model,
-    view: &View,
-    beam: &Beam,
-    group: usize,
-    lanes: u32,
-    rational: bool,
-) -> Verdict {
-    if rational {
-        leaf::meet::<S, 4, 4, true>(s, model, view, beam, group, lanes)
-    } else {
-        leaf::meet::<S, 4, 4, false>(s, model, view, beam, group, lanes)
+    (view, beam): (&View, &Beam),
+    lanes: u64,
+    (waiting, roots): (&mut Waiting, &mut Met),
+) -> u64 {
+    let mut blurred = 0_u64;
+    for group in 0..RAYS / LANES {
+        let part = group_of(lanes, group);
+        if part == 0 {
+            continue;
+        }
+        let verdict = leaf::meet::<S, M, N, RATIONAL>(s, model, view, beam, group, part, waiting);
+        blurred |= u64::from(verdict.blurred) << (group * LANES);
+        for k in Bits(u64::from(verdict.met)) {
+            // There is room for the first of every ray.
+            roots.push(group * LANES + k, verdict.x[k], verdict.y[k]);
+        }
     }
+    while let Some(batch) = waiting.take() {
+        let verdict = leaf::again::<S, M, N, RATIONAL>(s, model, &batch);
+        blurred |= waiting.go_on(&batch, &verdict) | waiting.given_up();
+        for k in 0..batch.count {
+            let lane = usize::from(batch.lane[k]);
+            let is_lost =
+                verdict.met >> k & 1 == 1 && !roots.push(lane, verdict.x[k], verdict.y[k]);
+            blurred |= u64::from(is_lost || verdict.blurred >> k & 1 == 1) << lane;
+        }
+    }
+    blurred
 }

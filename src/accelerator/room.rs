@@ -5,11 +5,14 @@ use glam::{DVec2, DVec3};
 use super::beam::{Beam, RAYS, Rays};
 use super::model::Models;
 use super::trace::{Candidate, CandidateKind};
+use super::windows::Waiting;
 
 /// What packets reuse from call to call.
 #[derive(Debug)]
 pub(super) struct PacketRoom {
     pub(super) models: Models,
+    pub(super) waiting: Box<Waiting>,
+    pub(super) roots: Box<Met>,
     pub(super) beam: Box<Beam>,
     pub(super) top_beam: Box<Beam>,
     pub(super) rays: Box<Rays>,
@@ -29,6 +32,8 @@ impl Default for PacketRoom {
     fn default() -> Self {
         Self {
             models: Models::default(),
+            waiting: Box::new(Waiting::NONE),
+            roots: Box::new(Met::NONE),
             beam: Box::new(Beam::NONE),
             top_beam: Box::new(Beam::NONE),
             rays: Box::new(Rays::NONE),
@@ -67,33 +72,37 @@ impl Found {
     };
 }
 
+/// Roots in a cell that are kept at most: some have several.
+const ROOTS: usize = 4 * RAYS;
+
 /// Rays that met a cell, and where in its coordinates.
+#[derive(Debug)]
 pub(super) struct Met {
     pub(super) count: usize,
-    pub(super) lanes: [u8; RAYS],
-    pub(super) x: [f32; RAYS],
-    pub(super) y: [f32; RAYS],
-}
-
-impl Default for Met {
-    #[inline(always)]
-    fn default() -> Self {
-        Self {
-            count: 0,
-            lanes: [0; RAYS],
-            x: [0.0; RAYS],
-            y: [0.0; RAYS],
-        }
-    }
+    pub(super) lanes: [u8; ROOTS],
+    pub(super) x: [f32; ROOTS],
+    pub(super) y: [f32; ROOTS],
 }
 
 impl Met {
+    const NONE: Self = Self {
+        count: 0,
+        lanes: [0; ROOTS],
+        x: [0.0; ROOTS],
+        y: [0.0; ROOTS],
+    };
+
+    /// Adds a root; says whether there was room for it.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
-    pub(super) fn push(&mut self, lane: usize, x: f32, y: f32) {
-        self.lanes[self.count] = lane as u8;
-        self.x[self.count] = x;
-        self.y[self.count] = y;
-        self.count += 1;
+    pub(super) fn push(&mut self, lane: usize, x: f32, y: f32) -> bool {
+        let has_room = self.count < ROOTS;
+        if has_room {
+            self.lanes[self.count] = lane as u8;
+            self.x[self.count] = x;
+            self.y[self.count] = y;
+            self.count += 1;
+        }
+        has_room
     }
 }

@@ -1,0 +1,163 @@
+//! How far the points of a cell are from rays, and Newton's step, sixteen rays at a time.
+
+use super::expansion::ORDER;
+use super::model::Model;
+use crate::simd::Simd;
+
+/// What a polynomial of a cell is at a point, and its derivatives.
+struct Jet<F> {
+    value: F,
+    by_x: F,
+    by_y: F,
+}
+
+/// Coordinate `r` of the cell at `x`, `y`: Horner's rule for value and derivatives.
+#[inline(always)]
+fn jet<S: Simd, const M: usize, const N: usize>(
+    s: S,
+    model: &Model,
+    r: usize,
+    x: S::F,
+    y: S::F,
+) -> Jet<S::F> {
+    let (mut value, mut by_y) = line::<S, N>(s, model, r, M - 1, y);
+    let mut by_x = s.splat(0.0);
+    for i in (0..M - 1).rev() {
+        let (next, next_by_y) = line::<S, N>(s, model, r, i, y);
+        by_x = if i == M - 2 {
+            value
+        } else {
+            s.fma(by_x, x, value)
+        };
+        value = s.fma(value, x, next);
+        by_y = s.fma(by_y, x, next_by_y);
+    }
+    Jet { value, by_x, by_y }
+}
+
+/// What stands beside `x^i` at `y`, and its derivative.
+#[inline(always)]
+fn line<S: Simd, const N: usize>(s: S, model: &Model, r: usize, i: usize, y: S::F) -> (S::F, S::F) {
+    let terms = &model.terms[i * ORDER..(i + 1) * ORDER];
+    let (mut value, mut by_y) = (s.splat(terms[N - 1][r]), s.splat(0.0));
+    for j in (0..N - 1).rev() {
+        by_y = if j == N - 2 {
+            value
+        } else {
+            s.fma(by_y, y, value)
+        };
+        value = s.fma(value, y, s.splat(terms[j][r]));
+    }
+    (value, by_y)
+}
+
+/// As [`jet`], the value alone.
+#[inline(always)]
+fn at<S: Simd, const M: usize, const N: usize>(
+    s: S,
+    model: &Model,
+    r: usize,
+    x: S::F,
+    y: S::F,
+) -> S::F {
+    let mut value = s.splat(0.0);
+    for i in (0..M).rev() {
+        let terms = &model.terms[i * ORDER..(i + 1) * ORDER];
+        let mut line = s.splat(terms[N - 1][r]);
+        for j in (0..N - 1).rev() {
+            line = s.fma(line, y, s.splat(terms[j][r]));
+        }
+        value = if i == M - 1 {
+            line
+        } else {
+            s.fma(value, x, line)
+        };
+    }
+    value
+}
+
+/// The distances of a cell's point from a ray along both its axes, and their derivatives.
+#[derive(Clone, Copy)]
+pub(super) struct Distance<F> {
+    pub(super) value: [F; 2],
+    by_x: [F; 2],
+    by_y: [F; 2],
+}
+
+#[inline(always)]
+pub(super) fn distance<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    model: &Model,
+    [x0, y0]: [S::F; 2],
+    [g1, g2]: [S::F; 2],
+    [x, y]: [S::F; 2],
+) -> Distance<S::F> {
+    let a = jet::<S, M, N>(s, model, 0, x, y);
+    let b = jet::<S, M, N>(s, model, 1, x, y);
+    let c = jet::<S, M, N>(s, model, 2, x, y);
+    let mut value = [s.fnma(g1, c.value, a.value), s.fnma(g2, c.value, b.value)];
+    let mut by_x = [s.fnma(g1, c.by_x, a.by_x), s.fnma(g2, c.by_x, b.by_x)];
+    let mut by_y = [s.fnma(g1, c.by_y, a.by_y), s.fnma(g2, c.by_y, b.by_y)];
+    if RATIONAL {
+        let w = jet::<S, M, N>(s, model, 3, x, y);
+        value = [s.fnma(x0, w.value, value[0]), s.fnma(y0, w.value, value[1])];
+        by_x = [s.fnma(x0, w.by_x, by_x[0]), s.fnma(y0, w.by_x, by_x[1])];
+        by_y = [s.fnma(x0, w.by_y, by_y[0]), s.fnma(y0, w.by_y, by_y[1])];
+    } else {
+        value = [s.sub(value[0], x0), s.sub(value[1], y0)];
+    }
+    Distance { value, by_x, by_y }
+}
+
+/// As [`distance`], without derivatives.
+#[inline(always)]
+pub(super) fn value<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    model: &Model,
+    [x0, y0]: [S::F; 2],
+    [g1, g2]: [S::F; 2],
+    [x, y]: [S::F; 2],
+) -> [S::F; 2] {
+    let c = at::<S, M, N>(s, model, 2, x, y);
+    let f1 = s.fnma(g1, c, at::<S, M, N>(s, model, 0, x, y));
+    let f2 = s.fnma(g2, c, at::<S, M, N>(s, model, 1, x, y));
+    if RATIONAL {
+        let w = at::<S, M, N>(s, model, 3, x, y);
+        [s.fnma(x0, w, f1), s.fnma(y0, w, f2)]
+    } else {
+        [s.sub(f1, x0), s.sub(f2, y0)]
+    }
+}
+
+/// A 2 x 2 matrix for each ray, row by row.
+#[derive(Clone, Copy)]
+pub(super) struct Matrix<F>(pub(super) [F; 4]);
+
+impl<F: Copy> Matrix<F> {
+    /// The inverse of the derivatives.
+    #[inline(always)]
+    pub(super) fn inverse<S: Simd<F = F>>(s: S, Distance { by_x, by_y, .. }: &Distance<F>) -> Self {
+        let determinant = s.fnma(by_y[0], by_x[1], s.mul(by_x[0], by_y[1]));
+        let scale = s.div(s.splat(1.0), determinant);
+        let minus = s.sub(s.splat(0.0), scale);
+        Self([
+            s.mul(by_y[1], scale),
+            s.mul(by_y[0], minus),
+            s.mul(by_x[1], minus),
+            s.mul(by_x[0], scale),
+        ])
+    }
+
+    #[inline(always)]
+    pub(super) fn times<S: Simd<F = F>>(&self, s: S, [x, y]: [F; 2]) -> [F; 2] {
+        let [a, b, c, d] = self.0;
+        [s.fma(a, x, s.mul(b, y)), s.fma(c, x, s.mul(d, y))]
+    }
+
+    /// The sizes of the entries.
+    #[inline(always)]
+    pub(super) fn abs<S: Simd<F = F>>(&self, s: S) -> Self {
+        let [a, b, c, d] = self.0;
+        Self([s.abs(a), s.abs(b), s.abs(c), s.abs(d)])
+    }
+}

@@ -1,0 +1,209 @@
+//! Parts of a cell that wait to be looked into, each for one ray.
+//!
+//! Where it is not clear how many roots a ray has in a cell, the part in which they must be is
+//! narrowed and halved, in the coordinates of the cell; the parts of all rays of a packet are
+//! looked into sixteen at a time.
+
+use super::beam::RAYS;
+use super::leaf::{Bits, Seen, Verdict};
+use crate::simd::{LANES, Simd};
+
+/// Parts that wait at most.
+const CAPACITY: usize = 1024;
+
+/// Halvings and narrowings of a part at most.
+const DEPTH: u8 = 16;
+
+/// Parts of a cell that are looked into for each ray that asks for it, on the average; what is
+/// then still not clear is left to subdivision in double precision.
+const PARTS: usize = 48;
+
+/// How rays come to a cell, and where in it their roots may be.
+#[derive(Debug)]
+pub(super) struct Waiting {
+    count: usize,
+    /// Parts that may still be looked into.
+    left: usize,
+    lane: [u8; CAPACITY],
+    depth: [u8; CAPACITY],
+    low: [[f32; CAPACITY]; 2],
+    high: [[f32; CAPACITY]; 2],
+    /// Of each ray: see [`Seen`].
+    place: [[f32; RAYS]; 2],
+    tilt: [[f32; RAYS]; 2],
+    error: [[f32; RAYS]; 2],
+}
+
+/// Sixteen parts at most, and the rays that they belong to.
+#[repr(align(64))]
+pub(super) struct Batch {
+    pub(super) count: usize,
+    pub(super) lane: [u8; LANES],
+    depth: [u8; LANES],
+    low: [[f32; LANES]; 2],
+    high: [[f32; LANES]; 2],
+    place: [[f32; LANES]; 2],
+    tilt: [[f32; LANES]; 2],
+    error: [[f32; LANES]; 2],
+}
+
+/// The lanes of a group.
+#[inline(always)]
+fn lanes(values: &mut [f32; RAYS], group: usize) -> &mut [f32; LANES] {
+    &mut values.as_chunks_mut::<LANES>().0[group]
+}
+
+impl Waiting {
+    pub(super) const NONE: Self = Self {
+        count: 0,
+        left: 0,
+        lane: [0; CAPACITY],
+        depth: [0; CAPACITY],
+        low: [[0.0; CAPACITY]; 2],
+        high: [[0.0; CAPACITY]; 2],
+        place: [[0.0; RAYS]; 2],
+        tilt: [[0.0; RAYS]; 2],
+        error: [[0.0; RAYS]; 2],
+    };
+
+    /// Begins with a cell.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        (self.count, self.left) = (0, 0);
+    }
+
+    /// Remembers the rays of a group, and what is left to look into for those of them that a
+    /// verdict leaves open.
+    #[inline(always)]
+    pub(super) fn begin<S: Simd>(
+        &mut self,
+        s: S,
+        group: usize,
+        seen: &Seen<S::F>,
+        verdict: &Verdict,
+    ) {
+        for k in 0..2 {
+            s.store(seen.place[k], lanes(&mut self.place[k], group));
+            s.store(seen.tilt[k], lanes(&mut self.tilt[k], group));
+            s.store(seen.error[k], lanes(&mut self.error[k], group));
+        }
+        self.left += verdict.open.count_ones() as usize * PARTS;
+        for k in Bits(u64::from(verdict.open)) {
+            self.put(group * LANES + k, 0, verdict, k);
+        }
+    }
+
+    /// Keeps what a verdict leaves open of a batch; the lanes that were divided often enough
+    /// come back, a bit each.
+    #[inline(always)]
+    pub(super) fn go_on(&mut self, batch: &Batch, verdict: &Verdict) -> u64 {
+        let mut rest = 0;
+        for k in Bits(u64::from(verdict.open)) {
+            let lane = usize::from(batch.lane[k]);
+            if batch.depth[k] == DEPTH || self.count + 2 > CAPACITY {
+                rest |= 1 << lane;
+            } else {
+                self.put(lane, batch.depth[k] + 1, verdict, k);
+            }
+        }
+        rest
+    }
+
+    /// Keeps the part that slot `k` of a verdict is about, or its halves.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
+    fn put(&mut self, lane: usize, depth: u8, verdict: &Verdict, k: usize) {
+        let rest = &verdict.rest;
+        let low = [rest.low[0][k], rest.low[1][k]];
+        let high = [rest.high[0][k], rest.high[1][k]];
+        let axis = (rest.along_y >> k & 1) as usize;
+        let halves = (rest.halve >> k & 1) as usize;
+        for half in 0..=halves {
+            let place = self.count;
+            self.lane[place] = lane as u8;
+            self.depth[place] = depth;
+            for side in 0..2 {
+                self.low[side][place] = low[side];
+                self.high[side][place] = high[side];
+            }
+            if halves == 1 {
+                let middle = 0.5 * (low[axis] + high[axis]);
+                let end = if half == 0 {
+                    &mut self.high
+                } else {
+                    &mut self.low
+                };
+                end[axis][place] = middle;
+            }
+            self.count += 1;
+        }
+    }
+
+    /// The lanes of all that waits, a bit each, once no more may be looked into.
+    #[inline(always)]
+    pub(super) fn given_up(&mut self) -> u64 {
+        if self.left > 0 {
+            return 0;
+        }
+        let mut bits = 0;
+        for &lane in &self.lane[..self.count] {
+            bits |= 1 << lane;
+        }
+        self.count = 0;
+        bits
+    }
+
+    /// Takes the parts that came last, sixteen at most.
+    #[inline(always)]
+    pub(super) fn take(&mut self) -> Option<Batch> {
+        let count = self.count.min(LANES);
+        let last = self.count.checked_sub(1)?;
+        self.count -= count;
+        self.left = self.left.saturating_sub(count);
+        let mut batch = Batch {
+            count,
+            lane: [0; LANES],
+            depth: [0; LANES],
+            low: [[0.0; LANES]; 2],
+            high: [[0.0; LANES]; 2],
+            place: [[0.0; LANES]; 2],
+            tilt: [[0.0; LANES]; 2],
+            error: [[0.0; LANES]; 2],
+        };
+        for k in 0..LANES {
+            let from = (self.count + k).min(last);
+            let lane = usize::from(self.lane[from]) % RAYS;
+            batch.lane[k] = self.lane[from];
+            batch.depth[k] = self.depth[from];
+            for side in 0..2 {
+                batch.low[side][k] = self.low[side][from];
+                batch.high[side][k] = self.high[side][from];
+                batch.place[side][k] = self.place[side][lane];
+                batch.tilt[side][k] = self.tilt[side][lane];
+                batch.error[side][k] = self.error[side][lane];
+            }
+        }
+        Some(batch)
+    }
+}
+
+impl Batch {
+    /// The rays of the parts.
+    #[inline(always)]
+    pub(super) fn seen<S: Simd>(&self, s: S) -> Seen<S::F> {
+        Seen {
+            place: [s.load(&self.place[0]), s.load(&self.place[1])],
+            tilt: [s.load(&self.tilt[0]), s.load(&self.tilt[1])],
+            error: [s.load(&self.error[0]), s.load(&self.error[1])],
+        }
+    }
+
+    /// The parts: least and greatest coordinates.
+    #[inline(always)]
+    pub(super) fn range<S: Simd>(&self, s: S) -> ([S::F; 2], [S::F; 2]) {
+        (
+            [s.load(&self.low[0]), s.load(&self.low[1])],
+            [s.load(&self.high[0]), s.load(&self.high[1])],
+        )
+    }
+}
