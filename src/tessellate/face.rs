@@ -42,6 +42,8 @@ pub(super) struct Stretch {
     pub(super) edge: usize,
     /// Whether it is a point of space, and may be divided.
     pub(super) pole: bool,
+    /// Whether it is a gap bridged by a point, short in parameters, too.
+    pub(super) dot: bool,
 }
 
 /// The triangles of a face.
@@ -116,15 +118,22 @@ impl<'a> Mesher<'a> {
         };
         let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> = HashMap::new();
         let near = face.pieces.domain().size() * SAME;
+        // What dots connect is one vertex.
+        let mut spans: HashMap<u32, DVec2> = HashMap::new();
+        for stretch in stretches.iter().filter(|s| s.dot) {
+            let [a, b] = stretch.ends;
+            *spans.entry(a.id).or_insert(near) += (a.uv - b.uv).abs();
+        }
         let mut owners: HashMap<[u32; 2], usize> = HashMap::new();
         let mut conflicts = Vec::new();
         let mut handles = Vec::new();
         for stretch in stretches {
             let ends = stretch.ends.map(|corner| {
                 let list = known.entry(corner.id).or_default();
+                let span = spans.get(&corner.id).copied().unwrap_or(near);
                 let same = list
                     .iter()
-                    .find(|(uv, _)| (*uv - corner.uv).abs().cmple(near).all());
+                    .find(|(uv, _)| (*uv - corner.uv).abs().cmple(span).all());
                 if let Some((_, handle)) = same {
                     return Some(*handle);
                 }

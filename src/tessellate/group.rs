@@ -16,6 +16,10 @@ use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
 /// How often edges are divided because their chords cross.
 const ROUNDS: usize = 8;
 
+/// A point of space that takes more than this share of a domain is a pole, what is shorter a
+/// bridged gap.
+const POLE: f64 = 1e-3;
+
 /// Normals that differ by less than this at a crease are one, in radians: one degree.
 const CREASE: f64 = std::f64::consts::PI / 180.0;
 
@@ -307,15 +311,16 @@ impl Net<'_> {
                     gap: chain.stations[s].places[k].gap,
                 };
                 let face = &self.faces[used.face];
-                let near = face.pieces.domain().size() * SNAP;
+                let size = face.pieces.domain().size();
                 result[used.face].extend((0..last).map(|s| {
                     let ends = [corner(s), corner(s + 1)];
-                    let way = (ends[0].uv - ends[1].uv).abs();
-                    let straight = way.cmple(near).any() && !way.cmple(near).all();
+                    let way = (ends[0].uv - ends[1].uv).abs() / size;
+                    let is_long = way.max_element() > POLE;
                     Stretch {
                         ends,
                         edge: index,
-                        pole: edge.collapsed && straight,
+                        pole: edge.collapsed && is_long && way.min_element() <= SNAP,
+                        dot: edge.collapsed && !is_long,
                     }
                 }));
             }

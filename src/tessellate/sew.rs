@@ -108,6 +108,10 @@ pub(crate) fn sew(
     for seam in named.iter().filter(is_wide) {
         sewer.close(seam, tolerance);
     }
+    // What hung between dots may fit afterwards.
+    sewer.shrink(widest);
+    sewer.split_at_nodes(widest, false);
+    sewer.match_strands(widest, false);
     sewer.finish()
 }
 
@@ -197,6 +201,11 @@ impl Sewer<'_, '_> {
 
     /// Makes one vertex of ends within `reach`; a strand keeps its length unless `freely`.
     fn merge_nodes(&mut self, reach: f64, freely: bool) {
+        self.for_close_ends(reach, |sewer, a, b| sewer.unite(a, b, reach, freely));
+    }
+
+    /// Visits the ends of strands without partner that are within `reach` of each other.
+    fn for_close_ends(&mut self, reach: f64, mut visit: impl FnMut(&mut Self, usize, usize)) {
         let nodes = self.open_nodes();
         for (k, &a) in nodes.iter().enumerate() {
             for &b in &nodes[k + 1..] {
@@ -204,7 +213,7 @@ impl Sewer<'_, '_> {
                     break;
                 }
                 if self.nodes[a].distance(self.nodes[b]) <= reach {
-                    self.unite(a, b, reach, freely);
+                    visit(self, a, b);
                 }
             }
         }
@@ -245,6 +254,60 @@ impl Sewer<'_, '_> {
             let strand = &mut self.strands[s];
             strand.collapsed = ends[0] == ends[1] && strand.trail.length() <= 4.0 * reach;
         }
+    }
+
+    /// Makes one point of space of what is smaller than `reach` and keeps strands from their
+    /// partners: borders of holes too small to see, where corners of faces do not meet.
+    fn shrink(&mut self, reach: f64) {
+        for strand in &mut self.strands {
+            strand.awake = true;
+        }
+        for s in 0..self.strands.len() {
+            if Self::is_open(&self.strands[s]) && self.is_dot(&self.strands[s], reach) {
+                let [a, b] = self.strands[s].ends;
+                self.pinch(a, b, reach);
+            }
+        }
+        self.for_close_ends(reach, |sewer, a, b| sewer.pinch(a, b, reach));
+    }
+
+    /// Makes one of two vertices if all that runs between them is short; that becomes a point.
+    fn pinch(&mut self, a: usize, b: usize, reach: f64) {
+        let (a, b) = (self.root(a), self.root(b));
+        let between: Vec<usize> = self.links[a]
+            .iter()
+            .copied()
+            .filter(|&s| {
+                let ends = self.roots(&self.strands[s]);
+                ends == [a, b] || ends == [b, a]
+            })
+            .collect();
+        let is_dot = |&s: &usize| self.is_dot(&self.strands[s], reach);
+        if a == b || !between.iter().all(is_dot) {
+            return;
+        }
+        self.unite(a, b, reach, true);
+        if self.root(a) == self.root(b) {
+            for s in between {
+                match self.strands[s].edge {
+                    Some(edge) => self.edges[edge].collapsed = true,
+                    None => self.strands[s].collapsed = true,
+                }
+            }
+        }
+    }
+
+    /// Whether a strand is short, and so is the straight way between its ends in the parameters
+    /// of its face.
+    fn is_dot(&self, strand: &Strand, reach: f64) -> bool {
+        let (face, curve) = (&self.faces[strand.face], &strand.curve);
+        let (start, end) = (curve.start(), curve.end());
+        let point = face.point(start);
+        let is_near = |k: u32| {
+            let uv = start.lerp(end, f64::from(k) / 8.0);
+            face.point(face.clamped(uv)).distance(point) <= reach
+        };
+        strand.trail.length() <= reach && (1..8).all(is_near)
     }
 
     /// Divides strands where the end of another one lies on them.
