@@ -263,12 +263,25 @@ impl Sewer<'_, '_> {
             strand.awake = true;
         }
         for s in 0..self.strands.len() {
-            if Self::is_open(&self.strands[s]) && self.is_dot(&self.strands[s], reach) {
+            let strand = &self.strands[s];
+            if (Self::is_open(strand) || self.is_ear(s)) && self.is_dot(strand, reach) {
                 let [a, b] = self.strands[s].ends;
                 self.pinch(a, b, reach);
             }
         }
         self.for_close_ends(reach, |sewer, a, b| sewer.pinch(a, b, reach));
+    }
+
+    /// Whether a strand and another one of its face have the same ends: where a border was
+    /// divided in between by what ends beside it.
+    fn is_ear(&self, s: usize) -> bool {
+        let ends = self.roots(&self.strands[s]);
+        let [a, b] = ends;
+        self.links[a].iter().any(|&other| {
+            let strand = &self.strands[other];
+            let same = [ends, [b, a]].contains(&self.roots(strand));
+            other != s && same && strand.face == self.strands[s].face
+        })
     }
 
     /// Makes one of two vertices if all that runs between them is short; that becomes a point.

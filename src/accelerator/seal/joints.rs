@@ -190,9 +190,6 @@ impl Seams<'_, '_> {
         let Some((first, others)) = self.edge.uses.split_first() else {
             return strips;
         };
-        if self.edge.collapsed {
-            return strips;
-        }
         for other in others {
             let domain = other.curve.domain();
             let mut ends = [domain.start, domain.end];
