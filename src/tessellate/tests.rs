@@ -97,24 +97,27 @@ fn a_cylinder_has_no_more_sides_than_its_sagitta_asks_for() {
     );
 }
 
-#[test]
-fn faces_without_topology_share_their_edges() {
-    // A unit cube from six planes, each in directions of its own.
+/// A unit cube from six planes, each in directions of its own.
+fn cube() -> Vec<Patch> {
     let plane = |origin: DVec3, u: DVec3, v: DVec3| -> Patch {
         modelling::plane(origin, u, v, 0.0..1.0, 0.0..3.0)
             .unwrap()
             .into()
     };
     let (x, y, z, far) = (DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE);
-    let faces = vec![
+    vec![
         plane(DVec3::ZERO, x, y),
         plane(DVec3::ZERO, y, z),
         plane(DVec3::ZERO, x, z),
         plane(far, -x, -y),
         plane(far, -y, -z),
         plane(far, -z, -x),
-    ];
-    let result = tessellate(&scene(faces), &TessellateOptions::default());
+    ]
+}
+
+#[test]
+fn faces_without_topology_share_their_edges() {
+    let result = tessellate(&scene(cube()), &TessellateOptions::default());
     assert_eq!(result.shells.len(), 1);
     let shell = &result.shells[0];
     assert!(
@@ -122,6 +125,37 @@ fn faces_without_topology_share_their_edges() {
         "{shell:?}"
     );
     assert!((shell.volume - 1.0).abs() < 1e-12 && (shell.area - 6.0).abs() < 1e-12);
+}
+
+#[test]
+fn corners_that_do_not_quite_meet_become_points() {
+    // One side lacks a corner: the hole is closed where it is too small to see.
+    for (cut, closed) in [(1e-5, true), (2e-4, true), (2e-3, false)] {
+        let mut faces = cube();
+        let corners = [
+            [cut, 0.0],
+            [1.0, 0.0],
+            [1.0, 3.0],
+            [0.0, 3.0],
+            [0.0, 3.0 * cut],
+        ];
+        let side = |k: usize| {
+            let ends = [corners[k], corners[(k + 1) % corners.len()]];
+            kernel::Curve::line(ends[0].into(), ends[1].into(), 0.0..1.0).unwrap()
+        };
+        let sides = (0..corners.len()).map(side).collect();
+        faces[0].loops = vec![kernel::TrimLoop::new(sides, 1e-9).unwrap()];
+        let options = TessellateOptions {
+            tolerance: Tolerance::Length(1e-3),
+            ..TessellateOptions::default()
+        };
+        let result = tessellate(&scene(faces), &options);
+        assert_eq!(result.shells.len(), 1);
+        let shell = &result.shells[0];
+        assert_eq!(shell.is_closed(), closed, "{cut}: {shell:?}");
+        assert_eq!((shell.crowded, shell.twisted), (0, 0));
+        assert!((shell.volume - 1.0).abs() < 1e-3);
+    }
 }
 
 #[test]
