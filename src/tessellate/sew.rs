@@ -264,7 +264,7 @@ impl Sewer<'_, '_> {
         }
         for s in 0..self.strands.len() {
             let strand = &self.strands[s];
-            if (Self::is_open(strand) || self.is_ear(s)) && self.is_dot(strand, reach) {
+            if self.is_dot(strand, reach) && (Self::is_open(strand) || self.is_ear(s)) {
                 let [a, b] = self.strands[s].ends;
                 self.pinch(a, b, reach);
             }
@@ -287,6 +287,9 @@ impl Sewer<'_, '_> {
     /// Makes one of two vertices if all that runs between them is short; that becomes a point.
     fn pinch(&mut self, a: usize, b: usize, reach: f64) {
         let (a, b) = (self.root(a), self.root(b));
+        if a == b {
+            return;
+        }
         let between: Vec<usize> = self.links[a]
             .iter()
             .copied()
@@ -296,7 +299,7 @@ impl Sewer<'_, '_> {
             })
             .collect();
         let is_dot = |&s: &usize| self.is_dot(&self.strands[s], reach);
-        if a == b || !between.iter().all(is_dot) {
+        if !between.iter().all(is_dot) {
             return;
         }
         self.unite(a, b, reach, true);
