@@ -12,8 +12,11 @@ use super::trail::Trail;
 /// The part of a tolerance that edges may use: triangles beside them need a little more.
 const SHARE: f64 = 0.97;
 
+/// Chords that stray less than this part of the tolerance do not cross others because of that.
+const FUTILE: f64 = 1e-3;
+
 /// A step this small, as a share of the edge, is not made smaller.
-const LEAST: f64 = 1e-7;
+const LEAST: f64 = 1e-6;
 
 /// A point of an edge.
 #[derive(Clone, Debug)]
@@ -90,6 +93,21 @@ impl<'a> Walker<'a> {
         Chain { stations, proven }
     }
 
+    /// Whether chords of a chain stray from the curves that they stand for, so that halves would
+    /// cross less.
+    pub(super) fn is_coarse(&self, chain: &Chain) -> bool {
+        chain.stations.windows(2).any(|pair| {
+            self.uses.iter().enumerate().any(|(k, used)| {
+                let face = &self.faces[used.face];
+                let (a, b) = (&pair[0].places[k], &pair[1].places[k]);
+                let off = stray(&used.curve, a.t.min(b.t)..a.t.max(b.t), a.uv, b.uv);
+                let spread = face.pieces.spread(&Rect::around([a.uv, b.uv]));
+                let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
+                aside > FUTILE * face.tolerance
+            })
+        })
+    }
+
     /// The chain with every step halved.
     pub(super) fn halved(&self, chain: &Chain) -> Chain {
         let mut stations = vec![chain.stations[0].clone()];
@@ -121,6 +139,7 @@ impl<'a> Walker<'a> {
     fn walk(&self, share: f64) -> (Vec<Station>, Vec<f64>) {
         let range = self.uses[0].curve.domain();
         let whole = range.end - range.start;
+        let shortest = whole * LEAST;
         let mut stations = vec![self.end_station(0)];
         let mut ratios = Vec::new();
         let (mut t, mut step) = (range.start, whole);
@@ -141,7 +160,7 @@ impl<'a> Walker<'a> {
                     self.end_station(1)
                 };
                 let ratio = self.ratio(last, &next);
-                let smallest = step <= whole * LEAST;
+                let smallest = step <= shortest;
                 if ratio <= share || smallest {
                     let done = to >= range.end || ratio >= 0.85 * share || smallest;
                     good = Some((to, next, ratio));
@@ -156,10 +175,12 @@ impl<'a> Walker<'a> {
                         break;
                     }
                     step *= (0.9 * share / ratio).sqrt().clamp(0.1, 0.9);
+                    step = step.max(shortest);
                 }
             }
             let (to, next, ratio) = good.unwrap_or_else(|| (range.end, self.end_station(1), 1.0));
             step = (to - t) * (0.95 * share / ratio.max(1e-9)).sqrt().clamp(0.2, 4.0);
+            step = step.max(shortest);
             t = to;
             stations.push(next);
             ratios.push(ratio);
@@ -173,9 +194,12 @@ impl<'a> Walker<'a> {
         let master = self.faces[first.face].point(first.curve.evaluate(t));
         let mut ts = vec![t];
         let mut sum = master;
+        let share = self.trails[0].share(t);
         for (used, trail) in self.uses.iter().zip(&self.trails).skip(1) {
             let face = &self.faces[used.face];
-            let (t, _) = trail.project(face, &used.curve, master);
+            let turned = used.reversed != first.reversed;
+            let share = if turned { 1.0 - share } else { share };
+            let (t, _) = trail.project_beside((face, &used.curve), master, share);
             sum += face.point(used.curve.evaluate(t));
             ts.push(t);
         }

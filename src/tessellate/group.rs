@@ -274,21 +274,24 @@ impl Net<'_> {
                 .map(|(face, own)| Mesher::new(face, own, &self.limits))
                 .collect();
             let crossed = outlines.iter().map(|(_, crossed)| crossed.len()).sum();
-            if crossed == 0 || round + 1 == ROUNDS {
+            let mut split: Vec<usize> = outlines.iter().flat_map(|o| o.1.iter().copied()).collect();
+            split.sort_unstable();
+            split.dedup();
+            split.retain(|&edge| self.walker(edge).is_coarse(&self.chains[edge]));
+            if split.is_empty() || round + 1 == ROUNDS {
                 let meshes = outlines.into_par_iter().map(|(mesher, _)| mesher.run());
                 return (meshes.collect(), crossed);
             }
-            let mut split: Vec<usize> = outlines.iter().flat_map(|o| o.1.iter().copied()).collect();
             drop(outlines);
-            split.sort_unstable();
-            split.dedup();
             for edge in split {
-                let walker =
-                    Walker::new(self.faces, &self.edges[edge], self.vertices, &self.limits);
-                self.chains[edge] = walker.halved(&self.chains[edge]);
+                self.chains[edge] = self.walker(edge).halved(&self.chains[edge]);
             }
         }
         (Vec::new(), 0)
+    }
+
+    fn walker(&self, edge: usize) -> Walker<'_> {
+        Walker::new(self.faces, &self.edges[edge], self.vertices, &self.limits)
     }
 
     /// The boundary of every face in straight pieces.

@@ -16,6 +16,20 @@ const BULGE: f64 = 0.1;
 /// Points of two curves are one if their distance is this share of a chord.
 const EQUAL: f64 = 1e-9;
 
+/// Of places nearly as near the one is meant that is where it is expected: what it is away from
+/// there, along the curve, counts as this share of a distance.
+const ASTRAY: f64 = 1e-2;
+
+/// A chord of a trail, and the place on it that is nearest to a point.
+struct Chord {
+    number: usize,
+    t: f64,
+    /// What counts as distance there, the part of it that is none, and the least it can be.
+    off: f64,
+    more: f64,
+    least: f64,
+}
+
 /// Points along a curve on a surface.
 #[derive(Clone, Debug)]
 pub(crate) struct Trail(pub(super) Vec<(f64, DVec3)>);
@@ -44,7 +58,7 @@ impl Trail {
     }
 
     pub(super) fn length(&self) -> f64 {
-        self.0.windows(2).map(|w| w[0].1.distance(w[1].1)).sum()
+        self.lengths().last().copied().unwrap_or_default()
     }
 
     /// The parameter of the point of the curve nearest to `target`, and its distance.
@@ -54,7 +68,56 @@ impl Trail {
         curve: &Curve<DVec2>,
         target: DVec3,
     ) -> (f64, f64) {
-        let near = |w: &[(f64, DVec3)]| {
+        self.search((face, curve), target, |_, _| 0.0)
+    }
+
+    /// The same on a curve that may come back to where it was; the place is expected at a share
+    /// of its length.
+    pub(super) fn project_beside(
+        &self,
+        place: (&Face<'_>, &Curve<DVec2>),
+        target: DVec3,
+        share: f64,
+    ) -> (f64, f64) {
+        let lengths = self.lengths();
+        let expected = share * lengths[lengths.len() - 1];
+        self.search(place, target, |k, part| {
+            let along = lengths[k] + (lengths[k + 1] - lengths[k]) * part;
+            ASTRAY * (along - expected).abs()
+        })
+    }
+
+    /// The share of its length at which a parameter is.
+    pub(super) fn share(&self, t: f64) -> f64 {
+        let lengths = self.lengths();
+        let last = self.0.len() - 1;
+        let k = self.0.partition_point(|p| p.0 <= t).clamp(1, last);
+        let part = (t - self.0[k - 1].0) / (self.0[k].0 - self.0[k - 1].0);
+        let along = lengths[k - 1] + (lengths[k] - lengths[k - 1]) * part;
+        let share = along / lengths[last];
+        if share.is_finite() { share } else { 0.0 }
+    }
+
+    /// How long it is up to each of its points.
+    fn lengths(&self) -> Vec<f64> {
+        let mut lengths = vec![0.0];
+        let mut length = 0.0;
+        for pair in self.0.windows(2) {
+            length += pair[0].1.distance(pair[1].1);
+            lengths.push(length);
+        }
+        lengths
+    }
+
+    /// The parameter of the point of the curve at which the distance from `target` is least, with what
+    /// counts as distance beside: of a chord, and of the place on it from 0 to 1.
+    fn search(
+        &self,
+        (face, curve): (&Face<'_>, &Curve<DVec2>),
+        target: DVec3,
+        beside: impl Fn(usize, f64) -> f64,
+    ) -> (f64, f64) {
+        let near = |(k, w): (usize, &[(f64, DVec3)])| {
             let way = w[1].1 - w[0].1;
             let share = (target - w[0].1).dot(way) / way.length_squared();
             let share = if share.is_finite() {
@@ -63,29 +126,40 @@ impl Trail {
                 0.0
             };
             let off = (w[0].1 + way * share).distance(target);
+            let more = beside(k, share);
             // The curve may be nearer than its chord.
-            let least = (off - BULGE * way.length()).max(0.0);
-            (off, least, w[0].0 + (w[1].0 - w[0].0) * share)
+            let slack = (BULGE * way.length(), ASTRAY * way.length());
+            let least = (off - slack.0).max(0.0) + (more - slack.1).max(0.0);
+            Chord {
+                number: k,
+                t: w[0].0 + (w[1].0 - w[0].0) * share,
+                off: off + more,
+                more,
+                least,
+            }
         };
-        let mut chords: Vec<_> = self.0.windows(2).map(near).enumerate().collect();
-        let mut best = (curve.domain().start, f64::INFINITY);
+        let mut chords: Vec<_> = self.0.windows(2).enumerate().map(near).collect();
+        let (mut best, mut least) = ((curve.domain().start, f64::INFINITY), f64::INFINITY);
         loop {
-            chords.retain(|(_, (_, least, _))| *least < best.1);
-            let nearest = chords.iter().min_by(|a, b| a.1.0.total_cmp(&b.1.0));
-            let Some(&(k, (_, _, t))) = nearest else {
+            chords.retain(|chord| chord.least < least);
+            let nearest = chords.iter().min_by(|a, b| a.off.total_cmp(&b.off));
+            let Some(&Chord {
+                number: k, t, more, ..
+            }) = nearest
+            else {
                 return best;
             };
             let low = self.0[k.saturating_sub(1)].0;
             let high = self.0[(k + 2).min(self.0.len() - 1)].0;
             let found = approach(face, curve, target, t, low..high);
-            if found.1 < best.1 {
-                best = found;
+            if found.1 + more < least {
+                (best, least) = (found, found.1 + more);
             }
-            if best.1 <= EQUAL * self.0[k].1.distance(self.0[k + 1].1) {
+            if least <= EQUAL * self.0[k].1.distance(self.0[k + 1].1) {
                 return best;
             }
             // Its neighbours have been looked at, too.
-            chords.retain(|(other, _)| other.abs_diff(k) > 1);
+            chords.retain(|chord| chord.number.abs_diff(k) > 1);
         }
     }
 
