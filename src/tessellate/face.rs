@@ -65,7 +65,7 @@ pub(super) struct Vertex {
     /// The shared point, on boundaries.
     pub(super) id: Option<u32>,
     pub(super) gap: f64,
-    /// Along the surface's normal; on a crease that of one side.
+    /// The surface's normal, if it has one; on a crease that of one side.
     normal: DVec3,
 }
 
@@ -189,29 +189,41 @@ impl<'a> Mesher<'a> {
         }
         for _ in 0..ROUNDS {
             let inner = self.inner();
-            let places: Vec<DVec2> = inner
+            let places: Vec<(DVec2, u32)> = inner
                 .iter()
-                .filter_map(|corners| self.division(*corners))
+                .filter_map(|corners| Some((self.division(*corners)?, corners[0])))
                 .collect();
             if places.is_empty() || self.vertices.len() > MOST_VERTICES {
                 break;
             }
-            for place in places {
-                self.insert(place, None);
+            for (place, near) in places {
+                self.insert_beside(place, FixedVertexHandle::from_index(near as usize));
             }
         }
         self.finish()
     }
 
-    /// Puts a point into the plane; `None` if its place is not a number.
-    fn insert(&mut self, uv: DVec2, corner: Option<&Corner>) -> Option<FixedVertexHandle> {
+    /// Where parameters are in the plane.
+    fn spot(&self, uv: DVec2) -> Spot {
         let p = (uv - self.bounds.min) * self.scale;
         // Far below what matters, and below what the triangulation accepts.
         let tidy = |x: f64| if x.abs() < 1e-100 { 0.0 } else { x };
-        let handle = self
-            .plane
-            .insert(Spot(Point2::new(tidy(p.x), tidy(p.y))))
-            .ok()?;
+        Spot(Point2::new(tidy(p.x), tidy(p.y)))
+    }
+
+    /// Puts a point inside the face into the plane, beside a vertex: the way from there is short.
+    fn insert_beside(&mut self, uv: DVec2, near: FixedVertexHandle) {
+        if let Ok(handle) = self.plane.insert_with_hint(self.spot(uv), near)
+            && handle.index() == self.vertices.len()
+        {
+            let vertex = self.inner_vertex(uv);
+            self.vertices.push(vertex);
+        }
+    }
+
+    /// Puts a point into the plane; `None` if its place is not a number.
+    fn insert(&mut self, uv: DVec2, corner: Option<&Corner>) -> Option<FixedVertexHandle> {
+        let handle = self.plane.insert(self.spot(uv)).ok()?;
         if handle.index() == self.vertices.len() {
             let vertex = match corner {
                 Some(corner) => Vertex {

@@ -38,10 +38,10 @@ impl<'a> Face<'a> {
         self.pieces.surface.evaluate(self.clamped(uv))
     }
 
-    /// The same with a vector along the normal, which is zero where the surface has none.
+    /// The same with the normal, which is zero where the surface has none.
     pub(super) fn point_and_normal(&self, uv: DVec2) -> (DVec3, DVec3) {
-        let (point, [du, dv]) = self.pieces.surface.tangents(self.clamped(uv));
-        (point, du.cross(dv))
+        let (point, normal) = self.pieces.surface.point_and_normal(self.clamped(uv));
+        (point, normal.unwrap_or_default())
     }
 
     pub(crate) fn clamped(&self, uv: DVec2) -> DVec2 {
