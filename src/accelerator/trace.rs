@@ -168,7 +168,7 @@ pub(super) fn settle(
         return;
     };
     for k in 0..roots.len() {
-        if !(roots[k].tangential || roots[k].blurred) {
+        if roots[k].flat || !(roots[k].tangential || roots[k].blurred) {
             continue;
         }
         let touch = Touch {

@@ -3,7 +3,11 @@
 use kernel::MAX_DEGREE;
 
 use super::net::{Degrees, Row};
+use super::tangent::STRAIGHT;
 use super::{Rect, Root};
+
+/// Curvatures over a cell of unit length are no larger than this multiple of what its values differ.
+const CURVED: f64 = 200.0;
 
 /// Parameters that are resolved no further.
 const RESOLUTION: f64 = 1e-14;
@@ -18,6 +22,8 @@ pub(crate) fn edge_roots(
 ) {
     let row = q + 1;
     let place = |(a, b): (f64, f64), t: f64| a + (b - a) * t;
+    let length = (rect.u.1 - rect.u.0).min(rect.v.1 - rect.v.0);
+    let flat = CURVED * slack < STRAIGHT * length * length;
     for (first, stride, degree, fixed) in [
         (0, 1, q, Side::U(0.0)),
         (p * row, 1, q, Side::U(1.0)),
@@ -38,6 +44,7 @@ pub(crate) fn edge_roots(
                 v: place(rect.v, v),
                 tangential: true,
                 blurred: false,
+                flat,
             });
         });
     }

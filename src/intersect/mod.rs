@@ -218,6 +218,9 @@ pub(crate) struct Root {
     pub(crate) tangential: bool,
     /// Whether rounding hides more than [`newton::BLUR`] of its place.
     pub(crate) blurred: bool,
+    /// Whether it stands for a part of the piece that is seen from its edge, and too flat for a
+    /// contact to be told from others.
+    pub(crate) flat: bool,
 }
 
 /// Memory that the solvers reuse from cell to cell.

@@ -163,6 +163,7 @@ pub(super) fn within(u: f64, v: f64, margin: f64) -> Option<Root> {
         v: v.clamp(0.0, 1.0),
         tangential: false,
         blurred: margin > BLUR,
+        flat: false,
     })
 }
 

@@ -305,6 +305,7 @@ fn unresolved_roots(roots: &mut Vec<Root>, target: &Target<'_>, rect: Rect) {
         v,
         tangential: true,
         blurred: false,
+        flat: false,
     };
     let (thin_u, thin_v) = (rect.u.1 - rect.u.0 < THIN, rect.v.1 - rect.v.0 < THIN);
     if thin_u && thin_v {

@@ -26,7 +26,7 @@ const DIFFERENCE: f64 = 1e-3;
 const NEARBY: f64 = 1e-3;
 
 /// Below this curvature the distance is no parabola.
-const STRAIGHT: f64 = 1e-5;
+pub(super) const STRAIGHT: f64 = 1e-5;
 
 /// Distances of twice the precision, relative to the size of the piece, are known to this.
 const TWOFOLD_SLACK: f64 = 1e-28;
@@ -216,5 +216,6 @@ fn inside(at: DVec2) -> Option<Root> {
         v: at.y.clamp(0.0, 1.0),
         tangential: true,
         blurred: false,
+        flat: false,
     })
 }

@@ -81,6 +81,13 @@ impl HasPosition for Spot {
     }
 }
 
+/// A triangle that belongs to the face.
+struct Inner {
+    /// Its number among all of the plane.
+    place: usize,
+    corners: [u32; 3],
+}
+
 /// A face in the making.
 pub(super) struct Mesher<'a> {
     face: &'a Face<'a>,
@@ -92,8 +99,9 @@ pub(super) struct Mesher<'a> {
     fixed: HashMap<[u32; 2], usize>,
     bounds: Rect,
     scale: DVec2,
-    /// What is known of triangles: how much they use of the limits, and their proof.
-    known: HashMap<[u32; 3], (f64, f64)>,
+    /// What was known of the triangle in each place of the plane: its corners, how much it uses of
+    /// the limits, and its proof.
+    known: Vec<([u32; 3], (f64, f64))>,
 }
 
 impl<'a> Mesher<'a> {
@@ -114,7 +122,7 @@ impl<'a> Mesher<'a> {
             fixed: HashMap::new(),
             bounds,
             scale: scale(face, &bounds),
-            known: HashMap::new(),
+            known: Vec::new(),
         };
         let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> = HashMap::new();
         let near = face.pieces.domain().size() * SAME;
@@ -191,7 +199,7 @@ impl<'a> Mesher<'a> {
             let inner = self.inner();
             let places: Vec<(DVec2, u32)> = inner
                 .iter()
-                .filter_map(|corners| Some((self.division(*corners)?, corners[0])))
+                .filter_map(|inner| Some((self.division(inner)?, inner.corners[0])))
                 .collect();
             if places.is_empty() || self.vertices.len() > MOST_VERTICES {
                 break;
@@ -372,7 +380,7 @@ impl<'a> Mesher<'a> {
 
     /// The triangles that belong to the face: an odd number of boundaries away from the
     /// outside.
-    fn inner(&self) -> Vec<[u32; 3]> {
+    fn inner(&mut self) -> Vec<Inner> {
         let mut inside: Vec<Option<bool>> = vec![None; self.plane.num_all_faces()];
         let mut stack: Vec<FixedFaceHandle<InnerTag>> = Vec::new();
         let mut sound = true;
@@ -411,10 +419,14 @@ impl<'a> Mesher<'a> {
                 self.is_inside(*face)
             }
         };
-        faces
-            .filter(belongs)
-            .map(|face| self.corners(face))
-            .collect()
+        let named = |face: FixedFaceHandle<InnerTag>| Inner {
+            place: face.index(),
+            corners: self.corners(face),
+        };
+        let inner = faces.filter(belongs).map(named).collect();
+        let unknown = ([u32::MAX; 3], (f64::INFINITY, f64::INFINITY));
+        self.known.resize(self.plane.num_all_faces(), unknown);
+        inner
     }
 
     /// Whether an edge bounds the face, rather than lie inside it or outside.
@@ -458,14 +470,14 @@ impl<'a> Mesher<'a> {
     }
 
     /// Where to divide a triangle that passes a limit.
-    fn division(&mut self, corners: [u32; 3]) -> Option<DVec2> {
-        let (ratio, _) = self.judge(corners);
+    fn division(&mut self, inner: &Inner) -> Option<DVec2> {
+        let (ratio, _) = self.judge(inner);
         if ratio <= 1.0 {
             return None;
         }
         let uv = |k: u32| self.vertices[k as usize].uv;
         let length = |a: u32, b: u32| ((uv(a) - uv(b)) * self.scale).length();
-        let [a, b, c] = corners;
+        let [a, b, c] = inner.corners;
         let free = [[a, b], [b, c], [c, a]]
             .into_iter()
             .filter(|&[a, b]| !self.fixed.contains_key(&[a.min(b), a.max(b)]));
@@ -482,11 +494,12 @@ impl<'a> Mesher<'a> {
 
     /// How much a triangle uses of the limits (1 is all), and how far the surface over it is
     /// from it at most.
-    fn judge(&mut self, corners: [u32; 3]) -> (f64, f64) {
-        if let Some(&known) = self.known.get(&corners) {
+    fn judge(&mut self, inner: &Inner) -> (f64, f64) {
+        let (corners, known) = self.known[inner.place];
+        if corners == inner.corners {
             return known;
         }
-        let [a, b, c] = corners.map(|k| self.vertices[k as usize]);
+        let [a, b, c] = inner.corners.map(|k| self.vertices[k as usize]);
         let rect = Rect::around([a.uv, b.uv, c.uv]);
         let is_creased = self.face.pieces.is_creased_inside(&rect);
         let bound = |spread: &Spread| {
@@ -525,14 +538,16 @@ impl<'a> Mesher<'a> {
                 }
             }
         }
-        self.known.insert(corners, (ratio, bound + gap));
-        (ratio, bound + gap)
+        let found = (ratio, bound + gap);
+        self.known[inner.place] = (inner.corners, found);
+        found
     }
 
     fn finish(mut self) -> Triangles {
         let mut result = Triangles::default();
-        for corners in self.inner() {
-            let (ratio, proven) = self.judge(corners);
+        for inner in self.inner() {
+            let (ratio, proven) = self.judge(&inner);
+            let corners = inner.corners;
             result.proven = result.proven.max(proven);
             result.unproven += usize::from(ratio > 1.0 || proven > self.face.tolerance);
             // A triangle two corners of which are one point of space has no area.

@@ -14,7 +14,7 @@ use super::shell::{Part, Shell, shells};
 use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
 
 /// How often edges are divided because their chords cross.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 5;
 
 /// A point of space that takes more than this share of a domain is a pole, what is shorter a
 /// bridged gap.

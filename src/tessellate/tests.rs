@@ -159,6 +159,45 @@ fn corners_that_do_not_quite_meet_become_points() {
 }
 
 #[test]
+fn rounding_at_an_apex_does_not_turn_normals() {
+    let count = |height: f64| {
+        let ends = [DVec3::new(1.0, 0.0, height - 1.0), DVec3::Z * height];
+        let line = kernel::Curve::line(ends[0], ends[1], 0.0..1.0).unwrap();
+        let cone = modelling::revolve(&line, DVec3::ZERO, DVec3::Z, 0.0..TAU).unwrap();
+        let options = TessellateOptions {
+            angle: 0.2,
+            tolerance: Tolerance::Length(1e-3),
+            ..TessellateOptions::default()
+        };
+        let result = tessellate(&scene(vec![cone.into()]), &options);
+        result.faces[0].as_ref().unwrap().mesh.triangles().len()
+    };
+    let (at_origin, away) = (count(0.0), count(10.0));
+    assert!(away <= at_origin + at_origin / 5, "{away}, {at_origin}");
+}
+
+#[test]
+fn a_curve_that_comes_back_is_followed_in_order() {
+    let patch = cube().remove(0);
+    let face = Face::new(&patch, 1e-3);
+    let there = [[0.0, 0.0], [0.8, 0.0], [0.0, 0.0]].map(DVec2::from);
+    let curve = kernel::Curve::polyline(&there).unwrap();
+    let trail = Trail::of(&face, &curve);
+    let whole = curve.domain().end - curve.domain().start;
+    for share in [0.1, 0.3, 0.45, 0.55, 0.7, 0.9] {
+        let t = curve.domain().start + whole * share;
+        assert!((trail.share(t) - share).abs() < 1e-9);
+        let target = face.point(curve.evaluate(t));
+        // What is expected may be a little off.
+        for off in [-0.02, 0.02] {
+            let place = (&face, &curve);
+            let (found, distance) = trail.project_beside(place, target, share + off);
+            assert!((found - t).abs() < 1e-9 && distance < 1e-12, "{found} {t}");
+        }
+    }
+}
+
+#[test]
 fn threads_do_not_change_the_triangles() {
     let torus = bodies().remove(2).surface;
     let with_threads = |count| {
