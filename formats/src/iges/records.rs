@@ -2,7 +2,8 @@
 //!
 //! The section letter of each card is trusted, the sequence number only where the numbers of
 //! a section rise from 1 on; otherwise the position counts. A line that lost its column is
-//! read from its right end, where letter and number stand.
+//! read from its right end, where letter and number stand. A delimiter that spills over the
+//! data columns of a parameter card, into the blank one before the owner, is read with them.
 
 use std::ops::Range;
 
@@ -180,8 +181,11 @@ fn split(line: &[u8]) -> Option<Split> {
         .filter(|&(column, _)| is_letter(column))?;
     let letter = line[column];
     let end = column.min(DATA);
+    let owner = end.saturating_sub(DATA - PARAMETERS);
+    let spills = |column: usize| line.get(column).is_some_and(|b| b",;".contains(b));
     let middle = match letter {
-        b'P' => end.saturating_sub(DATA - PARAMETERS),
+        b'P' if spills(owner) => owner + 1,
+        b'P' => owner,
         _ => end,
     };
     Some(Split {
@@ -294,6 +298,16 @@ mod tests {
         assert_eq!(split(b""), None);
         assert!(!looks_like_iges(b"S 1"));
         assert!(!looks_like_iges(b"v 0 0 0\n"));
+    }
+
+    #[test]
+    fn a_delimiter_in_the_blank_column_is_data() {
+        let text = card(&format!("{:>64},{:>7}", 128, 1), 'P', 1);
+        let line = split(text.as_bytes()).unwrap();
+        assert_eq!((line.data, line.owner), (0..65, 65..72));
+        let text = card(&format!("{:>64}{:>8}", 128, 12_345_678), 'P', 1);
+        let line = split(text.as_bytes()).unwrap();
+        assert_eq!((line.data, line.owner), (0..64, 64..72));
     }
 
     #[test]
