@@ -7,6 +7,7 @@
     reason = "helpers of tests are tests, too"
 )]
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
 use std::time::Instant;
@@ -84,6 +85,12 @@ fn picture(
         .collect()
 }
 
+/// The pixel of a place on a film.
+fn pixel(place: DVec2) -> [i64; 2] {
+    let floor = place.floor().as_i64vec2();
+    [floor.x, floor.y]
+}
+
 /// Looks at a scene from six sides.
 fn sweep(name: &str, accelerator: &Accelerator<'_>, size: [u32; 2], found: &mut Found) {
     let cameras: Vec<_> = (0..6).map(|side| camera(accelerator, side)).collect();
@@ -112,14 +119,25 @@ fn sweep(name: &str, accelerator: &Accelerator<'_>, size: [u32; 2], found: &mut 
             || hit.normal == DVec3::ZERO
             || facing(camera, place, hit) == (votes[hit.shape as usize] > 0)
     };
+    let shows = |camera: &Camera, place: DVec2, hit: &Option<Hit>| {
+        hit.as_ref()
+            .is_some_and(|hit| is_outside(camera, place, hit))
+    };
     let mut workspace = Workspace::default();
     for (camera, pixels) in cameras.iter().zip(&pictures) {
+        let shown: HashSet<[i64; 2]> = pixels
+            .iter()
+            .filter(|(place, hit)| shows(camera, *place, hit))
+            .map(|(place, _)| pixel(*place))
+            .collect();
+        // Through a gap narrower than a pixel the background is seen beside the body only.
+        let beside = |place: DVec2| {
+            let [x, y] = pixel(place);
+            let square = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j]));
+            square.into_iter().any(|pixel| shown.contains(&pixel))
+        };
         for (place, hit) in pixels {
-            let shows = |place: DVec2, hit: &Option<Hit>| {
-                hit.as_ref()
-                    .is_some_and(|hit| is_outside(camera, place, hit))
-            };
-            if shows(*place, hit) {
+            if shows(camera, *place, hit) || hit.is_none() && !beside(*place) {
                 continue;
             }
             let around = (0..AROUND).map(|k| {
@@ -130,7 +148,7 @@ fn sweep(name: &str, accelerator: &Accelerator<'_>, size: [u32; 2], found: &mut 
             for place in around {
                 let ray = ray(camera, size, place);
                 let hit = accelerator.nearest(&ray, 0.0..f64::INFINITY, &mut workspace);
-                seen += u32::from(!shows(place, &hit));
+                seen += u32::from(!shows(camera, place, &hit));
             }
             if seen == 0 {
                 let what = hit.map(|hit| (hit.t, hit.shape, hit.uv, hit.normal));
