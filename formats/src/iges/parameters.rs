@@ -190,8 +190,20 @@ impl<'a> Parameters<'a> {
             return None;
         }
         let length = usize::try_from(integer(&self.rest[..digits])?).ok()?;
-        let text = self.rest.get(digits + 1..digits + 1 + length)?;
-        self.rest = &self.rest[digits + 1 + length..];
+        let (text, after) = self.rest[digits + 1..].split_at_checked(length)?;
+        let Delimiters { parameter, record } = self.delimiters;
+        let is_end = |b: &u8| *b == parameter || *b == record;
+        let follows = after.trim_ascii_start().first();
+        // A count that leads into the middle of another parameter is too large; one in
+        // characters, of a text that is not ASCII, is too small.
+        if follows.is_some_and(|b| !is_end(b))
+            && text.is_ascii()
+            && let Some(end) = text.iter().position(is_end)
+        {
+            self.rest = &self.rest[digits + 1 + end..];
+            return Some(&text[..end]);
+        }
+        self.rest = after;
         Some(text)
     }
 }
@@ -276,6 +288,16 @@ mod tests {
         let mut p = parameters("2Habc,5;");
         assert_eq!(p.token(), Token::Text(b"ab"));
         assert_eq!(p.integer(), Ok(5));
+        let mut p = parameters("9Ha.igs,    3Habc,7;");
+        assert_eq!(p.token(), Token::Text(b"a.igs"));
+        assert_eq!(p.token(), Token::Text(b"abc"));
+        assert_eq!(p.integer(), Ok(7));
+        let mut p = parameters("4H\u{e9},\u{e9}\u{e9},7;");
+        assert_eq!(
+            p.token(),
+            Token::Text("\u{e9},\u{e9}".as_bytes().get(..4).unwrap())
+        );
+        assert_eq!(p.integer(), Ok(7));
     }
 
     #[test]
