@@ -3,7 +3,8 @@
 //! Files store neighbours apart, each with its own boundary, and these differ by what the
 //! program that wrote them thought good enough. A ray can slip in between. Here boundaries
 //! that run together within a tolerance are joined by strips; a ray that passes through a
-//! strip, and meets no face close by, is taken to have met the first of the two faces there.
+//! strip is taken to have met the first of the two faces there. Where the faces overlap, so that
+//! the strip runs along one of them, it must meet no face close by.
 //!
 //! The other way, to prolong each face by the tolerance, would show more than there is at
 //! every free border and silhouette.
@@ -61,8 +62,8 @@ impl Accelerator<'_> {
     /// of the scene; without one the larger of what the file states and a ten thousandth of
     /// the size. Hits that stand for a gap are marked.
     ///
-    /// Nothing else changes: a ray that meets a face within about two widths of the gap meets
-    /// it as before.
+    /// Nothing else changes: a ray that meets a face before a gap, or an overlap of faces within
+    /// about two widths of it, meets it as before.
     #[must_use]
     pub fn sealed(mut self, tolerance: Option<f64>) -> Self {
         let mut stretches = vec![0.0_f64; self.clusters.len()];

@@ -39,6 +39,9 @@ pub(super) struct Strip {
     pub(super) uv: [DVec2; ORDER],
     /// Number of that face among the items of the cluster.
     pub(super) item: u32,
+    /// Whether it prolongs both faces: who passes through it is behind both. Else they overlap,
+    /// and one of them may be met close by.
+    pub(super) apart: bool,
 }
 
 /// Where a ray passes through a strip.
@@ -106,7 +109,12 @@ impl Strip {
             range: (0.0, 1.0),
         };
         part.follow(margin, DEPTH, &mut |place, s, cosine, width| {
-            let window = 2.0 * width.max(margin) / cosine.max(LEAN);
+            let near = if self.apart {
+                margin
+            } else {
+                width.max(margin)
+            };
+            let window = 2.0 * near / cosine.max(LEAN);
             tell(Crossing {
                 t: ray.shift + place / ray.length,
                 window: window / ray.length,
@@ -276,6 +284,7 @@ mod tests {
             sides: [side, side.map(|p| p + DVec3::Y * width)],
             uv: std::array::from_fn(|k| DVec2::splat(k as f64 / 7.0)),
             item: 0,
+            apart: false,
         }
     }
 

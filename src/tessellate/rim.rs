@@ -10,6 +10,9 @@ use super::pieces::{Pieces, Rect};
 /// Parameters so near to a border of the domain, as a share of it, are on the border.
 pub(super) const SNAP: f64 = 1e-7;
 
+/// What lies beside a boundary is looked for this far from it, as a share of the domain.
+const BESIDE: f64 = 1e-4;
+
 /// A face that is to become triangles.
 #[derive(Debug)]
 pub(crate) struct Face<'a> {
@@ -62,6 +65,26 @@ impl<'a> Face<'a> {
             }
         }
         uv
+    }
+
+    /// The way from its boundary, and across it, into the face; `None` where that is not plain.
+    pub(crate) fn inwards(&self, boundary: &Curve<DVec2>, t: f64) -> Option<DVec3> {
+        let (uv, way) = boundary.tangent(t);
+        let domain = self.pieces.domain();
+        let size = domain.size();
+        let step = (way / size).perp().try_normalize()? * size * BESIDE;
+        let belongs = |uv: DVec2| {
+            let inside = uv.cmpge(domain.min).all() && uv.cmple(domain.max).all();
+            inside && self.region.as_ref().is_none_or(|r| r.contains(uv))
+        };
+        let step = match [uv + step, uv - step].map(belongs) {
+            [true, false] => step,
+            [false, true] => -step,
+            _ => return None,
+        };
+        let (_, [du, dv]) = self.pieces.surface.tangents(self.clamped(uv));
+        let along = (du * way.x + dv * way.y).try_normalize()?;
+        Some((du * step.x + dv * step.y).reject_from_normalized(along))
     }
 
     /// The parts of the domain's border and of the loops that bound the face.

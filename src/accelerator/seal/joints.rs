@@ -16,6 +16,9 @@ use crate::tessellate::{Edge, Face, Sewn, Trail, sew};
 /// How often the stretch for a strip is halved to be accurate.
 const DEPTH: u32 = 8;
 
+/// A strip leads back along a face from this cosine on.
+const BACK: f64 = 0.5;
+
 /// The strips between the faces of a cluster.
 pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<Strip> {
     let mut items = Vec::new();
@@ -205,8 +208,13 @@ impl Seams<'_, '_> {
             };
             let item = self.items[first.face];
             for part in first.curve.knots().breaks().windows(2) {
-                self.divide(&pair, part[0]..part[1], DEPTH, &mut |sides, uv| {
-                    strips.push(Strip { sides, uv, item });
+                self.divide(&pair, part[0]..part[1], DEPTH, &mut |sides, uv, apart| {
+                    strips.push(Strip {
+                        sides,
+                        uv,
+                        item,
+                        apart,
+                    });
                 });
             }
             let whole = first.curve.domain();
@@ -225,7 +233,7 @@ impl Seams<'_, '_> {
         pair: &Pair<'_, '_>,
         range: Range<f64>,
         depth: u32,
-        make: &mut impl FnMut([[DVec3; ORDER]; 2], [DVec2; ORDER]),
+        make: &mut impl FnMut([[DVec3; ORDER]; 2], [DVec2; ORDER], bool),
     ) {
         let at = |share: f64| range.start + (range.end - range.start) * share;
         let parameters: [f64; ORDER] = NODES.map(at);
@@ -250,7 +258,8 @@ impl Seams<'_, '_> {
             self.divide(pair, range.start..middle, depth - 1, make);
             self.divide(pair, middle..range.end, depth - 1, make);
         } else if self.widths.contains(&widest) {
-            make(sides, interpolated(&uv));
+            let apart = (1..ORDER - 1).all(|k| pair.are_apart(parameters[k], partners[k]));
+            make(sides, interpolated(&uv), apart);
         }
     }
 }
@@ -264,6 +273,17 @@ impl Pair<'_, '_> {
     /// A point of the second boundary.
     fn other(&self, t: f64) -> DVec3 {
         self.faces[1].point(self.curves[1].evaluate(t))
+    }
+
+    /// Whether a strip there leads away from both faces, rather than back along one of them.
+    fn are_apart(&self, t: f64, partner: f64) -> bool {
+        let across = self.other(partner) - self.faces[0].point(self.uv(t));
+        [(0, t, across), (1, partner, -across)]
+            .into_iter()
+            .all(|(k, t, way)| {
+                let inwards = self.faces[k].inwards(self.curves[k], t).unwrap_or_default();
+                way.dot(inwards) < BACK * way.length() * inwards.length()
+            })
     }
 
     /// Where the second boundary is next to the first.
@@ -295,6 +315,7 @@ impl Pair<'_, '_> {
             sides: from.map(line),
             uv: [self.uv(at); ORDER],
             item,
+            apart: false,
         })
     }
 }

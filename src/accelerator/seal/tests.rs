@@ -135,6 +135,39 @@ fn a_gap_between_borders_is_closed_and_a_free_border_is_not_moved() {
     assert!(answers(sealed(), &free).iter().all(Option::is_none));
 }
 
+/// An upright face below a line along y, from the plane down.
+fn wall(x: f64) -> Patch {
+    let knots = KnotVector::bezier(1, 0.0..1.0).unwrap();
+    let points = [(0.0, -1.0), (0.0, 0.0), (1.0, -1.0), (1.0, 0.0)];
+    let points = points.map(|(y, z)| DVec3::new(x, y, z));
+    Patch::from(Surface::new(knots.clone(), knots, &points, None).unwrap())
+}
+
+#[test]
+fn the_inside_of_a_face_beside_a_gap_is_not_seen_through_it() {
+    let gap = 1e-5;
+    let left = || flat(DVec2::new(-1.0, 0.0), DVec2::new(0.0, 1.0));
+    let seen = |x: f64| {
+        let scene = scene(vec![left(), wall(x)]);
+        let accelerator = Accelerator::build(&scene, &METHODS[0]).sealed(Some(2.0 * gap));
+        let hits = (0..64).map(|k| {
+            let target = DVec3::new(0.5 * x, (f64::from(k) + 0.5) / 64.0, 0.0);
+            let direction = DVec3::new(0.6, 0.1, -1.0);
+            let ray = Ray {
+                origin: target - direction * 2.0,
+                direction,
+            };
+            let hit = accelerator.nearest(&ray, WHOLE, &mut Workspace::default());
+            hit.map(|hit| (hit.filled, hit.shape))
+        });
+        hits.collect::<Vec<_>>()
+    };
+    // The wall is met less than the width of the gap behind it.
+    assert!(seen(gap).iter().all(|hit| matches!(hit, Some((true, _)))));
+    // Where the faces overlap there is no gap to be filled: the upper one is met.
+    assert!(seen(-gap).iter().all(|hit| *hit == Some((false, 0))));
+}
+
 #[test]
 fn a_ring_between_loops_is_closed() {
     let corner = DVec2::splat(1.0);
