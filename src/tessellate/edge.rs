@@ -18,6 +18,9 @@ const FUTILE: f64 = 1e-3;
 /// A step this small, as a share of the edge, is not made smaller.
 const LEAST: f64 = 1e-6;
 
+/// Halvings of a step that jumps.
+const BRIDGES: u32 = 6;
+
 /// A point of an edge.
 #[derive(Clone, Debug)]
 pub(super) struct Station {
@@ -144,7 +147,7 @@ impl<'a> Walker<'a> {
         let mut ratios = Vec::new();
         let (mut t, mut step) = (range.start, whole);
         while t < range.end {
-            let last = &stations[stations.len() - 1];
+            let last = stations[stations.len() - 1].clone();
             // The best step so far, and lengths known to be too long.
             let mut good: Option<(f64, Station, f64)> = None;
             let mut bad = f64::INFINITY;
@@ -159,7 +162,7 @@ impl<'a> Walker<'a> {
                 } else {
                     self.end_station(1)
                 };
-                let ratio = self.ratio(last, &next);
+                let ratio = self.ratio(&last, &next);
                 let smallest = step <= shortest;
                 if ratio <= share || smallest {
                     let done = to >= range.end || ratio >= 0.85 * share || smallest;
@@ -182,10 +185,31 @@ impl<'a> Walker<'a> {
             step = (to - t) * (0.95 * share / ratio.max(1e-9)).sqrt().clamp(0.2, 4.0);
             step = step.max(shortest);
             t = to;
-            stations.push(next);
+            let depth = if ratio > share { BRIDGES } else { 0 };
+            self.bridge(last, next, depth, &mut stations);
             ratios.push(ratio);
         }
         (stations, ratios)
+    }
+
+    /// Appends the end of a step, and before it what is between where one of the boundaries goes on
+    /// while the first stands still: what is nearest to that jumps, however short the step is.
+    fn bridge(&self, from: Station, to: Station, depth: u32, stations: &mut Vec<Station>) {
+        let tolerances = self.uses.iter().map(|used| self.faces[used.face].tolerance);
+        let tolerance = tolerances.fold(f64::INFINITY, f64::min);
+        if depth > 0 && self.distance(&from, &to, 0.0) > tolerance {
+            let middle = |(a, b): (&Place, &Place)| f64::midpoint(a.t, b.t);
+            let ts: Vec<f64> = from.places.iter().zip(&to.places).map(middle).collect();
+            let points = self.uses.iter().zip(&ts);
+            let sum: DVec3 = points
+                .map(|(used, &t)| self.faces[used.face].point(used.curve.evaluate(t)))
+                .sum();
+            let middle = self.placed(sum / ts.len() as f64, &ts);
+            self.bridge(from, middle.clone(), depth - 1, stations);
+            self.bridge(middle, to, depth - 1, stations);
+        } else {
+            stations.push(to);
+        }
     }
 
     /// A point inside the edge, at a parameter of the first use.
