@@ -43,3 +43,27 @@ fn no_face_strays_from_the_tolerance() {
         }
     }
 }
+
+#[test]
+fn bodies_with_poles_are_closed() {
+    // A pole that is not one point, holes too small to see, and ends without a normal.
+    let expected = [
+        ("dune_laufmess.wrl", 31),
+        ("dune_Untitled.wrl", 2),
+        ("FourDucks.x3dv", 1),
+        ("castle_nurbs_dune_primitives.x3dv", 4),
+        ("cmp_analytic_sphere_surface.igs", 1),
+    ];
+    for file in corpus() {
+        let name = file.file_name().and_then(|name| name.to_str());
+        let Some((_, count)) = expected.iter().find(|(known, _)| Some(*known) == name) else {
+            continue;
+        };
+        let Ok(import) = formats::open(&file, &Limits::default()) else {
+            panic!("{} is not read", file.display());
+        };
+        let result = tessellate(&import.scene, &TessellateOptions::default());
+        let closed = result.shells.iter().filter(|shell| shell.is_closed());
+        assert_eq!(closed.count(), *count, "{}", file.display());
+    }
+}
