@@ -37,15 +37,10 @@ struct Found {
 }
 
 impl Found {
-    /// Fails where the background is seen, or more than a millionth of the body from behind.
+    /// Fails where the background or a back side is seen.
     fn check(&self) {
-        assert!(self.leaks.is_empty(), "{}", self.leaks.join("\n"));
-        let behind = self.behind.len() as u64;
-        assert!(
-            behind * 1_000_000 <= self.hits,
-            "{}",
-            self.behind.join("\n")
-        );
+        let all: Vec<_> = self.leaks.iter().chain(&self.behind).cloned().collect();
+        assert!(all.is_empty(), "{}", all.join("\n"));
     }
 }
 
