@@ -1,6 +1,9 @@
 //! The film: linear light and data channels, one entry per pixel, top row first.
 
+use std::ops::Range;
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// What the ray through the middle of a pixel met.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +56,7 @@ impl Film {
             width,
             height,
             colors: vec![[0.0; 4]; count],
-            data: vec![PixelData::MISS; count],
+            data: rayon::iter::repeat_n(PixelData::MISS, count).collect(),
         }
     }
 
@@ -65,6 +68,30 @@ impl Film {
     /// Number of rows.
     pub fn height(&self) -> u32 {
         self.height
+    }
+
+    /// The film cut into squares of some pixels a side, row by row, to be filled side by side.
+    pub(crate) fn tiles_mut(&mut self, side: u32) -> Vec<FilmTile<'_>> {
+        let (row, step) = (self.width as usize, side as usize);
+        if row == 0 || step == 0 {
+            return Vec::new();
+        }
+        let squares = blocks(&(0..self.height), &(0..self.width), side);
+        let mut tiles: Vec<_> = squares.map(|(y, x)| FilmTile::empty(x, y)).collect();
+        let across = row.div_ceil(step);
+        let lines = self
+            .colors
+            .chunks_mut(row)
+            .zip(self.data.chunks_mut(row))
+            .enumerate();
+        for (y, (colors, data)) in lines {
+            let tiles = tiles[y / step * across..].iter_mut();
+            let parts = colors.chunks_mut(step).zip(data.chunks_mut(step));
+            for (tile, part) in tiles.zip(parts) {
+                tile.rows.push(part);
+            }
+        }
+        tiles
     }
 
     /// Sets one pixel; `x` counts from the left, `y` from the top.
@@ -122,4 +149,44 @@ impl Film {
         }
         self
     }
+}
+
+/// A rectangle of a film.
+pub(crate) struct FilmTile<'a> {
+    pub(crate) x: Range<u32>,
+    pub(crate) y: Range<u32>,
+    /// Colours and data of each row.
+    rows: Vec<(&'a mut [[f32; 4]], &'a mut [PixelData])>,
+}
+
+impl FilmTile<'_> {
+    fn empty(x: Range<u32>, y: Range<u32>) -> Self {
+        let rows = Vec::new();
+        Self { x, y, rows }
+    }
+
+    /// As [`Film::set`], for a pixel of the tile.
+    pub(crate) fn set(&mut self, x: u32, y: u32, color: [f32; 4], data: PixelData) {
+        let (colors, line) = &mut self.rows[(y - self.y.start) as usize];
+        let place = (x - self.x.start) as usize;
+        colors[place] = color;
+        line[place] = data;
+    }
+}
+
+/// A rectangle cut into squares, row by row.
+pub(crate) fn blocks(
+    y: &Range<u32>,
+    x: &Range<u32>,
+    side: u32,
+) -> impl Iterator<Item = (Range<u32>, Range<u32>)> + use<> {
+    let steps = move |range: &Range<u32>| {
+        let end = range.end;
+        range
+            .clone()
+            .step_by(side as usize)
+            .map(move |a| a..end.min(a + side))
+    };
+    let across = steps(x);
+    steps(y).flat_map(move |y| across.clone().map(move |x| (y.clone(), x)))
 }

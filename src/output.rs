@@ -5,15 +5,22 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use std::{fmt, fs};
 
+use exr::block::writer::ChunksWriter;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::image::write::layers::{LayersWriter, WritableLayers};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
-    LayerAttributes, LineOrder, SmallVec, WritableImage, f16,
+    LayerAttributes, LineOrder, SmallVec, f16,
 };
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
+use rayon::prelude::*;
 
 use crate::compare::Picture;
 use crate::film::{Film, PixelData};
+
+/// Blocks of an EXR file that are packed at once, for each thread.
+const PACKED_AT_ONCE: usize = 8;
 
 /// Bits per channel of a PNG file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -311,8 +318,30 @@ fn write_channels(
         encoding,
         AnyChannels::sort(channels),
     );
-    Image::from_layer(layer)
-        .write()
-        .to_buffered(file)
-        .map_err(io::Error::other)
+    write_blocks(&Image::from_layer(layer), file).map_err(io::Error::other)
+}
+
+/// Writes the blocks of an image, packed on all threads of the current pool.
+fn write_blocks(
+    image: &Image<Layer<AnyChannels<FlatSamples>>>,
+    file: &mut BufWriter<File>,
+) -> exr::error::UnitResult {
+    let headers = image.layer_data.infer_headers(&image.attributes);
+    let layers = image.layer_data.create_writer(&headers);
+    exr::block::write(file, headers, true, |meta, writer| {
+        let headers = &meta.headers;
+        let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
+        for group in blocks.chunks(PACKED_AT_ONCE * rayon::current_num_threads()) {
+            let pack = |&(place, index): &(usize, BlockIndex)| {
+                let data = layers.extract_uncompressed_block(headers, index);
+                let block = UncompressedBlock { index, data };
+                Ok((place, block.compress_to_chunk(headers)?))
+            };
+            let packed: exr::error::Result<Vec<_>> = group.par_iter().map(pack).collect();
+            for (place, chunk) in packed? {
+                writer.write_chunk(place, chunk)?;
+            }
+        }
+        Ok(())
+    })
 }

@@ -1,6 +1,5 @@
 //! The loop over tiles, pixels and samples.
 
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use glam::{DVec2, DVec3};
@@ -8,7 +7,7 @@ use kernel::{Camera, Projection, Ray, Sky};
 use rayon::prelude::*;
 
 use crate::accelerator::{Accelerator, Workspace};
-use crate::film::{Film, PixelData};
+use crate::film::{Film, FilmTile, PixelData, blocks};
 use crate::integrator::{Integrator, Radiance, Shading};
 use crate::intersect::Hit;
 use crate::random::Random;
@@ -101,72 +100,38 @@ fn paint_all(
         options,
         found,
     };
-    let tiles: Vec<_> = tiles(options).collect();
-    let done: Vec<_> = tiles
-        .par_iter()
-        .map_init(Workspace::default, |workspace, tile| {
-            let painted = painter.paint(tile, workspace);
-            progress(painted.0.len() as u64);
-            painted
-        })
-        .collect();
     let mut film = Film::new(options.width, options.height);
-    let mut stats = RenderStats::default();
-    for (tile, (pixels, part)) in tiles.iter().zip(done) {
-        for ((x, y), (color, data)) in tile.pixels().zip(pixels) {
-            film.set(x, y, color, data);
-        }
-        stats.add(&part);
-    }
+    let stats = film
+        .tiles_mut(TILE)
+        .into_par_iter()
+        .map_init(Workspace::default, |workspace, mut tile| {
+            let stats = painter.paint(&mut tile, workspace);
+            progress(u64::from(tile.x.end - tile.x.start) * u64::from(tile.y.end - tile.y.start));
+            stats
+        })
+        .reduce(RenderStats::default, RenderStats::plus);
     (film, stats)
 }
 
 impl RenderStats {
-    fn add(&mut self, other: &Self) {
-        self.primary_rays += other.primary_rays;
-        self.secondary_rays += other.secondary_rays;
-        self.hits += other.hits;
-        self.filled += other.filled;
-        self.cells_examined += other.cells_examined;
-        self.trace += other.trace;
-        self.shade += other.shade;
+    fn plus(self, other: Self) -> Self {
+        Self {
+            primary_rays: self.primary_rays + other.primary_rays,
+            secondary_rays: self.secondary_rays + other.secondary_rays,
+            hits: self.hits + other.hits,
+            filled: self.filled + other.filled,
+            cells_examined: self.cells_examined + other.cells_examined,
+            trace: self.trace + other.trace,
+            shade: self.shade + other.shade,
+        }
     }
 }
 
-/// A rectangle of pixels.
-struct Tile {
-    x: Range<u32>,
-    y: Range<u32>,
-}
-
-impl Tile {
-    /// The pixels, square by square, so that those of a packet of rays lie close together.
-    fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        let squares = blocks(&self.y, &self.x, 8);
-        let parts = squares.flat_map(|(y, x)| blocks(&y, &x, 4));
-        parts.flat_map(|(y, x)| y.flat_map(move |y| x.clone().map(move |x| (x, y))))
-    }
-}
-
-/// A rectangle cut into squares, row by row.
-pub(crate) fn blocks(
-    y: &Range<u32>,
-    x: &Range<u32>,
-    side: u32,
-) -> impl Iterator<Item = (Range<u32>, Range<u32>)> + use<> {
-    let steps = move |range: &Range<u32>| {
-        let end = range.end;
-        range
-            .clone()
-            .step_by(side as usize)
-            .map(move |a| a..end.min(a + side))
-    };
-    let across = steps(x);
-    steps(y).flat_map(move |y| across.clone().map(move |x| (y.clone(), x)))
-}
-
-fn tiles(options: &RenderOptions) -> impl Iterator<Item = Tile> + use<> {
-    blocks(&(0..options.height), &(0..options.width), TILE).map(|(y, x)| Tile { x, y })
+/// The pixels of a tile, square by square, so that those of a packet of rays lie close together.
+fn pixels(tile: &FilmTile<'_>) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let squares = blocks(&tile.y, &tile.x, 8);
+    let parts = squares.flat_map(|(y, x)| blocks(&y, &x, 4));
+    parts.flat_map(|(y, x)| y.flat_map(move |y| x.clone().map(move |x| (x, y))))
 }
 
 type Pixel = ([f32; 4], PixelData);
@@ -182,22 +147,18 @@ struct Painter<'a> {
 
 impl Painter<'_> {
     /// Traces, then shades, all samples of a tile.
-    fn paint(&self, tile: &Tile, workspace: &mut Workspace) -> (Vec<Pixel>, RenderStats) {
+    fn paint(&self, tile: &mut FilmTile<'_>, workspace: &mut Workspace) -> RenderStats {
         let mut stats = RenderStats::default();
         let cells_before = workspace.cells_examined();
         let started = Instant::now();
-        let rays: Vec<_> = tile
-            .pixels()
+        let rays: Vec<_> = pixels(tile)
             .flat_map(|(x, y)| self.places(x, y))
             .map(|place| self.ray(place))
             .collect();
         let mut hits = Vec::new();
         if let Some(found) = self.found {
             let row = self.options.width as usize;
-            hits.extend(
-                tile.pixels()
-                    .map(|(x, y)| found[y as usize * row + x as usize]),
-            );
+            hits.extend(pixels(tile).map(|(x, y)| found[y as usize * row + x as usize]));
         } else {
             let ranges = vec![0.0..f64::INFINITY; rays.len()];
             self.accelerator
@@ -215,15 +176,15 @@ impl Painter<'_> {
                 .integrator
                 .radiances(&rays, &hits, workspace, &mut stats.secondary_rays);
         }
-        let pixels = (0..hits.len() / per_pixel)
-            .map(|k| {
-                let part = k * per_pixel..(k + 1) * per_pixel;
-                self.develop(&hits[part.clone()], light.get(part).unwrap_or_default())
-            })
-            .collect();
+        for (k, (x, y)) in pixels(tile).enumerate() {
+            let part = k * per_pixel..(k + 1) * per_pixel;
+            let (color, data) =
+                self.develop(&hits[part.clone()], light.get(part).unwrap_or_default());
+            tile.set(x, y, color, data);
+        }
         stats.shade = started.elapsed();
         stats.cells_examined = workspace.cells_examined() - cells_before;
-        (pixels, stats)
+        stats
     }
 
     /// Whether data channels need a ray of their own through the middle of the pixel.

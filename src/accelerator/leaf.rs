@@ -52,10 +52,10 @@ pub(super) struct Verdict {
     pub(super) y: [f32; LANES],
     /// It is not clear for these how many roots they have.
     pub(super) open: u32,
-    /// Where these may be.
-    pub(super) rest: Rest,
     /// Single precision says too little for these, and would say less of its parts.
     pub(super) blurred: u32,
+    /// Where those of both may be.
+    pub(super) rest: Rest,
 }
 
 /// Parts of a cell in which roots may be.
@@ -73,13 +73,13 @@ impl Verdict {
         x: [0.0; LANES],
         y: [0.0; LANES],
         open: 0,
+        blurred: 0,
         rest: Rest {
             low: [[0.0; LANES]; 2],
             high: [[0.0; LANES]; 2],
             halve: 0,
             along_y: 0,
         },
-        blurred: 0,
     };
 
     /// Takes the roots of some rays.
@@ -345,8 +345,10 @@ fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
             &mut verdict,
         );
     }
-    if verdict.open != 0 {
-        verdict.open &= narrowed::<S, RATIONAL>(s, model, seen, window, &middle, &mut verdict.rest);
+    if verdict.open | verdict.blurred != 0 {
+        let left = narrowed::<S, RATIONAL>(s, model, seen, window, &middle, &mut verdict.rest);
+        verdict.open &= left;
+        verdict.blurred &= left;
     }
     verdict
 }

@@ -11,14 +11,14 @@ use super::cells::Cell;
 use super::finish::{self, Lines};
 use super::leaf::{self, Bits};
 use super::model::Model;
-use super::room::{Found, Met, PacketRoom};
+use super::room::{Blurred, Found, Met, PacketRoom};
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
 use super::tree::{IS_LEAF, WIDTH};
 use super::windows::Waiting;
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
 use crate::intersect::triangle::Sheared;
-use crate::intersect::{Hit, Intersector, Target};
+use crate::intersect::{Hit, Intersector, Rect, Target};
 use crate::simd::{LANES, Simd, Task, WIDE_LANES};
 
 impl Accelerator<'_> {
@@ -341,28 +341,47 @@ impl<S: Simd> Tracer<'_, '_, S> {
             beam,
             waiting,
             roots,
+            blurred,
             ..
         } = &mut *self.packet;
         let model = models.of(number, cluster, cell);
         waiting.clear();
         roots.count = 0;
+        blurred.lanes = 0;
         let view = View::of_model(model, beam);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let blurred = if !model.bulge[0].is_finite() {
-            lanes
+        if !model.bulge[0].is_finite() {
+            for lane in Bits(lanes) {
+                blurred.add(lane, [-1.0; 2], [1.0; 2]);
+            }
         } else if piece.is_rational {
-            look::<S, 4, 4, true>(self.s, model, (&view, beam), lanes, (waiting, roots))
+            look::<S, 4, 4, true>(
+                self.s,
+                model,
+                (&view, beam),
+                lanes,
+                (waiting, roots, blurred),
+            );
         } else {
-            look::<S, 4, 4, false>(self.s, model, (&view, beam), lanes, (waiting, roots))
-        };
+            look::<S, 4, 4, false>(
+                self.s,
+                model,
+                (&view, beam),
+                lanes,
+                (waiting, roots, blurred),
+            );
+        }
         let part = (model.middle, model.half);
         let mut start = 0;
         while start < self.packet.roots.count {
             self.finish(cluster, cell, start, part);
             start += WIDE_LANES;
         }
-        for lane in Bits(blurred & self.alive) {
-            self.subdivide(cluster, cell, lane);
+        for lane in Bits(self.packet.blurred.lanes) {
+            if self.alive >> lane & 1 == 1 {
+                let part = self.packet.blurred.part(lane, &cell.rect());
+                self.subdivide(cluster, cell, part, lane);
+            }
         }
     }
 
@@ -402,7 +421,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         for k in 0..used {
             let lane = usize::from(lanes[k]);
             if roots.found >> k & 1 == 0 {
-                self.subdivide(cluster, cell, lane);
+                self.subdivide(cluster, cell, cell.rect(), lane);
                 continue;
             }
             const EDGE: f64 = 1e-12;
@@ -458,9 +477,9 @@ impl<S: Simd> Tracer<'_, '_, S> {
         }
     }
 
-    /// Leaves a ray and a cell to subdivision in double precision.
+    /// Leaves a ray and a part of a cell to subdivision in double precision.
     #[inline(never)]
-    fn subdivide(&mut self, cluster: &Cluster<'_>, cell: &Cell, lane: usize) {
+    fn subdivide(&mut self, cluster: &Cluster<'_>, cell: &Cell, part: Rect, lane: usize) {
         let instance = &self.accelerator.instances[self.instance as usize];
         let ray = self.rays[lane].transformed(&instance.cluster_from_world);
         let ray = ClusterRay::new(&ray, cluster);
@@ -473,7 +492,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let target = Target {
             piece: cluster.pieces.net(piece),
             line,
-            cell: cell.rect(),
+            cell: part,
             start: [0.0; 2],
             rows: [DVec3::ZERO; 3],
             stray: f64::INFINITY,
@@ -528,23 +547,24 @@ fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH
 }
 
 /// Looks for the roots of rays in a cell, and into parts of it for rays for which it is not
-/// clear; those come back for which single precision does not do.
+/// clear; what single precision does not do for is left to the last of the rooms.
 #[inline(always)]
 fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
     s: S,
     model: &Model,
     (view, beam): (&View, &Beam),
     lanes: u64,
-    (waiting, roots): (&mut Waiting, &mut Met),
-) -> u64 {
-    let mut blurred = 0_u64;
+    (waiting, roots, blurred): (&mut Waiting, &mut Met, &mut Blurred),
+) {
     for group in 0..RAYS / LANES {
         let part = group_of(lanes, group);
         if part == 0 {
             continue;
         }
         let verdict = leaf::meet::<S, M, N, RATIONAL>(s, model, view, beam, group, part, waiting);
-        blurred |= u64::from(verdict.blurred) << (group * LANES);
+        for k in Bits(u64::from(verdict.blurred)) {
+            blurred.add_rest(group * LANES + k, &verdict.rest, k);
+        }
         for k in Bits(u64::from(verdict.met)) {
             // There is room for the first of every ray.
             roots.push(group * LANES + k, verdict.x[k], verdict.y[k]);
@@ -552,13 +572,17 @@ fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
     }
     while let Some(batch) = waiting.take() {
         let verdict = leaf::again::<S, M, N, RATIONAL>(s, model, &batch);
-        blurred |= waiting.go_on(&batch, &verdict) | waiting.given_up();
-        for k in 0..batch.count {
+        waiting.go_on(&batch, &verdict, blurred);
+        waiting.give_up(blurred);
+        for k in Bits(u64::from(verdict.blurred)) {
+            blurred.add_rest(usize::from(batch.lane[k]), &verdict.rest, k);
+        }
+        for k in Bits(u64::from(verdict.met)) {
             let lane = usize::from(batch.lane[k]);
-            let is_lost =
-                verdict.met >> k & 1 == 1 && !roots.push(lane, verdict.x[k], verdict.y[k]);
-            blurred |= u64::from(is_lost || verdict.blurred >> k & 1 == 1) << lane;
+            if !roots.push(lane, verdict.x[k], verdict.y[k]) {
+                let (low, high) = batch.part(k);
+                blurred.add(lane, low, high);
+            }
         }
     }
-    blurred
 }

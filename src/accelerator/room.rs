@@ -3,9 +3,11 @@
 use glam::{DVec2, DVec3};
 
 use super::beam::{Beam, RAYS, Rays};
+use super::leaf::Rest;
 use super::model::Models;
 use super::trace::{Candidate, CandidateKind};
 use super::windows::Waiting;
+use crate::intersect::Rect;
 
 /// What packets reuse from call to call.
 #[derive(Debug)]
@@ -13,6 +15,7 @@ pub(super) struct PacketRoom {
     pub(super) models: Models,
     pub(super) waiting: Box<Waiting>,
     pub(super) roots: Box<Met>,
+    pub(super) blurred: Box<Blurred>,
     pub(super) beam: Box<Beam>,
     pub(super) top_beam: Box<Beam>,
     pub(super) rays: Box<Rays>,
@@ -34,6 +37,7 @@ impl Default for PacketRoom {
             models: Models::default(),
             waiting: Box::new(Waiting::NONE),
             roots: Box::new(Met::NONE),
+            blurred: Box::new(Blurred::NONE),
             beam: Box::new(Beam::NONE),
             top_beam: Box::new(Beam::NONE),
             rays: Box::new(Rays::NONE),
@@ -104,5 +108,62 @@ impl Met {
             self.count += 1;
         }
         has_room
+    }
+}
+
+/// A part of a cell is looked into this much beyond its borders, in its own size and in that of
+/// half the cell, so that parts side by side overlap.
+const OVERLAP: [f32; 2] = [1.0 / 16.0, 1e-5];
+
+/// Rays for which single precision does not do in a cell, and the part of it, in its
+/// coordinates from -1 to 1, in which their roots are.
+#[derive(Debug)]
+pub(super) struct Blurred {
+    /// A bit for each.
+    pub(super) lanes: u64,
+    low: [[f32; RAYS]; 2],
+    high: [[f32; RAYS]; 2],
+}
+
+impl Blurred {
+    const NONE: Self = Self {
+        lanes: 0,
+        low: [[0.0; RAYS]; 2],
+        high: [[0.0; RAYS]; 2],
+    };
+
+    /// Adds a part for a ray: what is between all of them belongs to it, too.
+    #[inline(always)]
+    pub(super) fn add(&mut self, lane: usize, low: [f32; 2], high: [f32; 2]) {
+        let is_new = self.lanes >> lane & 1 == 0;
+        self.lanes |= 1 << lane;
+        for k in 0..2 {
+            if is_new || low[k] < self.low[k][lane] {
+                self.low[k][lane] = low[k];
+            }
+            if is_new || high[k] > self.high[k][lane] {
+                self.high[k][lane] = high[k];
+            }
+        }
+    }
+
+    /// Adds what is left in slot `k`.
+    #[inline(always)]
+    pub(super) fn add_rest(&mut self, lane: usize, rest: &Rest, k: usize) {
+        self.add(lane, rest.low.map(|x| x[k]), rest.high.map(|x| x[k]));
+    }
+
+    /// The part for a ray in the parameters of the piece that `cell` is a part of.
+    pub(super) fn part(&self, lane: usize, cell: &Rect) -> Rect {
+        let side = |k: usize, (start, end): (f64, f64)| {
+            let (low, high) = (self.low[k][lane], self.high[k][lane]);
+            let room = f64::from(OVERLAP[0] * (high - low) + OVERLAP[1]);
+            let place = |x: f64| start + (end - start) * 0.5 * (x.clamp(-1.0, 1.0) + 1.0);
+            (place(f64::from(low) - room), place(f64::from(high) + room))
+        };
+        Rect {
+            u: side(0, cell.u),
+            v: side(1, cell.v),
+        }
     }
 }

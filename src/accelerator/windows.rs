@@ -6,6 +6,7 @@
 
 use super::beam::RAYS;
 use super::leaf::{Bits, Seen, Verdict};
+use super::room::Blurred;
 use crate::simd::{LANES, Simd};
 
 /// Parts that wait at most.
@@ -93,20 +94,18 @@ impl Waiting {
         }
     }
 
-    /// Keeps what a verdict leaves open of a batch; the lanes that were divided often enough
-    /// come back, a bit each.
+    /// Keeps what a verdict leaves open of a batch; what was divided often enough is left to
+    /// `blurred`.
     #[inline(always)]
-    pub(super) fn go_on(&mut self, batch: &Batch, verdict: &Verdict) -> u64 {
-        let mut rest = 0;
+    pub(super) fn go_on(&mut self, batch: &Batch, verdict: &Verdict, blurred: &mut Blurred) {
         for k in Bits(u64::from(verdict.open)) {
             let lane = usize::from(batch.lane[k]);
             if batch.depth[k] == DEPTH || self.count + 2 > CAPACITY {
-                rest |= 1 << lane;
+                blurred.add_rest(lane, &verdict.rest, k);
             } else {
                 self.put(lane, batch.depth[k] + 1, verdict, k);
             }
         }
-        rest
     }
 
     /// Keeps the part that slot `k` of a verdict is about, or its halves.
@@ -139,18 +138,18 @@ impl Waiting {
         }
     }
 
-    /// The lanes of all that waits, a bit each, once no more may be looked into.
+    /// Leaves all that waits to `blurred` once no more may be looked into.
     #[inline(always)]
-    pub(super) fn given_up(&mut self) -> u64 {
+    pub(super) fn give_up(&mut self, blurred: &mut Blurred) {
         if self.left > 0 {
-            return 0;
+            return;
         }
-        let mut bits = 0;
-        for &lane in &self.lane[..self.count] {
-            bits |= 1 << lane;
+        for k in 0..self.count {
+            let low = [self.low[0][k], self.low[1][k]];
+            let high = [self.high[0][k], self.high[1][k]];
+            blurred.add(usize::from(self.lane[k]), low, high);
         }
         self.count = 0;
-        bits
     }
 
     /// Takes the parts that came last, sixteen at most.
@@ -196,6 +195,12 @@ impl Batch {
             tilt: [s.load(&self.tilt[0]), s.load(&self.tilt[1])],
             error: [s.load(&self.error[0]), s.load(&self.error[1])],
         }
+    }
+
+    /// The part in slot `k`: least and greatest coordinates.
+    #[inline(always)]
+    pub(super) fn part(&self, k: usize) -> ([f32; 2], [f32; 2]) {
+        (self.low.map(|x| x[k]), self.high.map(|x| x[k]))
     }
 
     /// The parts: least and greatest coordinates.

@@ -12,6 +12,10 @@ const CURVED: f64 = 200.0;
 /// Parameters that are resolved no further.
 const RESOLUTION: f64 = 1e-14;
 
+/// What vanishes on both sides of no more than this share of an edge vanishes on one stretch: where
+/// values come and go with the rounding there would be thousands.
+const APART: f64 = 1e-6;
+
 /// Appends where the net of distances vanishes on the border of a cell.
 pub(crate) fn edge_roots(
     net: &[f64],
@@ -34,19 +38,25 @@ pub(crate) fn edge_roots(
         for (k, c) in edge[..=degree].iter_mut().enumerate() {
             *c = net[first + k * stride];
         }
-        line_roots(&edge, degree, slack, (0.0, 1.0), &mut |t| {
+        let place = |t: f64| {
             let (u, v) = match fixed {
                 Side::U(u) => (u, t),
                 Side::V(v) => (t, v),
             };
-            roots.push(Root {
+            Root {
                 u: place(rect.u, u),
                 v: place(rect.v, v),
                 tangential: true,
                 blurred: false,
                 flat,
-            });
-        });
+            }
+        };
+        for (start, end) in stretches(&edge, degree, slack) {
+            roots.push(place(start));
+            if end - start > 4.0 * RESOLUTION {
+                roots.push(place(end));
+            }
+        }
     }
 }
 
@@ -55,28 +65,40 @@ enum Side {
     V(f64),
 }
 
-/// Reports the roots of a Bernstein polynomial; where it vanishes as a whole, both ends.
-fn line_roots(
+/// The parts of an edge on which a Bernstein polynomial vanishes, at most one for each root.
+fn stretches(edge: &Row, degree: usize, slack: f64) -> impl Iterator<Item = (f64, f64)> {
+    let mut found = [(0.0, 0.0); MAX_DEGREE + 1];
+    let mut count = 0;
+    vanishing(edge, degree, slack, (0.0, 1.0), &mut |start, end| {
+        // What there is no room for is next to the last: rounding is all that tells more
+        // stretches than roots.
+        if count > 0 && (start - found[count - 1].1 <= APART || count == found.len()) {
+            found[count - 1].1 = end;
+        } else {
+            found[count] = (start, end);
+            count += 1;
+        }
+    });
+    found.into_iter().take(count)
+}
+
+/// Reports, in their order, the parts of an edge on which a Bernstein polynomial vanishes.
+fn vanishing(
     edge: &Row,
     degree: usize,
     slack: f64,
     (start, end): (f64, f64),
-    found: &mut impl FnMut(f64),
+    found: &mut impl FnMut(f64, f64),
 ) {
     let used = &edge[..=degree];
     if used.iter().all(|&c| c > slack) || used.iter().all(|&c| c < -slack) {
         return;
     }
-    if used.iter().all(|c| c.abs() <= slack) {
-        found(start);
-        found(end);
+    if end - start < RESOLUTION || used.iter().all(|c| c.abs() <= slack) {
+        found(start, end);
         return;
     }
     let middle = f64::midpoint(start, end);
-    if end - start < RESOLUTION {
-        found(middle);
-        return;
-    }
     let (mut left, mut right) = (*edge, *edge);
     for (level, coefficient) in left.iter_mut().enumerate().take(degree + 1).skip(1) {
         for k in 0..=degree - level {
@@ -84,8 +106,8 @@ fn line_roots(
         }
         *coefficient = right[0];
     }
-    line_roots(&left, degree, slack, (start, middle), found);
-    line_roots(&right, degree, slack, (middle, end), found);
+    vanishing(&left, degree, slack, (start, middle), found);
+    vanishing(&right, degree, slack, (middle, end), found);
 }
 
 #[cfg(test)]
@@ -97,10 +119,25 @@ mod tests {
         // (t - 1/4)(t - 3/4) as Bernstein coefficients.
         let mut edge = [0.0; MAX_DEGREE + 1];
         edge[..3].copy_from_slice(&[3.0 / 16.0, -5.0 / 16.0, 3.0 / 16.0]);
-        let mut roots = Vec::new();
-        line_roots(&edge, 2, 1e-16, (0.0, 1.0), &mut |t| roots.push(t));
-        roots.dedup_by(|a, b| (*a - *b).abs() < 1e-12);
+        let roots: Vec<_> = stretches(&edge, 2, 1e-16).collect();
         assert_eq!(roots.len(), 2);
-        assert!((roots[0] - 0.25).abs() < 1e-13 && (roots[1] - 0.75).abs() < 1e-13);
+        for ((start, end), root) in roots.into_iter().zip([0.25, 0.75]) {
+            assert!((start - root).abs() < 1e-13 && (end - root).abs() < 1e-13);
+        }
+    }
+
+    #[test]
+    fn a_contact_is_one_stretch() {
+        // (t - 1/3)^2, with values that come and go with the rounding.
+        let mut edge = [0.0; MAX_DEGREE + 1];
+        edge[..3].copy_from_slice(&[1.0 / 9.0, -2.0 / 9.0, 4.0 / 9.0]);
+        for slack in [1e-17, 1e-16, 6e-15, 1e-12] {
+            let found: Vec<_> = stretches(&edge, 2, slack).collect();
+            assert!(found.len() <= 1, "{found:?}");
+            for (start, end) in found {
+                assert!(start - 1e-5 < 1.0 / 3.0 && 1.0 / 3.0 < end + 1e-5 && end - start < 1e-5);
+            }
+        }
+        assert_eq!(stretches(&edge, 2, 6e-15).count(), 1);
     }
 }

@@ -12,9 +12,9 @@ use super::{
     Counts, Found, Job, Picture, Stopwatch, Times, Trace, VARIANTS, Variant, Weights, map,
 };
 use crate::accelerator::{Accelerator, Workspace};
-use crate::film::Film;
+use crate::film::{Film, blocks};
 use crate::intersect::{Hit, METHODS, Method};
-use crate::render::{RenderOptions, RenderStats, blocks, render, render_found};
+use crate::render::{RenderOptions, RenderStats, render, render_found};
 
 /// Side of a block of pixels whose rays the production method traces together.
 const BLOCK: u32 = 8;
