@@ -348,28 +348,16 @@ impl<S: Simd> Tracer<'_, '_, S> {
         waiting.clear();
         roots.count = 0;
         blurred.lanes = 0;
-        let view = View::of_model(model, beam);
+        let seen = (&View::of_model(model, beam), &**beam);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         if !model.bulge[0].is_finite() {
             for lane in Bits(lanes) {
                 blurred.add(lane, [-1.0; 2], [1.0; 2]);
             }
         } else if piece.is_rational {
-            look::<S, 4, 4, true>(
-                self.s,
-                model,
-                (&view, beam),
-                lanes,
-                (waiting, roots, blurred),
-            );
+            look::<S, 4, 4, true>(self.s, model, seen, lanes, (waiting, roots, blurred));
         } else {
-            look::<S, 4, 4, false>(
-                self.s,
-                model,
-                (&view, beam),
-                lanes,
-                (waiting, roots, blurred),
-            );
+            look::<S, 4, 4, false>(self.s, model, seen, lanes, (waiting, roots, blurred));
         }
         let part = (model.middle, model.half);
         let mut start = 0;
@@ -377,11 +365,9 @@ impl<S: Simd> Tracer<'_, '_, S> {
             self.finish(cluster, cell, start, part);
             start += WIDE_LANES;
         }
-        for lane in Bits(self.packet.blurred.lanes) {
-            if self.alive >> lane & 1 == 1 {
-                let part = self.packet.blurred.part(lane, &cell.rect());
-                self.subdivide(cluster, cell, part, lane);
-            }
+        for lane in Bits(self.packet.blurred.lanes & self.alive) {
+            let part = self.packet.blurred.part(lane, &cell.rect());
+            self.subdivide(cluster, cell, part, lane);
         }
     }
 

@@ -38,7 +38,7 @@ pub(crate) fn edge_roots(
         for (k, c) in edge[..=degree].iter_mut().enumerate() {
             *c = net[first + k * stride];
         }
-        let place = |t: f64| {
+        let root = |t: f64| {
             let (u, v) = match fixed {
                 Side::U(u) => (u, t),
                 Side::V(v) => (t, v),
@@ -52,9 +52,9 @@ pub(crate) fn edge_roots(
             }
         };
         for (start, end) in stretches(&edge, degree, slack) {
-            roots.push(place(start));
+            roots.push(root(start));
             if end - start > 4.0 * RESOLUTION {
-                roots.push(place(end));
+                roots.push(root(end));
             }
         }
     }
