@@ -83,6 +83,9 @@ fn all(c: &mut Criterion) {
             accelerator.any_many(rays, &ranges, &mut workspace, &mut blocked);
         });
         measure("cosine bounce", &bounce, &mut |rays| {
+            black_box(trace(&accelerator, rays));
+        });
+        measure("cosine bounce, one by one", &bounce, &mut |rays| {
             for ray in rays {
                 black_box(accelerator.nearest(ray, FOREVER, &mut workspace));
             }

@@ -129,6 +129,50 @@ pub(crate) trait Simd: Copy {
     fn lt_d(self, a: Self::D, b: Self::D) -> u32;
 }
 
+/// A number for all lanes, or one for each.
+pub(crate) trait PerLane<S> {
+    type Lanes;
+
+    /// What each lane holds.
+    fn lanes(&self, s: S) -> Self::Lanes;
+}
+
+impl<S: Simd> PerLane<S> for f32 {
+    type Lanes = S::F;
+
+    #[inline(always)]
+    fn lanes(&self, s: S) -> S::F {
+        s.splat(*self)
+    }
+}
+
+impl<S: Simd> PerLane<S> for [f32; LANES] {
+    type Lanes = S::F;
+
+    #[inline(always)]
+    fn lanes(&self, s: S) -> S::F {
+        s.load(self)
+    }
+}
+
+impl<S: Simd> PerLane<S> for f64 {
+    type Lanes = S::D;
+
+    #[inline(always)]
+    fn lanes(&self, s: S) -> S::D {
+        s.splat_d(*self)
+    }
+}
+
+impl<S: Simd> PerLane<S> for [f64; WIDE_LANES] {
+    type Lanes = S::D;
+
+    #[inline(always)]
+    fn lanes(&self, s: S) -> S::D {
+        s.load_d(self)
+    }
+}
+
 /// What every processor of its kind has, four numbers at a time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;

@@ -55,6 +55,16 @@ fn the_ray_loop_does_not_allocate() {
             }
         })
         .collect();
+    // One half in packets that run side by side, the other in all directions.
+    let turned = rays.iter().enumerate().map(|(k, ray)| {
+        let angle = k as f64;
+        let direction = DVec3::new(angle.sin(), angle.cos(), (2.0 * angle).sin());
+        Ray {
+            origin: -2.0 * direction + 0.2 * ray.origin,
+            direction,
+        }
+    });
+    let rays: Vec<Ray> = rays.iter().copied().chain(turned).collect();
     let ranges = vec![0.0..f64::INFINITY; rays.len()];
     let mut workspace = Workspace::default();
     let (mut hits, mut blocked, mut all) = (Vec::new(), Vec::new(), Vec::new());
@@ -70,7 +80,7 @@ fn the_ray_loop_does_not_allocate() {
     search();
     let counted = allocation_counter::measure(search);
     assert!(
-        hits.iter().flatten().count() > 500,
+        hits.iter().flatten().count() > 1500,
         "rays must meet something"
     );
     assert_eq!(counted.count_total, 0, "{counted:?}");

@@ -129,10 +129,26 @@ impl<'a> Ways<'a> {
                 check("sealed", k, sealed.as_ref());
             }
         }
-        let (ranges, mut hits) = (vec![whole; rays.len()], Vec::new());
+        // Side by side, and among rays back from where they would get, which makes each go its
+        // own way.
+        let mixed: Vec<Ray> = rays
+            .iter()
+            .flat_map(|ray| {
+                let back = Ray {
+                    origin: ray.origin + ray.direction.normalize() * self.size,
+                    direction: -ray.direction,
+                };
+                [*ray, back]
+            })
+            .collect();
+        let (ranges, mut hits) = (vec![whole; mixed.len()], Vec::new());
         for (way, accelerator) in &self.packets {
-            accelerator.nearest_many(rays, &ranges, workspace, &mut hits);
+            accelerator.nearest_many(rays, &ranges[..rays.len()], workspace, &mut hits);
             for (k, hit) in hits.iter().enumerate() {
+                check(way, k, hit.as_ref());
+            }
+            accelerator.nearest_many(&mixed, &ranges, workspace, &mut hits);
+            for (k, hit) in hits.iter().step_by(2).enumerate() {
                 check(way, k, hit.as_ref());
             }
         }

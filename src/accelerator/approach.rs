@@ -124,17 +124,42 @@ pub(super) fn pass<S: Simd>(s: S, view: &View, beam: &Beam, group: usize, ration
     }
 }
 
-/// Sixteen rays in the frame of a cell.
-struct Sight<F> {
-    /// Where they pass the middle along the main axis, across it.
-    offset: [F; 2],
-    /// The third coordinate there, and the way of one unit of it along the ray.
-    depth: F,
-    inverse: F,
+/// Sixteen rays in the frame of a cell, or each in that of its own.
+pub(super) struct Sight<F> {
+    /// How far from the middle they are at most where they are looked at, along an axis.
+    pub(super) distance: F,
+    /// The way along the ray of one unit of the third coordinate.
+    pub(super) inverse: F,
     /// Advance of the first two coordinates with the third.
-    tilt: [F; 2],
+    pub(super) tilt: [F; 2],
     /// The first two where the third is zero.
-    place: [F; 2],
+    pub(super) place: [F; 2],
+    /// Where the third is zero along the ray, and what is still of interest of it.
+    pub(super) time: F,
+    pub(super) near: F,
+    pub(super) far: F,
+}
+
+/// What the cells are like that sixteen rays come to.
+pub(super) struct Shape<F> {
+    pub(super) bulge: [F; 3],
+    pub(super) weight_stray: F,
+    pub(super) dropped: F,
+    /// See [`height`].
+    pub(super) height: F,
+    pub(super) direction_size: F,
+    pub(super) sizes: [F; 3],
+}
+
+/// How far a cell stands from its tangent plane, whatever its weights are.
+#[inline(always)]
+pub(super) fn height(bulge: f32, weight_stray: f32) -> f32 {
+    let room = if weight_stray < 1.0 {
+        (1.0 - weight_stray).recip()
+    } else {
+        f32::INFINITY
+    };
+    bulge * room * 1.001
 }
 
 #[inline(always)]
@@ -157,14 +182,17 @@ fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
     let g1 = s.mul(along(s, row1, m), inverse);
     let g2 = s.mul(along(s, row2, m), inverse);
     Sight {
-        offset: y,
-        depth: p3,
+        distance: s.max(s.abs(y[0]), s.abs(y[1])),
         inverse,
         tilt: [g1, g2],
         place: [s.fnma(g1, p3, p1), s.fnma(g2, p3, p2)],
+        time: s.fnma(p3, inverse, s.splat(view.zeta)),
+        near: load(s, &beam.near, group),
+        far: load(s, &beam.far, group),
     }
 }
 
+/// The rays of a beam and one cell.
 #[inline(always)]
 pub(super) fn approach<S: Simd, const RATIONAL: bool>(
     s: S,
@@ -172,21 +200,42 @@ pub(super) fn approach<S: Simd, const RATIONAL: bool>(
     beam: &Beam,
     group: usize,
 ) -> Approach<S::F> {
-    let Sight {
-        offset: y,
-        depth: p3,
+    let sight = sight(s, view, beam, group);
+    let splat = |[x, y, z]: [f32; 3]| [s.splat(x), s.splat(y), s.splat(z)];
+    let shape = Shape {
+        bulge: splat(view.bulge),
+        weight_stray: s.splat(view.weight_stray),
+        dropped: s.splat(view.dropped),
+        height: s.splat(height(view.bulge[2], view.weight_stray)),
+        direction_size: s.splat(view.direction_size),
+        sizes: splat(view.sizes),
+    };
+    reach::<S, RATIONAL>(s, &sight, &shape)
+}
+
+/// What sixteen rays may meet, from what they see of their cells.
+#[inline(always)]
+pub(super) fn reach<S: Simd, const RATIONAL: bool>(
+    s: S,
+    sight: &Sight<S::F>,
+    shape: &Shape<S::F>,
+) -> Approach<S::F> {
+    let &Sight {
+        distance,
         inverse,
         tilt: [g1, g2],
         place: [x0, y0],
-    } = sight(s, view, beam, group);
+        time,
+        ..
+    } = sight;
     // How well it is known where the tangent plane is met.
     let one = s.splat(1.0);
     let (size1, size2) = (s.abs(g1), s.abs(g2));
-    let distance = s.max(s.abs(y[0]), s.abs(y[1]));
-    let blur = s.fma(s.splat(view.direction_size), s.abs(inverse), one);
-    let depth = s.fma(distance, s.splat(view.sizes[2]), one);
-    let width = s.fma(distance, s.splat(view.sizes[0] + view.sizes[1]), one);
-    let dropped = s.splat(view.dropped);
+    let [along1, along2, along3] = shape.sizes;
+    let blur = s.fma(shape.direction_size, s.abs(inverse), one);
+    let depth = s.fma(distance, along3, one);
+    let width = s.fma(distance, s.add(along1, along2), one);
+    let dropped = shape.dropped;
     let blurred = s.mul(depth, blur);
     let along = s.fma(s.splat(ROUNDING), blurred, dropped);
     let mut any = s.fma(s.splat(ROUNDING), s.add(blurred, width), dropped);
@@ -199,30 +248,19 @@ pub(super) fn approach<S: Simd, const RATIONAL: bool>(
     }
     let error = s.fma(along, s.max(size1, size2), any);
     // What is not linear moves roots along the cell, and along the tilt by what stands across.
-    let [b1, b2, b3] = view.bulge;
-    let (b1, b2, b3) = (s.splat(b1), s.splat(b2), s.splat(b3));
+    let [b1, b2, b3] = shape.bulge;
     let (mut flat1, mut flat2) = (s.add(b1, error), s.add(b2, error));
     if RATIONAL {
-        let weight = s.splat(view.weight_stray);
-        flat1 = s.fma(s.abs(x0), weight, flat1);
-        flat2 = s.fma(s.abs(y0), weight, flat2);
+        flat1 = s.fma(s.abs(x0), shape.weight_stray, flat1);
+        flat2 = s.fma(s.abs(y0), shape.weight_stray, flat2);
     }
     let (radius1, radius2) = (s.fma(size1, b3, flat1), s.fma(size2, b3, flat2));
     // In the plane of the ray and the normal nothing stands across.
     let plane = s.abs(s.fnma(y0, g1, s.mul(x0, g2)));
     let reach = s.fma(size2, s.add(one, flat1), s.mul(size1, s.add(one, flat2)));
-    // Where the cell is met along the beam, at the least and at the most.
-    let room = if RATIONAL && view.weight_stray < 1.0 {
-        (1.0 - view.weight_stray).recip()
-    } else if RATIONAL {
-        f32::INFINITY
-    } else {
-        1.0
-    };
-    let height = view.bulge[2] * room;
-    let time = s.fnma(p3, inverse, s.splat(view.zeta));
+    // Where the cell is met along the ray, at the least and at the most.
     let spread = s.fma(
-        s.fma(depth, s.splat(2.0 * ROUNDING), s.splat(height * 1.001)),
+        s.fma(depth, s.splat(2.0 * ROUNDING), shape.height),
         s.mul(s.abs(inverse), blur_of(s, blur)),
         s.splat(4.0 * ROUNDING),
     );
@@ -230,8 +268,8 @@ pub(super) fn approach<S: Simd, const RATIONAL: bool>(
     let beside = s.bits(s.lt(s.add(one, radius1), s.abs(x0)))
         | s.bits(s.lt(s.add(one, radius2), s.abs(y0)))
         | s.bits(s.lt(reach, plane))
-        | s.bits(s.lt(load(s, &beam.far, group), s.sub(time, spread)))
-        | s.bits(s.lt(s.add(time, spread), load(s, &beam.near, group)));
+        | s.bits(s.lt(sight.far, s.sub(time, spread)))
+        | s.bits(s.lt(s.add(time, spread), sight.near));
     Approach {
         beside,
         place: [x0, y0],

@@ -40,6 +40,8 @@ pub(crate) struct Encounter {
     /// Bound on how far the cell strays from its frame as seen along the ray: below one there
     /// is at most one root.
     pub(crate) stray: f32,
+    /// Nothing of the cell is met before this.
+    pub(crate) near: f32,
 }
 
 impl Block {
@@ -94,26 +96,26 @@ impl Block {
         range: &Range<f32>,
         found: &mut [Encounter; WIDTH],
     ) -> usize {
-        let lanes: [Lane; WIDTH] = std::array::from_fn(|k| self.lane(k, ray, range));
+        let mut lanes = Lanes::NONE;
+        // Without branches, for eight cells at once.
+        for k in 0..WIDTH {
+            self.lane(k, ray, range, &mut lanes);
+        }
         let mut count = 0;
-        for (slot, lane) in lanes[..self.count as usize].iter().enumerate() {
-            if lane.beside {
+        for slot in 0..self.count as usize {
+            if lanes.beside[slot] != 0 {
                 continue;
             }
             let mut place = count;
-            while place > 0 && lanes[found[place - 1].slot].time > lane.time {
+            while place > 0 && lanes.time[found[place - 1].slot] > lanes.time[slot] {
                 found[place] = found[place - 1];
                 place -= 1;
             }
             found[place] = Encounter {
                 slot,
-                start: lane.start,
-                // A comparison with what is not a number must fail.
-                stray: if lane.stray.is_nan() {
-                    f32::INFINITY
-                } else {
-                    lane.stray
-                },
+                start: [lanes.s[slot], lanes.t[slot]],
+                stray: lanes.stray[slot],
+                near: lanes.near[slot],
             };
             count += 1;
         }
@@ -123,62 +125,76 @@ impl Block {
     /// The test of one cell. The rest of a cell changes its coordinates by at most `stray`, so
     /// a root cannot lie further than that from where the ray meets the tangent plane.
     #[inline(always)]
-    fn lane(&self, k: usize, ray: &LocalRay, range: &Range<f32>) -> Lane {
-        let offset = [0, 1, 2].map(|axis| ray.origin[axis] - self.center[axis][k]);
-        let row = |row: usize| [0, 1, 2].map(|axis| self.rows[row][axis][k]);
-        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let p = [0, 1, 2].map(|r| dot(row(r), offset));
-        let d = [0, 1, 2].map(|r| dot(row(r), ray.direction));
-        let error = [0, 1, 2].map(|r| dot(row(r).map(f32::abs), [POSITION_ERROR; 3]));
-        let inverse = d.map(f32::recip);
-        let (g1, g2) = (d[0] * inverse[2], d[1] * inverse[2]);
-        let (s, t) = (p[0] - g1 * p[2], p[1] - g2 * p[2]);
-        let [k1, k2, k3, k4] = [0, 1, 2, 3].map(|r| self.stray[r][k]);
-        let (size1, size2) = (g1.abs(), g2.abs());
-        let [h1, h2, h3] = [0, 1, 2].map(|r| self.bulge[r][k]);
-        let side1 = h1 + size1 * h3 + s.abs() * k4 + error[0] + size1 * error[2];
-        let side2 = h2 + size2 * h3 + t.abs() * k4 + error[1] + size2 * error[2];
-        let q1 = k1 + size1 * k3 + s.abs() * k4 + error[0] + size1 * error[2];
-        let q2 = k2 + size2 * k3 + t.abs() * k4 + error[1] + size2 * error[2];
-        // Where the plane and the rest of the cell are met along the ray.
-        let time = -p[2] * inverse[2];
-        let room = if k4 < 1.0 {
-            (1.0 - k4).recip()
-        } else {
-            f32::INFINITY
+    fn lane(&self, k: usize, ray: &LocalRay, range: &Range<f32>, lanes: &mut Lanes) {
+        let [x, y, z] = &self.center;
+        let offset = [
+            ray.origin[0] - x[k],
+            ray.origin[1] - y[k],
+            ray.origin[2] - z[k],
+        ];
+        let dot = |row: &[[f32; WIDTH]; 3], v: [f32; 3]| {
+            row[0][k] * v[0] + row[1][k] * v[1] + row[2][k] * v[2]
         };
-        let height = h3 * room + error[2];
-        let spread = height * inverse[2].abs() * GROWTH;
-        // All of the cell lies in a box along its frame.
-        let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
-        for axis in 0..3 {
-            let half = if axis < 2 {
-                (1.0 + self.bulge[axis][k]) * room + error[axis]
-            } else {
-                height
-            };
-            let half = half * GROWTH;
-            let (a, b) = (
-                (-half - p[axis]) * inverse[axis],
-                (half - p[axis]) * inverse[axis],
-            );
-            let (low, high) = if a < b { (a, b) } else { (b, a) };
-            near = if low > near { low } else { near };
-            far = if high < far { high } else { far };
-        }
-        // Written so that what is not a number passes.
-        let beside = s.abs() > (1.0 + side1) * GROWTH
-            || t.abs() > (1.0 + side2) * GROWTH
-            || near > far + (near.abs() + far.abs()) * (GROWTH - 1.0)
-            || time - spread > range.end
-            || time + spread < range.start;
-        Lane {
-            beside,
-            start: [s, t],
-            stray: q1.max(q2),
-            time,
-        }
+        let error = |row: &[[f32; WIDTH]; 3]| {
+            (row[0][k].abs() + row[1][k].abs() + row[2][k].abs()) * POSITION_ERROR
+        };
+        let [row1, row2, row3] = &self.rows;
+        let (p1, p2, p3) = (dot(row1, offset), dot(row2, offset), dot(row3, offset));
+        let direction = ray.direction;
+        let (d1, d2, d3) = (
+            dot(row1, direction),
+            dot(row2, direction),
+            dot(row3, direction),
+        );
+        let (e1, e2, e3) = (error(row1), error(row2), error(row3));
+        let inverse = d3.recip();
+        let (g1, g2) = (d1 * inverse, d2 * inverse);
+        let (s, t) = (p1 - g1 * p3, p2 - g2 * p3);
+        let [k1, k2, k3, k4] = &self.stray;
+        let (k1, k2, k3, k4) = (k1[k], k2[k], k3[k], k4[k]);
+        let [h1, h2, h3] = &self.bulge;
+        let (h1, h2, h3) = (h1[k], h2[k], h3[k]);
+        let (size1, size2) = (g1.abs(), g2.abs());
+        let side1 = h1 + size1 * h3 + s.abs() * k4 + e1 + size1 * e3;
+        let side2 = h2 + size2 * h3 + t.abs() * k4 + e2 + size2 * e3;
+        let q1 = k1 + size1 * k3 + s.abs() * k4 + e1 + size1 * e3;
+        let q2 = k2 + size2 * k3 + t.abs() * k4 + e2 + size2 * e3;
+        // Where the plane and the rest of the cell are met along the ray.
+        let time = -p3 * inverse;
+        let room = (1.0 - k4).recip();
+        let room = if k4 < 1.0 { room } else { f32::INFINITY };
+        let height = h3 * room + e3;
+        let spread = height * inverse.abs() * GROWTH;
+        // All of the cell lies in a box along its frame. What is not a number passes.
+        let (near, far) = slab(f32::NEG_INFINITY, f32::INFINITY, p3, inverse, height);
+        let (near, far) = slab(near, far, p1, d1.recip(), (1.0 + h1) * room + e1);
+        let (near, far) = slab(near, far, p2, d2.recip(), (1.0 + h2) * room + e2);
+        let beside = (s.abs() > (1.0 + side1) * GROWTH)
+            | (t.abs() > (1.0 + side2) * GROWTH)
+            | (near > far + (near.abs() + far.abs()) * (GROWTH - 1.0))
+            | (time - spread > range.end)
+            | (time + spread < range.start);
+        lanes.beside[k] = u32::from(beside);
+        (lanes.s[k], lanes.t[k]) = (s, t);
+        let stray = if q1 > q2 { q1 } else { q2 };
+        // A comparison with what is not a number must fail.
+        let known = (q1 < f32::INFINITY) & (q2 < f32::INFINITY);
+        lanes.stray[k] = if known { stray } else { f32::INFINITY };
+        (lanes.time[k], lanes.near[k]) = (time, time - spread);
     }
+}
+
+/// The part of a ray in which a coordinate is at most `half` from zero, from `p` on and with
+/// the way `inverse` of one unit.
+#[inline(always)]
+fn slab(near: f32, far: f32, p: f32, inverse: f32, half: f32) -> (f32, f32) {
+    let half = half * GROWTH;
+    let (a, b) = ((-half - p) * inverse, (half - p) * inverse);
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    (
+        if low > near { low } else { near },
+        if high < far { high } else { far },
+    )
 }
 
 impl Block {
@@ -285,14 +301,27 @@ impl Block {
     }
 }
 
-/// What one cell says of a ray.
-#[derive(Clone, Copy)]
-struct Lane {
-    /// Whether the ray certainly misses the cell within the range.
-    beside: bool,
-    start: [f32; 2],
-    stray: f32,
-    time: f32,
+/// What eight cells say of a ray.
+#[repr(align(32))]
+struct Lanes {
+    /// One where the ray certainly misses the cell within the range.
+    beside: [u32; WIDTH],
+    s: [f32; WIDTH],
+    t: [f32; WIDTH],
+    stray: [f32; WIDTH],
+    time: [f32; WIDTH],
+    near: [f32; WIDTH],
+}
+
+impl Lanes {
+    const NONE: Self = Self {
+        beside: [0; WIDTH],
+        s: [0.0; WIDTH],
+        t: [0.0; WIDTH],
+        stray: [0.0; WIDTH],
+        time: [0.0; WIDTH],
+        near: [0.0; WIDTH],
+    };
 }
 
 impl Encounter {
@@ -301,5 +330,6 @@ impl Encounter {
         slot: 0,
         start: [0.0; 2],
         stray: 0.0,
+        near: 0.0,
     };
 }

@@ -44,7 +44,7 @@ pub(crate) struct Piece {
 }
 
 /// A dyadic part of a piece.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Cell {
     pub(crate) piece: u32,
     /// Along u and v: the number of the part, behind a leading one for each halving.
@@ -54,12 +54,18 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
+    /// That of no piece.
+    pub(crate) const NONE: Self = Self {
+        piece: 0,
+        place: [1; 2],
+        is_trimmed: false,
+    };
+
     /// All of a piece.
     pub(crate) fn whole(piece: u32) -> Self {
         Self {
             piece,
-            place: [1; 2],
-            is_trimmed: false,
+            ..Self::NONE
         }
     }
 

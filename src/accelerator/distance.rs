@@ -1,8 +1,19 @@
 //! How far the points of a cell are from rays, and Newton's step, sixteen rays at a time.
 
-use super::expansion::ORDER;
-use super::model::Model;
-use crate::simd::Simd;
+use super::expansion::{ORDER, TERMS};
+use crate::simd::{PerLane, Simd};
+
+/// The cells that sixteen rays are in: one and the same for all, or one for each.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+pub(super) struct Cells<C> {
+    /// See [`super::expansion::Expansion::terms`].
+    pub(super) terms: [[C; 4]; TERMS],
+    /// See [`super::expansion::Expansion::second`].
+    pub(super) second: [[C; 4]; 3],
+    /// A bit for each that is flat: seen from the edge, its parts are seen no better.
+    pub(super) flat: u32,
+}
 
 /// What a polynomial of a cell is at a point, and its derivatives.
 struct Jet<F> {
@@ -13,17 +24,17 @@ struct Jet<F> {
 
 /// Coordinate `r` of the cell at `x`, `y`: Horner's rule for value and derivatives.
 #[inline(always)]
-fn jet<S: Simd, const M: usize, const N: usize>(
+fn jet<S: Simd, C: PerLane<S, Lanes = S::F>, const M: usize, const N: usize>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     r: usize,
     x: S::F,
     y: S::F,
 ) -> Jet<S::F> {
-    let (mut value, mut by_y) = line::<S, N>(s, model, r, M - 1, y);
+    let (mut value, mut by_y) = line::<S, C, N>(s, cells, r, M - 1, y);
     let mut by_x = s.splat(0.0);
     for i in (0..M - 1).rev() {
-        let (next, next_by_y) = line::<S, N>(s, model, r, i, y);
+        let (next, next_by_y) = line::<S, C, N>(s, cells, r, i, y);
         by_x = if i == M - 2 {
             value
         } else {
@@ -37,35 +48,41 @@ fn jet<S: Simd, const M: usize, const N: usize>(
 
 /// What stands beside `x^i` at `y`, and its derivative.
 #[inline(always)]
-fn line<S: Simd, const N: usize>(s: S, model: &Model, r: usize, i: usize, y: S::F) -> (S::F, S::F) {
-    let terms = &model.terms[i * ORDER..(i + 1) * ORDER];
-    let (mut value, mut by_y) = (s.splat(terms[N - 1][r]), s.splat(0.0));
+fn line<S: Simd, C: PerLane<S, Lanes = S::F>, const N: usize>(
+    s: S,
+    cells: &Cells<C>,
+    r: usize,
+    i: usize,
+    y: S::F,
+) -> (S::F, S::F) {
+    let term = |j: usize| cells.terms[i * ORDER + j][r].lanes(s);
+    let (mut value, mut by_y) = (term(N - 1), s.splat(0.0));
     for j in (0..N - 1).rev() {
         by_y = if j == N - 2 {
             value
         } else {
             s.fma(by_y, y, value)
         };
-        value = s.fma(value, y, s.splat(terms[j][r]));
+        value = s.fma(value, y, term(j));
     }
     (value, by_y)
 }
 
 /// As [`jet`], the value alone.
 #[inline(always)]
-fn at<S: Simd, const M: usize, const N: usize>(
+fn at<S: Simd, C: PerLane<S, Lanes = S::F>, const M: usize, const N: usize>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     r: usize,
     x: S::F,
     y: S::F,
 ) -> S::F {
     let mut value = s.splat(0.0);
     for i in (0..M).rev() {
-        let terms = &model.terms[i * ORDER..(i + 1) * ORDER];
-        let mut line = s.splat(terms[N - 1][r]);
+        let term = |j: usize| cells.terms[i * ORDER + j][r].lanes(s);
+        let mut line = term(N - 1);
         for j in (0..N - 1).rev() {
-            line = s.fma(line, y, s.splat(terms[j][r]));
+            line = s.fma(line, y, term(j));
         }
         value = if i == M - 1 {
             line
@@ -85,21 +102,27 @@ pub(super) struct Distance<F> {
 }
 
 #[inline(always)]
-pub(super) fn distance<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+pub(super) fn distance<
+    S: Simd,
+    C: PerLane<S, Lanes = S::F>,
+    const M: usize,
+    const N: usize,
+    const RATIONAL: bool,
+>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     [x0, y0]: [S::F; 2],
     [g1, g2]: [S::F; 2],
     [x, y]: [S::F; 2],
 ) -> Distance<S::F> {
-    let a = jet::<S, M, N>(s, model, 0, x, y);
-    let b = jet::<S, M, N>(s, model, 1, x, y);
-    let c = jet::<S, M, N>(s, model, 2, x, y);
+    let a = jet::<S, C, M, N>(s, cells, 0, x, y);
+    let b = jet::<S, C, M, N>(s, cells, 1, x, y);
+    let c = jet::<S, C, M, N>(s, cells, 2, x, y);
     let mut value = [s.fnma(g1, c.value, a.value), s.fnma(g2, c.value, b.value)];
     let mut by_x = [s.fnma(g1, c.by_x, a.by_x), s.fnma(g2, c.by_x, b.by_x)];
     let mut by_y = [s.fnma(g1, c.by_y, a.by_y), s.fnma(g2, c.by_y, b.by_y)];
     if RATIONAL {
-        let w = jet::<S, M, N>(s, model, 3, x, y);
+        let w = jet::<S, C, M, N>(s, cells, 3, x, y);
         value = [s.fnma(x0, w.value, value[0]), s.fnma(y0, w.value, value[1])];
         by_x = [s.fnma(x0, w.by_x, by_x[0]), s.fnma(y0, w.by_x, by_x[1])];
         by_y = [s.fnma(x0, w.by_y, by_y[0]), s.fnma(y0, w.by_y, by_y[1])];
@@ -111,18 +134,24 @@ pub(super) fn distance<S: Simd, const M: usize, const N: usize, const RATIONAL: 
 
 /// As [`distance`], without derivatives.
 #[inline(always)]
-pub(super) fn value<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+pub(super) fn value<
+    S: Simd,
+    C: PerLane<S, Lanes = S::F>,
+    const M: usize,
+    const N: usize,
+    const RATIONAL: bool,
+>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     [x0, y0]: [S::F; 2],
     [g1, g2]: [S::F; 2],
     [x, y]: [S::F; 2],
 ) -> [S::F; 2] {
-    let c = at::<S, M, N>(s, model, 2, x, y);
-    let f1 = s.fnma(g1, c, at::<S, M, N>(s, model, 0, x, y));
-    let f2 = s.fnma(g2, c, at::<S, M, N>(s, model, 1, x, y));
+    let c = at::<S, C, M, N>(s, cells, 2, x, y);
+    let f1 = s.fnma(g1, c, at::<S, C, M, N>(s, cells, 0, x, y));
+    let f2 = s.fnma(g2, c, at::<S, C, M, N>(s, cells, 1, x, y));
     if RATIONAL {
-        let w = at::<S, M, N>(s, model, 3, x, y);
+        let w = at::<S, C, M, N>(s, cells, 3, x, y);
         [s.fnma(x0, w, f1), s.fnma(y0, w, f2)]
     } else {
         [s.sub(f1, x0), s.sub(f2, y0)]

@@ -6,9 +6,8 @@ use super::beam::{Beam, RAYS};
 use super::cells::Piece;
 use super::expansion::ORDER;
 use super::tree::Tree;
-use crate::intersect::PieceNet;
 use crate::intersect::net::Degrees;
-use crate::simd::{Simd, WIDE_LANES};
+use crate::simd::{PerLane, Simd, WIDE_LANES};
 
 /// Roots of up to eight rays with one piece, in double precision.
 pub(super) struct Roots {
@@ -65,11 +64,12 @@ const LAST_INSIDE: f64 = 1e-6;
 /// Near a border of the piece: parameters decide there to which of two it belongs.
 const BORDER: f64 = 1e-8;
 
-/// Finishes roots from `u`, `v` with Newton's iteration on the piece itself.
+/// Finishes roots from `u`, `v` with Newton's iteration on the net of a piece, or on one for
+/// each ray.
 #[inline(always)]
-pub(super) fn finish<S: Simd, const RATIONAL: bool>(
+pub(super) fn finish<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool>(
     s: S,
-    piece: &PieceNet<'_>,
+    net: (Degrees, &[[C; 4]]),
     axes: [usize; 3],
     lines: &Lines,
     start: ([f64; WIDE_LANES], [f64; WIDE_LANES]),
@@ -88,10 +88,10 @@ pub(super) fn finish<S: Simd, const RATIONAL: bool>(
         by_v: [[0.0; WIDE_LANES]; 3],
     };
     for step in 0..LAST_STEPS {
-        let [h, hu, hv] = if piece.degrees.p.max(piece.degrees.q) < ORDER {
-            homogeneous::<S, RATIONAL, ORDER>(s, piece, u, v)
+        let [h, hu, hv] = if net.0.p.max(net.0.q) < ORDER {
+            homogeneous::<S, C, RATIONAL, ORDER>(s, net, u, v)
         } else {
-            homogeneous::<S, RATIONAL, { MAX_DEGREE + 1 }>(s, piece, u, v)
+            homogeneous::<S, C, RATIONAL, { MAX_DEGREE + 1 }>(s, net, u, v)
         };
         let (mut f1, mut f2) = (
             distance::<S, RATIONAL>(s, &h, [i, main], slope[0], constant[0]),
@@ -167,25 +167,28 @@ fn distance<S: Simd, const RATIONAL: bool>(
 
 /// Homogeneous point and derivatives at each lane's parameters, for degrees below `ORDERS`.
 #[inline(always)]
-fn homogeneous<S: Simd, const RATIONAL: bool, const ORDERS: usize>(
+fn homogeneous<S, C, const RATIONAL: bool, const ORDERS: usize>(
     s: S,
-    piece: &PieceNet<'_>,
+    (Degrees { p, q }, points): (Degrees, &[[C; 4]]),
     u: S::D,
     v: S::D,
-) -> [[S::D; 4]; 3] {
+) -> [[S::D; 4]; 3]
+where
+    S: Simd,
+    C: PerLane<S, Lanes = S::D>,
+{
     let zero = s.splat_d(0.0);
     let (mut bu, mut du) = ([zero; ORDERS], [zero; ORDERS]);
     let (mut bv, mut dv) = ([zero; ORDERS], [zero; ORDERS]);
-    let Degrees { p, q } = piece.degrees;
     basis(s, p, u, &mut bu, &mut du);
     basis(s, q, v, &mut bv, &mut dv);
     let mut sums = [[zero; 4]; 3];
-    for (line, (&bu, &du)) in piece.points.chunks_exact(q + 1).zip(bu.iter().zip(&du)) {
+    for (line, (&bu, &du)) in points.chunks_exact(q + 1).zip(bu.iter().zip(&du)) {
         let (mut value, mut by_v) = ([zero; 4], [zero; 4]);
         for (point, (&bv, &dv)) in line.iter().zip(bv.iter().zip(&dv)) {
             for r in 0..4 {
                 if r < 3 || RATIONAL {
-                    let c = s.splat_d(point[r]);
+                    let c = point[r].lanes(s);
                     value[r] = s.fma_d(c, bv, value[r]);
                     by_v[r] = s.fma_d(c, dv, by_v[r]);
                 }

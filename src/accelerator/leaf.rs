@@ -1,21 +1,16 @@
 //! The leaf solver for sixteen rays and one cell: exclusion, the test for uniqueness and
 //! Newton's iteration, in single precision.
 
-use super::approach::{Approach, View, approach};
-use super::beam::Beam;
-use super::distance::{Distance, Matrix, distance, value};
-use super::model::Model;
+use super::approach::Approach;
+use super::distance::{Cells, Distance, Matrix, distance, value};
 use super::windows::{Batch, Waiting};
-use crate::simd::{LANES, Simd};
+use crate::simd::{LANES, PerLane, Simd};
 
 /// Uniqueness is proven below one; less bounds the number of steps.
 const SURE: f32 = 0.9;
 
 /// Larger errors than this part of a cell are not for single precision.
 const BLURRED: f32 = 0.01;
-
-/// A cell that bulges less than this beside its length is flat.
-const FLAT: f32 = 1e-3;
 
 /// After a step of Newton's shorter than this one more without new derivatives is the last.
 const CLOSE: f32 = 1e-2;
@@ -96,12 +91,23 @@ impl Verdict {
     }
 }
 
+/// The bounds on the second derivatives of coordinate `r`.
+#[inline(always)]
+fn second<S: Simd, C: PerLane<S, Lanes = S::F>>(s: S, cells: &Cells<C>, r: usize) -> [S::F; 3] {
+    let [xx, xy, yy] = &cells.second;
+    [xx[r].lanes(s), xy[r].lanes(s), yy[r].lanes(s)]
+}
+
 /// By how much the derivatives by x and by y of coordinate `r` change at most, `half` of a
 /// window away from its middle.
 #[inline(always)]
-fn change<S: Simd>(s: S, model: &Model, r: usize, half: [S::F; 2]) -> [S::F; 2] {
-    let [xx, xy, yy] = &model.second;
-    let (xx, xy, yy) = (s.splat(xx[r]), s.splat(xy[r]), s.splat(yy[r]));
+fn change<S: Simd, C: PerLane<S, Lanes = S::F>>(
+    s: S,
+    cells: &Cells<C>,
+    r: usize,
+    half: [S::F; 2],
+) -> [S::F; 2] {
+    let [xx, xy, yy] = second(s, cells, r);
     [
         s.fma(xx, half[0], s.mul(xy, half[1])),
         s.fma(xy, half[0], s.mul(yy, half[1])),
@@ -116,21 +122,21 @@ fn change<S: Simd>(s: S, model: &Model, r: usize, half: [S::F; 2]) -> [S::F; 2] 
 /// Multiplied by the inverse in the middle, with rows of `E` below `k`, one plus the change can
 /// be inverted where `|g c| + k / (1 - k) |g| |c| < 1`, for all of the window at once.
 #[inline(always)]
-fn contraction<S: Simd, const RATIONAL: bool>(
+fn contraction<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     place: [S::F; 2],
     tilt: [S::F; 2],
     half: [S::F; 2],
     inverse: &Matrix<S::F>,
 ) -> (u32, S::F) {
     let one = s.splat(1.0);
-    let [ax, ay] = change(s, model, 0, half);
-    let [bx, by] = change(s, model, 1, half);
-    let [cx, cy] = change(s, model, 2, half);
+    let [ax, ay] = change(s, cells, 0, half);
+    let [bx, by] = change(s, cells, 1, half);
+    let [cx, cy] = change(s, cells, 2, half);
     let mut rows = [s.add(ax, ay), s.add(bx, by)];
     if RATIONAL {
-        let [wx, wy] = change(s, model, 3, half);
+        let [wx, wy] = change(s, cells, 3, half);
         let weight = s.add(wx, wy);
         rows = [
             s.fma(s.abs(place[0]), weight, rows[0]),
@@ -207,22 +213,22 @@ fn over<S: Simd>(s: S, change: [S::F; 2], half: [S::F; 2]) -> S::F {
 /// from the middle leads by what the derivatives can change in between. The bits are those of
 /// the windows in which roots may be.
 #[inline(always)]
-fn narrowed<S: Simd, const RATIONAL: bool>(
+fn narrowed<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     seen: &Seen<S::F>,
     window: &Window<S::F>,
     middle: &Middle<S::F>,
     rest: &mut Rest,
 ) -> u32 {
     let half = window.half;
-    let [ax, ay] = change(s, model, 0, half);
-    let [bx, by] = change(s, model, 1, half);
-    let [cx, cy] = change(s, model, 2, half);
+    let [ax, ay] = change(s, cells, 0, half);
+    let [bx, by] = change(s, cells, 1, half);
+    let [cx, cy] = change(s, cells, 2, half);
     let (mut a, mut b) = (over(s, [ax, ay], half), over(s, [bx, by], half));
     let c = over(s, [cx, cy], half);
     if RATIONAL {
-        let w = over(s, change(s, model, 3, half), half);
+        let w = over(s, change(s, cells, 3, half), half);
         a = s.fma(s.abs(seen.place[0]), w, a);
         b = s.fma(s.abs(seen.place[1]), w, b);
     }
@@ -250,73 +256,89 @@ fn narrowed<S: Simd, const RATIONAL: bool>(
     let before = s.mul(half[0], half[1]);
     rest.halve = !s.bits(s.lt(area, s.mul(before, s.splat(4.0 * NARROWER))));
     // The axis along which the derivatives change more.
-    let [xx, xy, yy] = &model.second;
-    let (xx, xy, yy) = (s.splat(xx[2]), s.splat(xy[2]), s.splat(yy[2]));
+    let [xx, xy, yy] = second(s, cells, 2);
     let along_x = s.mul(sizes[0], s.fma(tilts[0], xx, s.mul(tilts[1], xy)));
     let along_y = s.mul(sizes[1], s.fma(tilts[0], xy, s.mul(tilts[1], yy)));
     rest.along_y = s.bits(s.lt(along_x, along_y));
     left
 }
 
-/// Tests rays `16 group ..` of the beam whose bits are set in `lanes` against a cell.
+/// Tests rays `16 group ..` whose bits are set in `lanes` against their cells.
 #[inline(always)]
-pub(super) fn meet<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+pub(super) fn meet<
+    S: Simd,
+    C: PerLane<S, Lanes = S::F>,
+    const M: usize,
+    const N: usize,
+    const RATIONAL: bool,
+>(
     s: S,
-    model: &Model,
-    view: &View,
-    beam: &Beam,
+    cells: &Cells<C>,
+    approach: &Approach<S::F>,
     group: usize,
     lanes: u32,
     waiting: &mut Waiting,
 ) -> Verdict {
-    let Approach {
+    let &Approach {
         beside,
         place,
         tilt,
         radius,
         error,
-    } = approach::<S, RATIONAL>(s, view, beam, group);
+    } = approach;
     let lanes = lanes & !beside;
     if lanes == 0 {
         return Verdict::NONE;
     }
     let seen = Seen { place, tilt, error };
     let window = Window::around(s, place, radius, s.splat(1.0 + MARGIN));
-    let verdict = look::<S, M, N, RATIONAL>(s, model, &seen, &window, lanes);
+    let verdict = look::<S, C, M, N, RATIONAL>(s, cells, &seen, &window, lanes);
     if verdict.open != 0 {
         waiting.begin(s, group, &seen, &verdict);
     }
     verdict
 }
 
-/// Looks into parts of a cell.
+/// Looks into parts of cells.
 #[inline(always)]
-pub(super) fn again<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+pub(super) fn again<
+    S: Simd,
+    C: PerLane<S, Lanes = S::F>,
+    const M: usize,
+    const N: usize,
+    const RATIONAL: bool,
+>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     batch: &Batch,
 ) -> Verdict {
     let (low, high) = batch.range(s);
     let window = Window::new(s, low, high);
     let lanes = (1 << batch.count) - 1;
-    look::<S, M, N, RATIONAL>(s, model, &batch.seen(s), &window, lanes)
+    look::<S, C, M, N, RATIONAL>(s, cells, &batch.seen(s), &window, lanes)
 }
 
 /// Looks for roots in windows, one of each ray whose bit is set.
 #[inline(always)]
-fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+fn look<
+    S: Simd,
+    C: PerLane<S, Lanes = S::F>,
+    const M: usize,
+    const N: usize,
+    const RATIONAL: bool,
+>(
     s: S,
-    model: &Model,
+    cells: &Cells<C>,
     seen: &Seen<S::F>,
     window: &Window<S::F>,
     lanes: u32,
 ) -> Verdict {
     let &Seen { place, tilt, error } = seen;
     let mut verdict = Verdict::NONE;
-    let distance = distance::<S, M, N, RATIONAL>(s, model, place, tilt, window.middle);
+    let distance = distance::<S, C, M, N, RATIONAL>(s, cells, place, tilt, window.middle);
     let inverse = Matrix::inverse(s, &distance);
     let (unique, contraction) =
-        contraction::<S, RATIONAL>(s, model, place, tilt, window.half, &inverse);
+        contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, &inverse);
     // Errors along the tilt grow no more than it shrinks.
     let [any, along] = error;
     let [a, b, c, d] = inverse.abs(s).0;
@@ -328,17 +350,14 @@ fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
     // Of a flat cell seen from its edge the parts are seen no better.
     let total = s.fma(along, s.max(s.abs(tilt[0]), s.abs(tilt[1])), any);
     let sharp = s.bits(s.lt(total, s.splat(BLURRED)));
-    verdict.blurred = lanes & unique & !known;
-    if model.bulge[2] < FLAT {
-        verdict.blurred |= lanes & !sharp;
-    }
+    verdict.blurred = lanes & (unique & !known | cells.flat & !sharp);
     let active = lanes & unique & known;
     let middle = Middle { distance, inverse };
     verdict.open = lanes & !active & !verdict.blurred;
     if active != 0 {
-        verdict.open |= iterate::<S, M, N, RATIONAL>(
+        verdict.open |= iterate::<S, C, M, N, RATIONAL>(
             s,
-            (model, seen),
+            (cells, seen),
             (window, &middle),
             (contraction, amplified),
             active,
@@ -346,7 +365,7 @@ fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
         );
     }
     if verdict.open | verdict.blurred != 0 {
-        let left = narrowed::<S, RATIONAL>(s, model, seen, window, &middle, &mut verdict.rest);
+        let left = narrowed::<S, C, RATIONAL>(s, cells, seen, window, &middle, &mut verdict.rest);
         verdict.open &= left;
         verdict.blurred &= left;
     }
@@ -356,9 +375,15 @@ fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
 /// Newton's iteration for the rays `active`, which have one root each at most; those that did
 /// not come to an end come back.
 #[inline(always)]
-fn iterate<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
+fn iterate<
+    S: Simd,
+    C: PerLane<S, Lanes = S::F>,
+    const M: usize,
+    const N: usize,
+    const RATIONAL: bool,
+>(
     s: S,
-    (model, &Seen { place, tilt, .. }): (&Model, &Seen<S::F>),
+    (cells, &Seen { place, tilt, .. }): (&Cells<C>, &Seen<S::F>),
     (
         window,
         Middle {
@@ -403,7 +428,7 @@ fn iterate<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
         let close = s.le(s.max(s.abs(leap[0]), s.abs(leap[1])), s.splat(CLOSE));
         let arrived = active & s.bits(close);
         if arrived != 0 {
-            let rest = newest.times(s, value::<S, M, N, RATIONAL>(s, model, place, tilt, x));
+            let rest = newest.times(s, value::<S, C, M, N, RATIONAL>(s, cells, place, tilt, x));
             let last = [s.sub(x[0], rest[0]), s.sub(x[1], rest[1])];
             let limit = s.add(border, amplified);
             let inside = s.bits(s.le(s.max(s.abs(last[0]), s.abs(last[1])), limit));
@@ -415,7 +440,7 @@ fn iterate<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
                 break;
             }
         }
-        now = distance::<S, M, N, RATIONAL>(s, model, place, tilt, x);
+        now = distance::<S, C, M, N, RATIONAL>(s, cells, place, tilt, x);
     }
     active
 }

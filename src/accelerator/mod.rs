@@ -15,13 +15,16 @@ mod expansion;
 mod finish;
 mod hits;
 mod leaf;
+mod meetings;
 mod model;
 mod packet;
 mod room;
 mod seal;
+mod stream;
 mod strip;
 mod trace;
 mod tree;
+mod walk;
 mod windows;
 
 use std::sync::Arc;

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::Cluster;
 use super::cells::Cell;
+use super::distance::Cells;
 use super::expansion::{Expansion, TERMS};
 
 /// Cells that a thread keeps; a power of two.
@@ -12,20 +13,20 @@ const KEPT: usize = 2048;
 /// Growth of bounds that covers roundings to single precision.
 const GROWTH: f64 = 1.0 + 1e-5;
 
+/// A cell that bulges less than this beside its length is flat.
+const FLAT: f32 = 1e-3;
+
 /// A cell as a polynomial in its own frame, in single precision and in the coordinates of the
 /// hierarchy of its cluster.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub(super) struct Model {
-    /// See [`Expansion::terms`].
-    pub(super) terms: [[f32; 4]; TERMS],
+    pub(super) cell: Cells<f32>,
     pub(super) rows: [[f32; 3]; 3],
     /// See [`Expansion::half`]; infinite where there is no frame.
     pub(super) bulge: [f32; 3],
     /// See [`Expansion::stray`]: of the weight.
     pub(super) weight_stray: f32,
-    /// See [`Expansion::second`].
-    pub(super) second: [[f32; 4]; 3],
     /// The largest of what higher powers contribute.
     pub(super) dropped: f32,
     pub(super) center: DVec3,
@@ -37,11 +38,14 @@ pub(super) struct Model {
 impl Model {
     /// An entry that no cell has.
     const NONE: Self = Self {
-        terms: [[0.0; 4]; TERMS],
+        cell: Cells {
+            terms: [[0.0; 4]; TERMS],
+            second: [[0.0; 4]; 3],
+            flat: 0,
+        },
         rows: [[0.0; 3]; 3],
         bulge: [f32::INFINITY; 3],
         weight_stray: 0.0,
-        second: [[0.0; 4]; 3],
         dropped: 0.0,
         center: DVec3::ZERO,
         middle: [0.0; 2],
@@ -64,7 +68,7 @@ impl Model {
         self.weight_stray = (local.stray[3] * GROWTH) as f32;
         self.dropped = 0.0;
         for r in 0..4 {
-            for (to, from) in self.second.iter_mut().zip(&local.second) {
+            for (to, from) in self.cell.second.iter_mut().zip(&local.second) {
                 to[r] = (from[r] * GROWTH) as f32;
             }
             self.dropped = self.dropped.max((local.dropped[r] * GROWTH) as f32);
@@ -73,9 +77,11 @@ impl Model {
                 self.rows[r] = (local.rows[r] / size).as_vec3().to_array();
             }
         }
+        let is_flat = self.bulge[2] < FLAT;
+        self.cell.flat = if is_flat { u32::MAX } else { 0 };
         for t in 0..TERMS {
             for r in 0..4 {
-                self.terms[t][r] = local.terms[t][r] as f32;
+                self.cell.terms[t][r] = local.terms[t][r] as f32;
             }
         }
         for (k, (start, end)) in [rect.u, rect.v].into_iter().enumerate() {

@@ -5,20 +5,21 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::Ray;
 
-use super::approach::{self, View};
+use super::approach::{self, Approach, View};
 use super::beam::{Beam, BeamBounds, RAYS};
 use super::cells::Cell;
-use super::finish::{self, Lines};
-use super::leaf::{self, Bits};
+use super::distance::Cells;
+use super::finish::{self, Lines, Roots};
+use super::leaf::Bits;
 use super::model::Model;
-use super::room::{Blurred, Found, Met, PacketRoom};
+use super::room::{Found, PacketRoom};
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
 use super::tree::{IS_LEAF, WIDTH};
-use super::windows::Waiting;
+use super::windows::{Batch, Company, group_of, look};
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
 use crate::intersect::triangle::Sheared;
-use crate::intersect::{Hit, Intersector, Rect, Target};
+use crate::intersect::{Hit, Intersector, Rect, Scratch, Target};
 use crate::simd::{LANES, Simd, Task, WIDE_LANES};
 
 impl Accelerator<'_> {
@@ -140,31 +141,34 @@ impl Task for Trace<'_, '_> {
             alive,
             instance: 0,
         };
-        tracer.instances();
+        if !tracer.instances() {
+            tracer.stream();
+        }
     }
 }
 
 /// A packet on its way.
-struct Tracer<'a, 'b, S> {
-    s: S,
-    accelerator: &'a Accelerator<'a>,
-    rays: &'b [Ray],
+pub(super) struct Tracer<'a, 'b, S> {
+    pub(super) s: S,
+    pub(super) accelerator: &'a Accelerator<'a>,
+    pub(super) rays: &'b [Ray],
     any: bool,
-    packet: &'b mut PacketRoom,
-    scratch: &'b mut crate::intersect::Scratch,
+    pub(super) packet: &'b mut PacketRoom,
+    pub(super) scratch: &'b mut Scratch,
     /// A bit for each ray that is still looked for.
-    alive: u64,
+    pub(super) alive: u64,
     /// The instance at hand.
-    instance: u32,
+    pub(super) instance: u32,
 }
 
 impl<S: Simd> Tracer<'_, '_, S> {
+    /// Follows the rays as a beam as long as they run side by side, and says whether they do.
     #[inline(always)]
-    fn instances(&mut self) {
+    fn instances(&mut self) -> bool {
         let accelerator = self.accelerator;
         let top = &accelerator.top;
         match accelerator.instances[..] {
-            [] => return,
+            [] => return true,
             [_] => return self.instance(0),
             _ => {}
         }
@@ -178,10 +182,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             &mut packet.local,
         );
         if !coherent {
-            for lane in Bits(self.alive) {
-                self.alone(lane);
-            }
-            return;
+            return false;
         }
         packet.top_stack.clear();
         packet.top_stack.push((0, f32::NEG_INFINITY));
@@ -202,9 +203,11 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 continue;
             }
             for number in top.leaf((child & !IS_LEAF) as usize) {
-                self.instance(number);
+                if !self.instance(number) {
+                    return false;
+                }
                 if self.alive == 0 {
-                    return;
+                    return true;
                 }
             }
             // What was found bounds the rest.
@@ -213,28 +216,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 packet.top_beam.shorten(lane, packet.until[lane]);
             }
         }
+        true
     }
 
-    /// Follows a ray for itself.
-    #[inline(never)]
-    fn alone(&mut self, lane: usize) {
-        let range = self.packet.from[lane]..self.packet.until[lane];
-        let mut best = Nearest::or_first(self.any);
-        let rooms = (
-            &mut self.packet.top_stack_alone,
-            &mut self.packet.stack_alone,
-            &mut *self.scratch,
-        );
-        self.accelerator
-            .search::<Newton>(&self.rays[lane], range, rooms, &mut best);
-        self.alive &= !(1 << lane);
-        if let Some(candidate) = best.found {
-            self.keep(lane, candidate, None);
-        }
-    }
-
+    /// As [`Self::instances`], through one of them.
     #[inline(always)]
-    fn instance(&mut self, number: usize) {
+    fn instance(&mut self, number: usize) -> bool {
         let accelerator = self.accelerator;
         let instance = &accelerator.instances[number];
         let cluster = &accelerator.clusters[instance.cluster as usize];
@@ -245,7 +232,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
         }
         if cluster.tree.is_empty() {
-            return;
+            return true;
         }
         let packet = &mut *self.packet;
         let map = cluster.tree.map() * instance.cluster_from_world;
@@ -257,10 +244,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             &mut packet.local,
         );
         if !coherent {
-            for lane in Bits(self.alive) {
-                self.alone(lane);
-            }
-            return;
+            return false;
         }
         let bounds = packet.beam.bounds();
         packet.stack.clear();
@@ -278,15 +262,16 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
             self.block(cluster, (child & !IS_LEAF) as usize, &bounds, far);
             if self.alive == 0 {
-                return;
+                break;
             }
             far = self.packet.beam.farthest(self.alive);
         }
+        true
     }
 
     /// Meets the triangles of a cluster, ray by ray.
     #[inline(never)]
-    fn triangles(&mut self, cluster: &Cluster<'_>, lane: usize) {
+    pub(super) fn triangles(&mut self, cluster: &Cluster<'_>, lane: usize) {
         let instance = &self.accelerator.instances[self.instance as usize];
         let ray = self.rays[lane].transformed(&instance.cluster_from_world);
         let mut best = Nearest::or_first(self.any);
@@ -299,7 +284,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         };
         let mut range = self.packet.from[lane]..self.packet.until[lane];
         let local = cluster.triangle_tree.local_ray(&ray);
-        let stack = &mut self.packet.stack_alone;
+        let stack = &mut self.packet.triangle_stack;
         cluster
             .triangle_tree
             .traverse(&local, &mut range, stack, &mut visitor);
@@ -346,18 +331,21 @@ impl<S: Simd> Tracer<'_, '_, S> {
         } = &mut *self.packet;
         let model = models.of(number, cluster, cell);
         waiting.clear();
-        roots.count = 0;
-        blurred.lanes = 0;
-        let seen = (&View::of_model(model, beam), &**beam);
+        (roots.count, blurred.lanes) = (0, 0);
+        let mut company = OneCell {
+            model,
+            view: View::of_model(model, beam),
+            beam,
+        };
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         if !model.bulge[0].is_finite() {
             for lane in Bits(lanes) {
                 blurred.add(lane, [-1.0; 2], [1.0; 2]);
             }
         } else if piece.is_rational {
-            look::<S, 4, 4, true>(self.s, model, seen, lanes, (waiting, roots, blurred));
+            look::<S, _, 4, 4, true>(self.s, &mut company, lanes, (waiting, roots, blurred));
         } else {
-            look::<S, 4, 4, false>(self.s, model, seen, lanes, (waiting, roots, blurred));
+            look::<S, _, 4, 4, false>(self.s, &mut company, lanes, (waiting, roots, blurred));
         }
         let part = (model.middle, model.half);
         let mut start = 0;
@@ -397,10 +385,11 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let axes = [beam.across[0], beam.across[1], beam.main];
         let wanted = (1_u32 << used) - 1;
         let net = cluster.pieces.net(piece);
+        let net = (net.degrees, net.points);
         let roots = if piece.is_rational {
-            finish::finish::<S, true>(self.s, &net, axes, &lines, (u, v), wanted)
+            finish::finish::<S, f64, true>(self.s, net, axes, &lines, (u, v), wanted)
         } else {
-            finish::finish::<S, false>(self.s, &net, axes, &lines, (u, v), wanted)
+            finish::finish::<S, f64, false>(self.s, net, axes, &lines, (u, v), wanted)
         };
         let offset = center[beam.main] * beam.sign;
         let pace = radius * beam.sign;
@@ -410,38 +399,52 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 self.subdivide(cluster, cell, cell.rect(), lane);
                 continue;
             }
-            const EDGE: f64 = 1e-12;
-            let inside = |x: f64| (-EDGE..=1.0 + EDGE).contains(&x);
-            if !(inside(roots.u[k]) && inside(roots.v[k])) {
-                continue;
-            }
             let zeta = offset + pace * roots.point[axes[2]][k];
             let t = self.packet.beam.time_at(lane, zeta);
-            if !(t >= self.packet.from[lane] && t < self.packet.until[lane]) {
-                continue;
-            }
-            let uv = DVec2::new(roots.u[k], roots.v[k]).clamp(DVec2::ZERO, DVec2::ONE);
-            if cell.is_trimmed && !keeps(cluster, piece, uv) {
-                continue;
-            }
-            let part = |x: &[[f64; WIDE_LANES]; 3]| DVec3::new(x[0][k], x[1][k], x[2][k]);
-            let place = [
-                piece.center + part(&roots.point) * piece.radius,
-                part(&roots.by_u) * (piece.radius / piece.u.1),
-                part(&roots.by_v) * (piece.radius / piece.v.1),
-            ];
-            let candidate = Candidate {
-                t,
-                instance: self.instance,
-                kind: CandidateKind::Surface {
-                    piece: cell.piece,
-                    u: uv.x,
-                    v: uv.y,
-                    tangential: false,
-                },
-            };
-            self.take(lane, candidate, Some(place));
+            self.offer(lane, (cluster, cell), (t, &roots, k), |v| v);
         }
+    }
+
+    /// Takes root `k` at the ray parameter `t` if it counts; `turn` brings the order of its
+    /// axes back.
+    #[inline(always)]
+    pub(super) fn offer(
+        &mut self,
+        lane: usize,
+        (cluster, cell): (&Cluster<'_>, &Cell),
+        (t, roots, k): (f64, &Roots, usize),
+        turn: impl Fn(DVec3) -> DVec3,
+    ) {
+        const EDGE: f64 = 1e-12;
+        let inside = |x: f64| (-EDGE..=1.0 + EDGE).contains(&x);
+        if !(inside(roots.u[k]) && inside(roots.v[k])) {
+            return;
+        }
+        if !(t >= self.packet.from[lane] && t < self.packet.until[lane]) {
+            return;
+        }
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let uv = DVec2::new(roots.u[k], roots.v[k]).clamp(DVec2::ZERO, DVec2::ONE);
+        if cell.is_trimmed && !keeps(cluster, piece, uv) {
+            return;
+        }
+        let part = |x: &[[f64; WIDE_LANES]; 3]| turn(DVec3::new(x[0][k], x[1][k], x[2][k]));
+        let place = [
+            piece.center + part(&roots.point) * piece.radius,
+            part(&roots.by_u) * (piece.radius / piece.u.1),
+            part(&roots.by_v) * (piece.radius / piece.v.1),
+        ];
+        let candidate = Candidate {
+            t,
+            instance: self.instance,
+            kind: CandidateKind::Surface {
+                piece: cell.piece,
+                u: uv.x,
+                v: uv.y,
+                tangential: false,
+            },
+        };
+        self.take(lane, candidate, Some(place));
     }
 
     /// Keeps a root that is nearer than what was known.
@@ -465,7 +468,13 @@ impl<S: Simd> Tracer<'_, '_, S> {
 
     /// Leaves a ray and a part of a cell to subdivision in double precision.
     #[inline(never)]
-    fn subdivide(&mut self, cluster: &Cluster<'_>, cell: &Cell, part: Rect, lane: usize) {
+    pub(super) fn subdivide(
+        &mut self,
+        cluster: &Cluster<'_>,
+        cell: &Cell,
+        part: Rect,
+        lane: usize,
+    ) {
         let instance = &self.accelerator.instances[self.instance as usize];
         let ray = self.rays[lane].transformed(&instance.cluster_from_world);
         let ray = ClusterRay::new(&ray, cluster);
@@ -509,13 +518,6 @@ impl<S: Simd> Tracer<'_, '_, S> {
     }
 }
 
-/// The bits of sixteen lanes.
-#[inline(always)]
-fn group_of(lanes: u64, group: usize) -> u32 {
-    let [a, b, ..] = (lanes >> (group * LANES)).to_le_bytes();
-    u32::from(u16::from_le_bytes([a, b]))
-}
-
 /// Pushes the children that a beam may meet, the nearest on top.
 #[inline(always)]
 fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH], mask: u32) {
@@ -532,43 +534,28 @@ fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH
     }
 }
 
-/// Looks for the roots of rays in a cell, and into parts of it for rays for which it is not
-/// clear; what single precision does not do for is left to the last of the rooms.
-#[inline(always)]
-fn look<S: Simd, const M: usize, const N: usize, const RATIONAL: bool>(
-    s: S,
-    model: &Model,
-    (view, beam): (&View, &Beam),
-    lanes: u64,
-    (waiting, roots, blurred): (&mut Waiting, &mut Met, &mut Blurred),
-) {
-    for group in 0..RAYS / LANES {
-        let part = group_of(lanes, group);
-        if part == 0 {
-            continue;
-        }
-        let verdict = leaf::meet::<S, M, N, RATIONAL>(s, model, view, beam, group, part, waiting);
-        for k in Bits(u64::from(verdict.blurred)) {
-            blurred.add_rest(group * LANES + k, &verdict.rest, k);
-        }
-        for k in Bits(u64::from(verdict.met)) {
-            // There is room for the first of every ray.
-            roots.push(group * LANES + k, verdict.x[k], verdict.y[k]);
-        }
+/// The rays of a beam at one cell.
+struct OneCell<'a> {
+    model: &'a Model,
+    view: View,
+    beam: &'a Beam,
+}
+
+impl<S: Simd> Company<S> for OneCell<'_> {
+    type Number = f32;
+
+    #[inline(always)]
+    fn approach<const RATIONAL: bool>(&self, s: S, group: usize) -> Approach<S::F> {
+        approach::approach::<S, RATIONAL>(s, &self.view, self.beam, group)
     }
-    while let Some(batch) = waiting.take() {
-        let verdict = leaf::again::<S, M, N, RATIONAL>(s, model, &batch);
-        waiting.go_on(&batch, &verdict, blurred);
-        waiting.give_up(blurred);
-        for k in Bits(u64::from(verdict.blurred)) {
-            blurred.add_rest(usize::from(batch.lane[k]), &verdict.rest, k);
-        }
-        for k in Bits(u64::from(verdict.met)) {
-            let lane = usize::from(batch.lane[k]);
-            if !roots.push(lane, verdict.x[k], verdict.y[k]) {
-                let (low, high) = batch.part(k);
-                blurred.add(lane, low, high);
-            }
-        }
+
+    #[inline(always)]
+    fn cells(&self, _: usize) -> &Cells<f32> {
+        &self.model.cell
+    }
+
+    #[inline(always)]
+    fn cells_of(&mut self, _: &Batch) -> &Cells<f32> {
+        &self.model.cell
     }
 }

@@ -3,11 +3,18 @@
 use glam::{DVec2, DVec3};
 
 use super::beam::{Beam, RAYS, Rays};
+use super::expansion::TERMS;
 use super::leaf::Rest;
+use super::meetings::Meetings;
 use super::model::Models;
 use super::trace::{Candidate, CandidateKind};
+use super::walk::Walker;
 use super::windows::Waiting;
 use crate::intersect::Rect;
+use crate::simd::WIDE_LANES;
+
+/// The nets of eight pieces side by side.
+pub(super) type Nets = [[[f64; WIDE_LANES]; 4]; TERMS];
 
 /// What packets reuse from call to call.
 #[derive(Debug)]
@@ -27,8 +34,10 @@ pub(super) struct PacketRoom {
     pub(super) met: u64,
     pub(super) stack: Vec<(u32, f32)>,
     pub(super) top_stack: Vec<(u32, f32)>,
-    pub(super) stack_alone: Vec<(u32, f32)>,
-    pub(super) top_stack_alone: Vec<(u32, f32)>,
+    pub(super) triangle_stack: Vec<(u32, f32)>,
+    pub(super) walkers: Vec<Walker>,
+    pub(super) meetings: Box<Meetings>,
+    pub(super) nets: Box<Nets>,
 }
 
 impl Default for PacketRoom {
@@ -48,8 +57,10 @@ impl Default for PacketRoom {
             met: 0,
             stack: Vec::new(),
             top_stack: Vec::new(),
-            stack_alone: Vec::new(),
-            top_stack_alone: Vec::new(),
+            triangle_stack: Vec::new(),
+            walkers: Vec::new(),
+            meetings: Box::new(Meetings::NONE),
+            nets: Box::new([[[0.0; WIDE_LANES]; 4]; TERMS]),
         }
     }
 }

@@ -308,6 +308,10 @@ impl<I: Intersector, C: Collector> Visitor for CellVisitor<'_, I, C> {
         let mut found = [Encounter::NONE; WIDTH];
         let count = block.meet(&self.local, &self.local.range(range), &mut found);
         for encounter in &found[..count] {
+            // What was found in the cells before bounds the rest.
+            if encounter.near > self.local.range(range).end {
+                continue;
+            }
             if !self.meet(block, encounter, range) {
                 self.go_on = false;
                 return false;

@@ -71,6 +71,52 @@ impl LocalRay {
     }
 }
 
+/// A ray in the coordinates of a tree: its origin near the middle, and a direction of length
+/// one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Course {
+    pub(crate) origin: DVec3,
+    pub(crate) direction: DVec3,
+    /// The ray parameter of the origin, and how much of it is one unit of the tree.
+    pub(crate) shift: f64,
+    pub(crate) unit: f64,
+}
+
+impl Course {
+    /// That of no ray.
+    pub(crate) const NONE: Self = Self {
+        origin: DVec3::ZERO,
+        direction: DVec3::X,
+        shift: 0.0,
+        unit: 1.0,
+    };
+
+    /// The ray parameter at a length from the origin.
+    #[inline(always)]
+    pub(crate) fn time(&self, length: f64) -> f64 {
+        self.shift + length * self.unit
+    }
+}
+
+impl From<&Course> for LocalRay {
+    #[inline(always)]
+    fn from(course: &Course) -> Self {
+        Self {
+            origin: single(course.origin),
+            direction: single(course.direction),
+            inverse: single(course.direction).map(|d| {
+                if d.abs() < f32::MIN_POSITIVE {
+                    f32::MAX
+                } else {
+                    d.recip()
+                }
+            }),
+            shift: course.shift,
+            unit: course.unit,
+        }
+    }
+}
+
 /// What happens at the leaves that a ray passes.
 pub(crate) trait Visitor {
     /// Examines leaf `number`. `range` is still of interest; its end may be lowered. The
@@ -191,19 +237,18 @@ impl Tree {
     /// The ray as the tree sees it.
     #[inline(always)]
     pub(crate) fn local_ray(&self, ray: &Ray) -> LocalRay {
+        LocalRay::from(&self.course(ray))
+    }
+
+    /// The ray in the coordinates of the tree.
+    #[inline(always)]
+    pub(crate) fn course(&self, ray: &Ray) -> Course {
         let length = ray.direction.length();
-        let unit_direction = ray.direction / length;
-        let shift = (self.center - ray.origin).dot(unit_direction) / length;
-        LocalRay {
-            origin: single(self.to_local(ray.at(shift))),
-            direction: single(unit_direction),
-            inverse: single(unit_direction).map(|d| {
-                if d.abs() < f32::MIN_POSITIVE {
-                    f32::MAX
-                } else {
-                    d.recip()
-                }
-            }),
+        let direction = ray.direction / length;
+        let shift = (self.center - ray.origin).dot(direction) / length;
+        Course {
+            origin: self.to_local(ray.at(shift)),
+            direction,
             shift,
             unit: (length * self.scale).recip(),
         }
@@ -267,29 +312,46 @@ impl Tree {
         stack: &mut Vec<(u32, f32)>,
         visitor: &mut impl Visitor,
     ) {
-        if self.nodes.is_empty() {
-            return;
-        }
         let base = stack.len();
+        self.begin(stack);
         let mut local = ray.range(range);
-        stack.push((0, f32::NEG_INFINITY));
+        while let Some(number) = self.next_leaf(ray, &local, stack, base) {
+            if !visitor.leaf(number, range) {
+                stack.truncate(base);
+                return;
+            }
+            local = ray.range(range);
+        }
+    }
+
+    /// Puts the root on a stack.
+    #[inline(always)]
+    pub(crate) fn begin(&self, stack: &mut Vec<(u32, f32)>) {
+        if !self.nodes.is_empty() {
+            stack.push((0, f32::NEG_INFINITY));
+        }
+    }
+
+    /// The next leaf that the ray passes within `range`, roughly from near to far; what is
+    /// still to be searched is on the stack above `base`.
+    #[inline(always)]
+    pub(crate) fn next_leaf(
+        &self,
+        ray: &LocalRay,
+        range: &Range<f32>,
+        stack: &mut Vec<(u32, f32)>,
+        base: usize,
+    ) -> Option<usize> {
         while stack.len() > base {
-            let Some((child, near)) = stack.pop() else {
-                break;
-            };
-            if near > local.end {
+            let (child, near) = stack.pop()?;
+            if near > range.end {
                 continue;
             }
             if child & IS_LEAF != 0 {
-                if !visitor.leaf((child & !IS_LEAF) as usize, range) {
-                    stack.truncate(base);
-                    return;
-                }
-                local = ray.range(range);
-                continue;
+                return Some((child & !IS_LEAF) as usize);
             }
             let node = &self.nodes[child as usize];
-            let (near, mut mask) = node.slabs(ray, &local);
+            let (near, mut mask) = node.slabs(ray, range);
             let first = stack.len();
             while mask != 0 {
                 let k = mask.trailing_zeros() as usize;
@@ -305,6 +367,7 @@ impl Tree {
                 stack[place] = entry;
             }
         }
+        None
     }
 }
 

@@ -4,10 +4,12 @@
 //! narrowed and halved, in the coordinates of the cell; the parts of all rays of a packet are
 //! looked into sixteen at a time.
 
+use super::approach::Approach;
 use super::beam::RAYS;
-use super::leaf::{Bits, Seen, Verdict};
-use super::room::Blurred;
-use crate::simd::{LANES, Simd};
+use super::distance::Cells;
+use super::leaf::{self, Bits, Seen, Verdict};
+use super::room::{Blurred, Met};
+use crate::simd::{LANES, PerLane, Simd};
 
 /// Parts that wait at most.
 const CAPACITY: usize = 1024;
@@ -210,5 +212,75 @@ impl Batch {
             [s.load(&self.low[0]), s.load(&self.low[1])],
             [s.load(&self.high[0]), s.load(&self.high[1])],
         )
+    }
+}
+
+/// Up to 64 rays, and the cell or the cells that they come to.
+pub(super) trait Company<S: Simd> {
+    /// What a cell is described with.
+    type Number: PerLane<S, Lanes = S::F>;
+
+    /// How the rays of a group come to their cells.
+    fn approach<const RATIONAL: bool>(&self, s: S, group: usize) -> Approach<S::F>;
+
+    /// The cells of a group.
+    fn cells(&self, group: usize) -> &Cells<Self::Number>;
+
+    /// The cells of the rays of a batch.
+    fn cells_of(&mut self, batch: &Batch) -> &Cells<Self::Number>;
+}
+
+/// The bits of sixteen lanes.
+#[inline(always)]
+pub(super) fn group_of(lanes: u64, group: usize) -> u32 {
+    let [a, b, ..] = (lanes >> (group * LANES)).to_le_bytes();
+    u32::from(u16::from_le_bytes([a, b]))
+}
+
+/// Looks for the roots of rays in their cells, and into parts of these for rays for which it is
+/// not clear; what single precision does not do for is left to the last of the rooms.
+#[inline(always)]
+pub(super) fn look<S: Simd, C: Company<S>, const M: usize, const N: usize, const RATIONAL: bool>(
+    s: S,
+    company: &mut C,
+    lanes: u64,
+    (waiting, roots, blurred): (&mut Waiting, &mut Met, &mut Blurred),
+) {
+    for group in 0..RAYS / LANES {
+        let part = group_of(lanes, group);
+        if part == 0 {
+            continue;
+        }
+        let approach = company.approach::<RATIONAL>(s, group);
+        let verdict = leaf::meet::<S, _, M, N, RATIONAL>(
+            s,
+            company.cells(group),
+            &approach,
+            group,
+            part,
+            waiting,
+        );
+        for k in Bits(u64::from(verdict.blurred)) {
+            blurred.add_rest(group * LANES + k, &verdict.rest, k);
+        }
+        for k in Bits(u64::from(verdict.met)) {
+            // There is room for the first of every ray.
+            roots.push(group * LANES + k, verdict.x[k], verdict.y[k]);
+        }
+    }
+    while let Some(batch) = waiting.take() {
+        let verdict = leaf::again::<S, _, M, N, RATIONAL>(s, company.cells_of(&batch), &batch);
+        waiting.go_on(&batch, &verdict, blurred);
+        waiting.give_up(blurred);
+        for k in Bits(u64::from(verdict.blurred)) {
+            blurred.add_rest(usize::from(batch.lane[k]), &verdict.rest, k);
+        }
+        for k in Bits(u64::from(verdict.met)) {
+            let lane = usize::from(batch.lane[k]);
+            if !roots.push(lane, verdict.x[k], verdict.y[k]) {
+                let (low, high) = batch.part(k);
+                blurred.add(lane, low, high);
+            }
+        }
     }
 }

@@ -1,0 +1,253 @@
+//! Rays that do not run side by side: each goes its own way from cell to cell, and what up to
+//! 64 of them have come to is looked into at once.
+
+use glam::DVec3;
+
+use super::Cluster;
+use super::beam::RAYS;
+use super::expansion::ORDER;
+use super::finish::{self, Lines, Roots, finish};
+use super::leaf::Bits;
+use super::packet::Tracer;
+use super::room::PacketRoom;
+use super::tree::Course;
+use super::walk::{Stop, Walker};
+use super::windows::look;
+use crate::intersect::net::Degrees;
+use crate::simd::{Simd, WIDE_LANES};
+
+impl<'a, S: Simd> Tracer<'a, '_, S> {
+    /// Follows the rays that are left to their ends.
+    #[inline(always)]
+    pub(super) fn stream(&mut self) {
+        self.packet.walkers.resize_with(RAYS, Walker::default);
+        for lane in Bits(self.alive) {
+            self.packet.walkers[lane].begin(self.accelerator, &self.rays[lane]);
+        }
+        loop {
+            self.gather();
+            if self.packet.meetings.count == 0 {
+                return;
+            }
+            self.look_around();
+        }
+    }
+
+    /// Lets each ray go on to the next cell that it may meet.
+    #[inline(always)]
+    fn gather(&mut self) {
+        self.packet.meetings.clear();
+        for lane in Bits(self.alive) {
+            while self.alive >> lane & 1 == 1 {
+                let PacketRoom {
+                    walkers,
+                    meetings,
+                    models,
+                    from,
+                    until,
+                    ..
+                } = &mut *self.packet;
+                let walker = &mut walkers[lane];
+                let range = from[lane]..until[lane];
+                let stop = walker.go_on(self.accelerator, &self.rays[lane], &range);
+                let number = walker.instance;
+                let instance = &self.accelerator.instances[number as usize];
+                let cluster = &self.accelerator.clusters[instance.cluster as usize];
+                match stop {
+                    Stop::Cell(slot) => {
+                        let cell = &cluster.blocks[walker.block].cells[slot];
+                        let model = models.of(instance.cluster, cluster, cell);
+                        let is_rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
+                        let ray = (lane, &walker.course, &range);
+                        meetings.put(ray, (number, cell, is_rational), model);
+                        break;
+                    }
+                    Stop::Instance => {
+                        self.instance = number;
+                        if !cluster.triangles.is_empty() {
+                            self.triangles(cluster, lane);
+                        }
+                    }
+                    Stop::End => self.alive &= !(1 << lane),
+                }
+            }
+        }
+    }
+
+    /// Looks for roots in all the cells that rays have come to.
+    #[inline(always)]
+    fn look_around(&mut self) {
+        let PacketRoom {
+            meetings,
+            waiting,
+            roots,
+            blurred,
+            ..
+        } = &mut *self.packet;
+        self.scratch.cells += meetings.count as u64;
+        waiting.clear();
+        (roots.count, blurred.lanes) = (0, 0);
+        for k in Bits(meetings.frameless) {
+            blurred.add(k, [-1.0; 2], [1.0; 2]);
+        }
+        let all = u64::MAX >> (RAYS - meetings.count);
+        let framed = all & !meetings.frameless;
+        let rooms = (&mut **waiting, &mut **roots, &mut **blurred);
+        if meetings.is_rational {
+            look::<S, _, 4, 4, true>(self.s, &mut **meetings, framed, rooms);
+        } else {
+            look::<S, _, 4, 4, false>(self.s, &mut **meetings, framed, rooms);
+        }
+        let mut start = 0;
+        while start < self.packet.roots.count {
+            start += self.finish_some(start);
+        }
+        for k in Bits(self.packet.blurred.lanes) {
+            let cell = self.packet.meetings.cell[k];
+            let part = self.packet.blurred.part(k, &cell.rect());
+            let lane = usize::from(self.packet.meetings.lane[k]);
+            let cluster = self.enter(k);
+            self.subdivide(cluster, &cell, part, lane);
+        }
+    }
+
+    /// The cluster of meeting `k`, of which the instance is then the one at hand.
+    #[inline(always)]
+    fn enter(&mut self, k: usize) -> &'a Cluster<'a> {
+        self.instance = self.packet.meetings.instance[k];
+        let instance = &self.accelerator.instances[self.instance as usize];
+        &self.accelerator.clusters[instance.cluster as usize]
+    }
+
+    /// The degrees of the piece in which root `k` lies.
+    #[inline(always)]
+    fn degrees(&self, k: usize) -> Degrees {
+        let meetings = &self.packet.meetings;
+        let k = usize::from(self.packet.roots.lanes[k]);
+        let instance = &self.accelerator.instances[meetings.instance[k] as usize];
+        let cluster = &self.accelerator.clusters[instance.cluster as usize];
+        cluster.pieces.pieces[meetings.cell[k].piece as usize].degrees
+    }
+
+    /// Finishes roots from `first` on in double precision and takes those that count; the
+    /// result says how many: up to eight of common low degrees, or one.
+    #[inline(always)]
+    fn finish_some(&mut self, first: usize) -> usize {
+        let degrees = self.degrees(first);
+        let is_low = degrees.p.max(degrees.q) < ORDER;
+        let most = if is_low { WIDE_LANES } else { 1 };
+        let end = self.packet.roots.count.min(first + most);
+        let same = (first + 1..end).take_while(|&k| self.degrees(k) == degrees);
+        let used = 1 + same.count();
+        let mut batch = Batch {
+            lines: Lines {
+                slope: [[0.0; WIDE_LANES]; 2],
+                constant: [[0.0; WIDE_LANES]; 2],
+            },
+            axes: [[0; 3]; WIDE_LANES],
+            way: [0.0; WIDE_LANES],
+            start: ([0.0; WIDE_LANES], [0.0; WIDE_LANES]),
+        };
+        for k in 0..used {
+            self.prepare(first + k, k, &mut batch);
+        }
+        let wanted = (1 << used) - 1;
+        let roots = if is_low {
+            let points = &self.packet.nets[..degrees.len()];
+            let (net, start) = ((degrees, points), batch.start);
+            finish::<S, _, true>(self.s, net, [0, 1, 2], &batch.lines, start, wanted)
+        } else {
+            let k = usize::from(self.packet.roots.lanes[first]);
+            let cluster = self.enter(k);
+            let piece = &cluster.pieces.pieces[self.packet.meetings.cell[k].piece as usize];
+            let points = cluster.pieces.net(piece).points;
+            let (net, start) = ((degrees, points), batch.start);
+            finish::<S, _, true>(self.s, net, batch.axes[0], &batch.lines, start, wanted)
+        };
+        for k in 0..used {
+            self.finished(first + k, (&roots, k), &batch, is_low);
+        }
+        used
+    }
+
+    /// Makes root `number` ready for slot `k`.
+    #[inline(always)]
+    fn prepare(&mut self, number: usize, k: usize, batch: &mut Batch) {
+        let met = &self.packet.roots;
+        let meeting = usize::from(met.lanes[number]);
+        let (x, y) = (f64::from(met.x[number]), f64::from(met.y[number]));
+        let cluster = self.enter(meeting);
+        let PacketRoom {
+            meetings,
+            walkers,
+            nets,
+            ..
+        } = &mut *self.packet;
+        let (middle, half) = meetings.part[meeting];
+        batch.start.0[k] = middle[0] + half[0] * x;
+        batch.start.1[k] = middle[1] + half[1] * y;
+        let piece = &cluster.pieces.pieces[meetings.cell[meeting].piece as usize];
+        let (center, radius) = finish::ball(piece, &cluster.tree);
+        let Course {
+            origin, direction, ..
+        } = walkers[usize::from(meetings.lane[meeting])].course;
+        let towards = DVec3::from_array(center) - origin;
+        let way = towards.dot(direction);
+        let place = (direction * way - towards) / radius;
+        let main = direction.abs().max_position();
+        let [i, j] = [[1, 2], [0, 2], [0, 1]][main];
+        for (axis, side) in [(0, i), (1, j)] {
+            let slope = direction[side] / direction[main];
+            batch.lines.slope[axis][k] = slope;
+            batch.lines.constant[axis][k] = place[side] - slope * place[main];
+        }
+        (batch.axes[k], batch.way[k]) = ([i, j, main], way);
+        for (to, from) in nets.iter_mut().zip(cluster.pieces.net(piece).points) {
+            for (r, axis) in [i, j, main, 3].into_iter().enumerate() {
+                to[r][k] = from[axis];
+            }
+        }
+    }
+
+    /// Takes root `number`, which is in slot `k`, if it counts.
+    #[inline(always)]
+    fn finished(
+        &mut self,
+        number: usize,
+        (roots, k): (&Roots, usize),
+        batch: &Batch,
+        is_turned: bool,
+    ) {
+        let meeting = usize::from(self.packet.roots.lanes[number]);
+        let cluster = self.enter(meeting);
+        let meetings = &self.packet.meetings;
+        let (cell, lane) = (meetings.cell[meeting], usize::from(meetings.lane[meeting]));
+        if roots.found >> k & 1 == 0 {
+            return self.subdivide(cluster, &cell, cell.rect(), lane);
+        }
+        let course = &self.packet.walkers[lane].course;
+        let turn = |v: DVec3| {
+            let mut own = v;
+            if is_turned {
+                for (r, axis) in batch.axes[k].into_iter().enumerate() {
+                    own[axis] = v[r];
+                }
+            }
+            own
+        };
+        let (_, radius) = finish::ball(&cluster.pieces.pieces[cell.piece as usize], &cluster.tree);
+        let point = turn(DVec3::from_array(roots.point.map(|x| x[k])));
+        let t = course.time(batch.way[k] + radius * point.dot(course.direction));
+        self.offer(lane, (cluster, &cell), (t, roots, k), turn);
+    }
+}
+
+/// What up to eight roots are finished with.
+struct Batch {
+    lines: Lines,
+    /// The axes of the lines: both across and the main one.
+    axes: [[usize; 3]; WIDE_LANES],
+    /// From the origin of the ray to where it is nearest to the middle of the piece.
+    way: [f64; WIDE_LANES],
+    start: ([f64; WIDE_LANES], [f64; WIDE_LANES]),
+}

@@ -1,0 +1,129 @@
+//! One ray on its way through both levels, from cell to cell.
+
+use std::ops::Range;
+
+use kernel::Ray;
+
+use super::Accelerator;
+use super::block::Encounter;
+use super::tree::{Course, LocalRay, WIDTH};
+
+/// What a ray comes to.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Stop {
+    /// An instance, of which the triangles are not searched.
+    Instance,
+    /// A cell of the block at hand, which it may meet.
+    Cell(usize),
+    /// Nothing any more.
+    End,
+}
+
+/// A ray that goes on from where it stopped.
+#[derive(Debug)]
+pub(super) struct Walker {
+    /// The instance at hand, and the ray in the coordinates of its hierarchy.
+    pub(super) instance: u32,
+    pub(super) course: Course,
+    /// The block at hand.
+    pub(super) block: usize,
+    /// Instances that come next.
+    instances: Range<usize>,
+    top_ray: LocalRay,
+    top_stack: Vec<(u32, f32)>,
+    ray: LocalRay,
+    stack: Vec<(u32, f32)>,
+    found: [Encounter; WIDTH],
+    next: usize,
+    count: usize,
+}
+
+impl Default for Walker {
+    fn default() -> Self {
+        Self {
+            instance: 0,
+            course: Course::NONE,
+            block: 0,
+            instances: 0..0,
+            top_ray: LocalRay::from(&Course::NONE),
+            top_stack: Vec::new(),
+            ray: LocalRay::from(&Course::NONE),
+            stack: Vec::new(),
+            found: [Encounter::NONE; WIDTH],
+            next: 0,
+            count: 0,
+        }
+    }
+}
+
+impl Walker {
+    /// Begins with another ray.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, accelerator: &Accelerator<'_>, ray: &Ray) {
+        self.top_ray = accelerator.top.local_ray(ray);
+        self.top_stack.clear();
+        accelerator.top.begin(&mut self.top_stack);
+        (self.instance, self.instances) = (0, 0..0);
+        self.stack.clear();
+        (self.next, self.count) = (0, 0);
+    }
+
+    /// Goes on to what the ray may meet next within `range`.
+    #[inline(always)]
+    pub(super) fn go_on(
+        &mut self,
+        accelerator: &Accelerator<'_>,
+        ray: &Ray,
+        range: &Range<f64>,
+    ) -> Stop {
+        let local = self.ray.range(range);
+        loop {
+            while self.next < self.count {
+                let encounter = &self.found[self.next];
+                self.next += 1;
+                // What was found in the cells before bounds the rest.
+                if encounter.near > local.end {
+                    continue;
+                }
+                return Stop::Cell(encounter.slot);
+            }
+            if !self.stack.is_empty() {
+                let instance = &accelerator.instances[self.instance as usize];
+                let cluster = &accelerator.clusters[instance.cluster as usize];
+                let leaf = cluster
+                    .tree
+                    .next_leaf(&self.ray, &local, &mut self.stack, 0);
+                if let Some(number) = leaf {
+                    self.block = number;
+                    self.next = 0;
+                    self.count = cluster.blocks[number].meet(&self.ray, &local, &mut self.found);
+                    continue;
+                }
+            }
+            let Some(number) = self.instances.next() else {
+                let top = &accelerator.top;
+                let local = self.top_ray.range(range);
+                match top.next_leaf(&self.top_ray, &local, &mut self.top_stack, 0) {
+                    Some(leaf) => self.instances = top.leaf(leaf),
+                    None => return Stop::End,
+                }
+                continue;
+            };
+            self.enter(accelerator, ray, number);
+            return Stop::Instance;
+        }
+    }
+
+    /// Begins with an instance.
+    #[inline(always)]
+    fn enter(&mut self, accelerator: &Accelerator<'_>, ray: &Ray, number: usize) {
+        let instance = &accelerator.instances[number];
+        let cluster = &accelerator.clusters[instance.cluster as usize];
+        self.instance = u32::try_from(number).expect("fewer instances than fit");
+        self.course = cluster
+            .tree
+            .course(&ray.transformed(&instance.cluster_from_world));
+        self.ray = LocalRay::from(&self.course);
+        cluster.tree.begin(&mut self.stack);
+    }
+}
