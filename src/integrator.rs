@@ -67,6 +67,14 @@ pub(crate) struct Radiance {
     pub(crate) coverage: f64,
 }
 
+/// A surface that a ray sees, and how much of it.
+struct Layer {
+    /// The number of the ray.
+    ray: usize,
+    hit: Hit,
+    share: f64,
+}
+
 impl<'a> Integrator<'a> {
     pub(crate) fn new(accelerator: &'a Accelerator<'a>, camera: &Camera, shading: Shading) -> Self {
         let scene = accelerator.scene();
@@ -83,7 +91,8 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// The light that comes back along each of many rays, which should run side by side.
+    /// The light that comes back along each of many rays, which should run side by side, from
+    /// their first hits and, where these are transparent, from what lies behind.
     /// Counts the rays it sends in `count`.
     pub(crate) fn radiances(
         &self,
@@ -92,46 +101,81 @@ impl<'a> Integrator<'a> {
         workspace: &mut Workspace,
         count: &mut u64,
     ) -> Vec<Radiance> {
-        if self.transparent {
-            let shots = rays.iter().zip(hits);
-            return shots
-                .map(|(ray, hit)| match hit {
-                    Some(hit) => self.radiance(ray, hit, workspace, count),
-                    None => Radiance::default(),
-                })
-                .collect();
-        }
-        let looks: Vec<Option<Look>> = rays
-            .iter()
-            .zip(hits)
-            .map(|(ray, hit)| hit.as_ref().map(|hit| self.look(ray, hit)))
-            .collect();
-        let mut light: Vec<_> = looks
-            .iter()
-            .map(|look| match look {
-                Some(look) => Radiance {
-                    color: self.unlit(look),
-                    coverage: 1.0,
-                },
-                None => Radiance::default(),
+        let mut light = vec![Radiance::default(); rays.len()];
+        let first = |(ray, hit): (usize, &Option<Hit>)| {
+            Some(Layer {
+                ray,
+                hit: (*hit)?,
+                share: 1.0,
             })
-            .collect();
+        };
+        let mut layers: Vec<_> = hits.iter().enumerate().filter_map(first).collect();
+        let (mut behind, mut ranges, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..LAYERS {
+            if layers.is_empty() {
+                break;
+            }
+            let looks: Vec<_> = layers
+                .iter()
+                .map(|layer| self.look(&rays[layer.ray], &layer.hit))
+                .collect();
+            let colors = self.colors(rays, &layers, &looks, workspace, count);
+            for ((layer, look), color) in layers.iter_mut().zip(&looks).zip(colors) {
+                let sum = &mut light[layer.ray];
+                let opacity = self.opacity(look);
+                if opacity > 0.0 {
+                    sum.color += color * (layer.share * opacity);
+                }
+                layer.share *= 1.0 - opacity;
+                sum.coverage = 1.0 - layer.share;
+            }
+            layers.retain(|layer| layer.share >= LEAST_SHARE);
+            behind.clear();
+            ranges.clear();
+            for layer in &layers {
+                let ray = &rays[layer.ray];
+                let (next, range) = self.leave(ray, &layer.hit, ray.direction);
+                behind.push(next);
+                ranges.push(range);
+            }
+            *count += behind.len() as u64;
+            self.accelerator
+                .nearest_many(&behind, &ranges, workspace, &mut found);
+            let mut found = found.iter();
+            layers.retain_mut(|layer| {
+                let next = found.next().copied().flatten();
+                layer.hit = next.unwrap_or(layer.hit);
+                next.is_some()
+            });
+        }
+        light
+    }
+
+    /// The local model at each layer.
+    fn colors(
+        &self,
+        rays: &[Ray],
+        layers: &[Layer],
+        looks: &[Look],
+        workspace: &mut Workspace,
+        count: &mut u64,
+    ) -> Vec<DVec3> {
+        let mut colors: Vec<_> = looks.iter().map(|look| self.unlit(look)).collect();
         let (mut shadows, mut ranges, mut pending) = (Vec::new(), Vec::new(), Vec::new());
-        let mut blocked = Vec::new();
         for active in &self.lights {
             shadows.clear();
             ranges.clear();
             pending.clear();
-            for (number, (ray, (hit, look))) in rays.iter().zip(hits.iter().zip(&looks)).enumerate()
-            {
-                let (Some(hit), Some(look)) = (hit, look) else {
+            for (number, (layer, look)) in layers.iter().zip(looks).enumerate() {
+                let (ray, hit) = (&rays[layer.ray], &layer.hit);
+                if self.opacity(look) <= 0.0 {
                     continue;
-                };
+                }
                 let Some(lit) = self.lit(ray, hit, look, &active.light) else {
                     continue;
                 };
                 if !active.shadows {
-                    light[number].color += lit.color;
+                    colors[number] += lit.color;
                     continue;
                 }
                 let (shadow, range) = self.towards(ray, hit, &lit);
@@ -139,14 +183,69 @@ impl<'a> Integrator<'a> {
                 ranges.push(range);
                 pending.push((number, lit.color));
             }
-            *count += shadows.len() as u64;
-            self.accelerator
-                .any_many(&shadows, &ranges, workspace, &mut blocked);
-            for (&(number, color), _) in pending.iter().zip(&blocked).filter(|(_, b)| !**b) {
-                light[number].color += color;
+            let shares = self.shares(&mut shadows, &mut ranges, workspace, count);
+            for (&(number, color), &share) in pending.iter().zip(&shares) {
+                if share > 0.0 {
+                    colors[number] += color * share;
+                }
             }
         }
-        light
+        colors
+    }
+
+    /// The share of light that arrives along each ray to a light; the rays go on through what
+    /// is transparent.
+    fn shares(
+        &self,
+        shadows: &mut Vec<Ray>,
+        ranges: &mut Vec<Range<f64>>,
+        workspace: &mut Workspace,
+        count: &mut u64,
+    ) -> Vec<f64> {
+        *count += shadows.len() as u64;
+        if !self.transparent {
+            let mut blocked = Vec::new();
+            self.accelerator
+                .any_many(shadows, ranges, workspace, &mut blocked);
+            return blocked
+                .iter()
+                .map(|&blocked| if blocked { 0.0 } else { 1.0 })
+                .collect();
+        }
+        let mut shares = vec![1.0; shadows.len()];
+        let mut open: Vec<_> = (0..shadows.len()).collect();
+        let mut found = Vec::new();
+        for _ in 0..LAYERS {
+            self.accelerator
+                .nearest_many(shadows, ranges, workspace, &mut found);
+            let mut kept = 0;
+            for (k, blocker) in found.iter().enumerate() {
+                let Some(blocker) = blocker else { continue };
+                let (shadow, share) = (&shadows[k], &mut shares[open[k]]);
+                *share *= 1.0 - self.look(shadow, blocker).opacity;
+                if *share < LEAST_SHARE {
+                    *share = 0.0;
+                    continue;
+                }
+                let (next, _) = self.leave(shadow, blocker, shadow.direction);
+                ranges[kept] = ranges[k].start..ranges[k].end - blocker.t;
+                (shadows[kept], open[kept]) = (next, open[k]);
+                kept += 1;
+            }
+            shadows.truncate(kept);
+            ranges.truncate(kept);
+            open.truncate(kept);
+            *count += kept as u64;
+            if kept == 0 {
+                break;
+            }
+        }
+        shares
+    }
+
+    /// How much of a surface hides what is behind it.
+    fn opacity(&self, look: &Look) -> f64 {
+        if self.transparent { look.opacity } else { 1.0 }
     }
 
     /// The material at a hit, of the side that the ray meets.
@@ -167,62 +266,6 @@ impl<'a> Integrator<'a> {
             Some(color) => look.tinted(material, color),
             None => look,
         }
-    }
-
-    /// The light that comes back along `ray` from its first hit and, where that is
-    /// transparent, from what lies behind. Counts the rays it sends in `rays`.
-    fn radiance(
-        &self,
-        ray: &Ray,
-        first: &Hit,
-        workspace: &mut Workspace,
-        rays: &mut u64,
-    ) -> Radiance {
-        let mut hit = *first;
-        let (mut sum, mut share) = (Radiance::default(), 1.0);
-        for _ in 0..LAYERS {
-            let look = self.look(ray, &hit);
-            if look.opacity > 0.0 {
-                let local = self.local(ray, &hit, &look, workspace, rays);
-                sum.color += local * (share * look.opacity);
-            }
-            share *= 1.0 - look.opacity;
-            if share < LEAST_SHARE {
-                break;
-            }
-            let (behind, range) = self.leave(ray, &hit, ray.direction);
-            *rays += 1;
-            match self.accelerator.nearest(&behind, range, workspace) {
-                Some(next) => hit = next,
-                None => break,
-            }
-        }
-        sum.coverage = 1.0 - share;
-        sum
-    }
-
-    /// The local model at one hit.
-    fn local(
-        &self,
-        ray: &Ray,
-        hit: &Hit,
-        look: &Look,
-        workspace: &mut Workspace,
-        rays: &mut u64,
-    ) -> DVec3 {
-        let mut color = self.unlit(look);
-        for ActiveLight { light, shadows } in &self.lights {
-            let Some(lit) = self.lit(ray, hit, look, light) else {
-                continue;
-            };
-            let visible = if *shadows {
-                self.visibility(ray, hit, &lit, workspace, rays)
-            } else {
-                1.0
-            };
-            color += lit.color * visible;
-        }
-        color
     }
 
     /// What needs no light in particular.
@@ -270,34 +313,6 @@ impl<'a> Integrator<'a> {
         let (shadow, mut range) = self.leave(ray, hit, lit.direction);
         range.end = lit.reach - (shadow.origin - hit.point).dot(lit.direction);
         (shadow, range)
-    }
-
-    /// The share of a light that arrives through what may be transparent.
-    fn visibility(
-        &self,
-        ray: &Ray,
-        hit: &Hit,
-        lit: &Lit,
-        workspace: &mut Workspace,
-        rays: &mut u64,
-    ) -> f64 {
-        let (mut shadow, mut range) = self.towards(ray, hit, lit);
-        *rays += 1;
-        let mut share = 1.0;
-        for _ in 0..LAYERS {
-            let Some(blocker) = self.accelerator.nearest(&shadow, range.clone(), workspace) else {
-                return share;
-            };
-            share *= 1.0 - self.look(&shadow, &blocker).opacity;
-            if share < LEAST_SHARE {
-                return 0.0;
-            }
-            let (next, _) = self.leave(&shadow, &blocker, lit.direction);
-            range.end -= blocker.t;
-            shadow = next;
-            *rays += 1;
-        }
-        share
     }
 
     /// A ray that leaves the surface at `hit` along `direction`, without meeting that very

@@ -7,7 +7,9 @@ use glam::DVec3;
 use super::approach::View;
 use super::beam::{Beam, BeamBounds};
 use super::cells::{Cell, NewCell};
+use super::room::part_of;
 use super::tree::{LocalRay, Tree, WIDTH};
+use crate::intersect::Rect;
 
 /// Rounding errors of positions in a tree of size one.
 const POSITION_ERROR: f32 = 16.0 / (1 << 24) as f32;
@@ -37,6 +39,8 @@ pub(crate) struct Encounter {
     pub(crate) slot: usize,
     /// Where the ray meets the tangent plane, in the cell's coordinates from -1 to 1.
     pub(crate) start: [f32; 2],
+    /// Roots are no further from there.
+    pub(crate) side: [f32; 2],
     /// Bound on how far the cell strays from its frame as seen along the ray: below one there
     /// is at most one root.
     pub(crate) stray: f32,
@@ -114,6 +118,7 @@ impl Block {
             found[place] = Encounter {
                 slot,
                 start: [lanes.s[slot], lanes.t[slot]],
+                side: [lanes.side1[slot], lanes.side2[slot]],
                 stray: lanes.stray[slot],
                 near: lanes.near[slot],
             };
@@ -176,6 +181,7 @@ impl Block {
             | (time + spread < range.start);
         lanes.beside[k] = u32::from(beside);
         (lanes.s[k], lanes.t[k]) = (s, t);
+        (lanes.side1[k], lanes.side2[k]) = (side1 * GROWTH, side2 * GROWTH);
         let stray = if q1 > q2 { q1 } else { q2 };
         // A comparison with what is not a number must fail.
         let known = (q1 < f32::INFINITY) & (q2 < f32::INFINITY);
@@ -308,6 +314,8 @@ struct Lanes {
     beside: [u32; WIDTH],
     s: [f32; WIDTH],
     t: [f32; WIDTH],
+    side1: [f32; WIDTH],
+    side2: [f32; WIDTH],
     stray: [f32; WIDTH],
     time: [f32; WIDTH],
     near: [f32; WIDTH],
@@ -318,6 +326,8 @@ impl Lanes {
         beside: [0; WIDTH],
         s: [0.0; WIDTH],
         t: [0.0; WIDTH],
+        side1: [0.0; WIDTH],
+        side2: [0.0; WIDTH],
         stray: [0.0; WIDTH],
         time: [0.0; WIDTH],
         near: [0.0; WIDTH],
@@ -325,10 +335,17 @@ impl Lanes {
 }
 
 impl Encounter {
+    /// The part of the cell `rect` in which roots may be.
+    pub(super) fn part(&self, rect: &Rect) -> Rect {
+        let ([s, t], [side1, side2]) = (self.start, self.side);
+        part_of(rect, [s - side1, t - side2], [s + side1, t + side2])
+    }
+
     /// An entry of a list that is not filled yet.
     pub(crate) const NONE: Self = Self {
         slot: 0,
         start: [0.0; 2],
+        side: [0.0; 2],
         stray: 0.0,
         near: 0.0,
     };

@@ -32,8 +32,9 @@ pub(super) struct Meetings {
     pub(super) part: [([f64; 2], [f64; 2]); RAYS],
     /// A bit for each that has no frame.
     pub(super) frameless: u64,
-    /// Whether one of the pieces is rational.
+    /// Whether one of the pieces is rational, and whether one ever was.
     pub(super) is_rational: bool,
+    is_weighted: bool,
     /// Where the ray is nearest to the middle of the cell, from there, and its direction.
     place: [[f32; RAYS]; 3],
     direction: [[f32; RAYS]; 3],
@@ -52,22 +53,27 @@ pub(super) struct Meetings {
 }
 
 impl Sixteen {
-    const NONE: Self = Self {
-        terms: [[[0.0; LANES]; 4]; TERMS],
-        second: [[[0.0; LANES]; 4]; 3],
-        flat: 0,
+    /// Weights of one.
+    const NONE: Self = {
+        let mut none = Self {
+            terms: [[[0.0; LANES]; 4]; TERMS],
+            second: [[[0.0; LANES]; 4]; 3],
+            flat: 0,
+        };
+        none.terms[0][3] = [1.0; LANES];
+        none
     };
 
-    /// Puts one cell into slot `k`.
+    /// Puts `K` coordinates of one cell into slot `k`: without the fourth, its weight stays.
     #[inline(always)]
-    fn put(&mut self, k: usize, cell: &Cells<f32>) {
+    fn put<const K: usize>(&mut self, k: usize, cell: &Cells<f32>) {
         for (to, from) in self.terms.iter_mut().zip(&cell.terms) {
-            for r in 0..4 {
+            for r in 0..K {
                 to[r][k] = from[r];
             }
         }
         for (to, from) in self.second.iter_mut().zip(&cell.second) {
-            for r in 0..4 {
+            for r in 0..K {
                 to[r][k] = from[r];
             }
         }
@@ -84,6 +90,7 @@ impl Meetings {
         part: [([0.0; 2], [0.0; 2]); RAYS],
         frameless: 0,
         is_rational: false,
+        is_weighted: false,
         place: [[0.0; RAYS]; 3],
         direction: [[0.0; RAYS]; 3],
         near: [0.0; RAYS],
@@ -121,6 +128,7 @@ impl Meetings {
         self.instance[k] = instance;
         self.cell[k] = *cell;
         self.is_rational |= is_rational;
+        self.is_weighted |= is_rational;
         self.part[k] = (model.middle, model.half);
         let towards = model.center - course.origin;
         let way = towards.dot(course.direction);
@@ -141,7 +149,12 @@ impl Meetings {
         self.dropped[k] = model.dropped;
         self.height[k] = height(model.bulge[2], model.weight_stray);
         self.frameless |= u64::from(!model.bulge[0].is_finite()) << k;
-        self.groups[k / LANES].put(k % LANES, &model.cell);
+        let group = &mut self.groups[k / LANES];
+        if self.is_weighted {
+            group.put::<4>(k % LANES, &model.cell);
+        } else {
+            group.put::<3>(k % LANES, &model.cell);
+        }
     }
 }
 
@@ -216,6 +229,7 @@ impl<S: Simd> Company<S> for Meetings {
     #[inline(always)]
     fn cells_of(&mut self, batch: &Batch) -> &Sixteen {
         let to = &mut self.batch;
+        let coordinates = if self.is_rational { 4 } else { 3 };
         to.flat = 0;
         for (slot, &lane) in batch.lane.iter().enumerate() {
             let (group, k) = (
@@ -225,12 +239,12 @@ impl<S: Simd> Company<S> for Meetings {
             let from = &self.groups[group];
             to.flat |= (from.flat >> k & 1) << slot;
             for t in 0..TERMS {
-                for r in 0..4 {
+                for r in 0..coordinates {
                     to.terms[t][r][slot] = from.terms[t][r][k];
                 }
             }
             for t in 0..3 {
-                for r in 0..4 {
+                for r in 0..coordinates {
                     to.second[t][r][slot] = from.second[t][r][k];
                 }
             }

@@ -166,15 +166,28 @@ impl Blurred {
 
     /// The part for a ray in the parameters of the piece that `cell` is a part of.
     pub(super) fn part(&self, lane: usize, cell: &Rect) -> Rect {
-        let side = |k: usize, (start, end): (f64, f64)| {
-            let (low, high) = (self.low[k][lane], self.high[k][lane]);
-            let room = f64::from(OVERLAP[0] * (high - low) + OVERLAP[1]);
-            let place = |x: f64| start + (end - start) * 0.5 * (x.clamp(-1.0, 1.0) + 1.0);
-            (place(f64::from(low) - room), place(f64::from(high) + room))
-        };
-        Rect {
-            u: side(0, cell.u),
-            v: side(1, cell.v),
-        }
+        part_of(
+            cell,
+            self.low.each_ref().map(|x| x[lane]),
+            self.high.each_ref().map(|x| x[lane]),
+        )
+    }
+}
+
+/// What lies between `low` and `high` in the coordinates of a cell, in the parameters of its
+/// piece and a little widened; what is not a number bounds nothing.
+pub(super) fn part_of(cell: &Rect, low: [f32; 2], high: [f32; 2]) -> Rect {
+    let side = |k: usize, (start, end): (f64, f64)| {
+        let room = OVERLAP[0] * (high[k] - low[k]) + OVERLAP[1];
+        let place = |x: f32| start + (end - start) * 0.5 * (f64::from(x) + 1.0);
+        let (low, high) = (low[k] - room, high[k] + room);
+        (
+            place(if low > -1.0 { low.min(1.0) } else { -1.0 }),
+            place(if high < 1.0 { high.max(-1.0) } else { 1.0 }),
+        )
+    };
+    Rect {
+        u: side(0, cell.u),
+        v: side(1, cell.v),
     }
 }

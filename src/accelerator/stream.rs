@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::Cluster;
 use super::beam::RAYS;
+use super::cells::Piece;
 use super::expansion::ORDER;
 use super::finish::{self, Lines, Roots, finish};
 use super::leaf::Bits;
@@ -13,7 +14,6 @@ use super::room::PacketRoom;
 use super::tree::Course;
 use super::walk::{Stop, Walker};
 use super::windows::look;
-use crate::intersect::net::Degrees;
 use crate::simd::{Simd, WIDE_LANES};
 
 impl<'a, S: Simd> Tracer<'a, '_, S> {
@@ -119,26 +119,36 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         &self.accelerator.clusters[instance.cluster as usize]
     }
 
-    /// The degrees of the piece in which root `k` lies.
+    /// The piece in which root `k` lies.
     #[inline(always)]
-    fn degrees(&self, k: usize) -> Degrees {
+    fn piece(&self, k: usize) -> &'a Piece {
         let meetings = &self.packet.meetings;
         let k = usize::from(self.packet.roots.lanes[k]);
         let instance = &self.accelerator.instances[meetings.instance[k] as usize];
         let cluster = &self.accelerator.clusters[instance.cluster as usize];
-        cluster.pieces.pieces[meetings.cell[k].piece as usize].degrees
+        &cluster.pieces.pieces[meetings.cell[k].piece as usize]
     }
 
     /// Finishes roots from `first` on in double precision and takes those that count; the
-    /// result says how many: up to eight of common low degrees, or one.
+    /// result says how many: up to eight in pieces of one kind and low degrees, or one.
     #[inline(always)]
     fn finish_some(&mut self, first: usize) -> usize {
-        let degrees = self.degrees(first);
+        let &Piece {
+            degrees,
+            is_rational,
+            ..
+        } = self.piece(first);
         let is_low = degrees.p.max(degrees.q) < ORDER;
         let most = if is_low { WIDE_LANES } else { 1 };
         let end = self.packet.roots.count.min(first + most);
-        let same = (first + 1..end).take_while(|&k| self.degrees(k) == degrees);
-        let used = 1 + same.count();
+        let mut used = 1;
+        while first + used < end {
+            let next = self.piece(first + used);
+            if next.degrees != degrees || next.is_rational != is_rational {
+                break;
+            }
+            used += 1;
+        }
         let mut batch = Batch {
             lines: Lines {
                 slope: [[0.0; WIDE_LANES]; 2],
@@ -154,13 +164,15 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         let wanted = (1 << used) - 1;
         let roots = if is_low {
             let points = &self.packet.nets[..degrees.len()];
-            let (net, start) = ((degrees, points), batch.start);
-            finish::<S, _, true>(self.s, net, [0, 1, 2], &batch.lines, start, wanted)
+            let (net, axes, start) = ((degrees, points), [0, 1, 2], batch.start);
+            if is_rational {
+                finish::<S, _, true>(self.s, net, axes, &batch.lines, start, wanted)
+            } else {
+                finish::<S, _, false>(self.s, net, axes, &batch.lines, start, wanted)
+            }
         } else {
-            let k = usize::from(self.packet.roots.lanes[first]);
-            let cluster = self.enter(k);
-            let piece = &cluster.pieces.pieces[self.packet.meetings.cell[k].piece as usize];
-            let points = cluster.pieces.net(piece).points;
+            let cluster = self.enter(usize::from(self.packet.roots.lanes[first]));
+            let points = cluster.pieces.net(self.piece(first)).points;
             let (net, start) = ((degrees, points), batch.start);
             finish::<S, _, true>(self.s, net, batch.axes[0], &batch.lines, start, wanted)
         };
@@ -203,8 +215,9 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         }
         (batch.axes[k], batch.way[k]) = ([i, j, main], way);
         for (to, from) in nets.iter_mut().zip(cluster.pieces.net(piece).points) {
-            for (r, axis) in [i, j, main, 3].into_iter().enumerate() {
-                to[r][k] = from[axis];
+            (to[0][k], to[1][k], to[2][k]) = (from[i], from[j], from[main]);
+            if piece.is_rational {
+                to[3][k] = from[3];
             }
         }
     }

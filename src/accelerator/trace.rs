@@ -11,6 +11,7 @@ use super::cells::Piece;
 use super::tree::{LocalRay, Visitor, WIDTH};
 use super::{Accelerator, Cluster, Instance, ItemShape, Workspace};
 use crate::intersect::net::evaluate_at;
+use crate::intersect::newton::UNIQUE;
 use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, Touch};
 
@@ -328,13 +329,19 @@ impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
         let Self { cluster, ray, .. } = self;
         let cell = &block.cells[encounter.slot];
         let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let (rect, stray) = (cell.rect(), f64::from(encounter.stray));
         let target = Target {
             piece: cluster.pieces.net(piece),
             line: ray.line(piece),
-            cell: cell.rect(),
+            // What goes by the frame of the cell needs all of it.
+            cell: if stray < UNIQUE {
+                rect
+            } else {
+                encounter.part(&rect)
+            },
             start: encounter.start.map(f64::from),
             rows: block.rows(encounter.slot, piece.radius * cluster.tree.scale()),
-            stray: f64::from(encounter.stray),
+            stray,
         };
         I::roots(self.scratch, &target);
         settle(

@@ -18,7 +18,7 @@ pub(crate) struct Newton;
 
 /// Deviation from the identity below which a cell is left to the iteration. One is enough for
 /// the proof that there is at most one root; less bounds the number of steps.
-pub(super) const UNIQUE: f64 = 0.85;
+pub(crate) const UNIQUE: f64 = 0.85;
 
 /// A Jacobian with a relative determinant below this is not inverted.
 const SINGULAR: f64 = 1e-12;
