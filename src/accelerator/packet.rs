@@ -27,7 +27,7 @@ impl Accelerator<'_> {
     /// `hits`, one for each ray.
     ///
     /// Rays of common origin or direction, in the order of small squares of pixels, take a
-    /// small part of the time that each alone would.
+    /// small part of the time that each alone would; any others still take less.
     pub fn nearest_many(
         &self,
         rays: &[Ray],
