@@ -393,8 +393,8 @@ impl<S: Simd> Tracer<'_, '_, S> {
         };
         let offset = center[beam.main] * beam.sign;
         let pace = radius * beam.sign;
-        for k in 0..used {
-            let lane = usize::from(lanes[k]);
+        for (k, &lane) in lanes[..used].iter().enumerate() {
+            let lane = usize::from(lane);
             if roots.found >> k & 1 == 0 {
                 self.subdivide(cluster, cell, cell.rect(), lane);
                 continue;
