@@ -7,8 +7,12 @@ use crate::Error;
 /// Largest polynomial degree of a curve or surface direction.
 pub const MAX_DEGREE: usize = 30;
 
-/// Basis values of one span, the first `degree + 1` of them in use.
-pub(crate) type BasisRow = [f64; MAX_DEGREE + 1];
+/// Room for the basis values of one span that most curves and surfaces need; clearing and copying
+/// more costs time.
+pub(crate) const USUAL_ROOM: usize = 4;
+
+/// Room for those of any degree.
+pub(crate) const MOST_ROOM: usize = MAX_DEGREE + 1;
 
 /// A degree and a non-decreasing list of knots that together carry a spline.
 ///
@@ -228,19 +232,23 @@ impl KnotVector {
     /// of all `degree + 1`. Outside the domain those of the end pieces are prolonged.
     pub fn basis_functions(&self, t: f64) -> (usize, Vec<f64>) {
         let span = self.span(t);
-        let [values] = self.basis(span, t);
+        let [values] = self.basis::<1, MOST_ROOM>(span, t);
         (span - self.degree, values[..=self.degree].to_vec())
     }
 
     /// The `degree + 1` basis functions that are not zero on `span`, and their derivatives of
-    /// the orders below `ORDERS`, at most 3, at `t`.
+    /// the orders below `ORDERS`, at most 3, at `t`; there must be `ROOM` for them.
     ///
     /// Cox-de Boor recurrence; derivatives as differences of the functions one degree
     /// lower \[Piegl 97, eq. 2.5 and 2.7\].
     #[inline]
-    pub(crate) fn basis<const ORDERS: usize>(&self, span: usize, t: f64) -> [BasisRow; ORDERS] {
+    pub(crate) fn basis<const ORDERS: usize, const ROOM: usize>(
+        &self,
+        span: usize,
+        t: f64,
+    ) -> [[f64; ROOM]; ORDERS] {
         let p = self.degree;
-        let mut rows = [[0.0; MAX_DEGREE + 1]; ORDERS];
+        let mut rows = [[0.0; ROOM]; ORDERS];
         rows[0][0] = 1.0;
         for d in 1..=p {
             // The derivative of this order begins with the values of degree `p - order`.
@@ -260,7 +268,7 @@ impl KnotVector {
 
     /// Basis values of degree `d - 1` in `row` become those of degree `d`.
     #[inline]
-    fn raise(&self, span: usize, d: usize, t: f64, row: &mut BasisRow) {
+    fn raise(&self, span: usize, d: usize, t: f64, row: &mut [f64]) {
         let mut saved = 0.0;
         for (r, value) in row[..d].iter_mut().enumerate() {
             let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
@@ -274,7 +282,7 @@ impl KnotVector {
     /// Values or derivatives of the basis of degree `d - 1` in `row` become derivatives, one
     /// order higher, of the basis of degree `d`.
     #[inline]
-    fn difference(&self, span: usize, d: usize, row: &mut BasisRow) {
+    fn difference(&self, span: usize, d: usize, row: &mut [f64]) {
         let mut saved = 0.0;
         for (r, value) in row[..d].iter_mut().enumerate() {
             let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
@@ -392,7 +400,7 @@ mod tests {
     fn derivative_rows_sum_to_zero() {
         let knots = KnotVector::new(3, vec![0., 0., 0., 0., 1., 3., 4., 4., 4., 4.]).unwrap();
         for t in [0.0, 0.25, 1.0, 2.9, 4.0] {
-            let [value, first, second] = knots.basis(knots.span(t), t);
+            let [value, first, second] = knots.basis::<3, USUAL_ROOM>(knots.span(t), t);
             assert!((value.iter().sum::<f64>() - 1.0).abs() < 1e-15);
             assert!(first.iter().sum::<f64>().abs() < 1e-14);
             assert!(second.iter().sum::<f64>().abs() < 1e-13);

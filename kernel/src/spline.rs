@@ -7,7 +7,7 @@ use std::ops::{Add, Div, Mul, Range, Sub};
 
 use glam::{DVec2, DVec3, DVec4};
 
-use crate::knots::runs;
+use crate::knots::{MOST_ROOM, USUAL_ROOM, runs};
 use crate::{Error, KnotVector};
 
 /// Homogeneous control points: what a spline can mix.
@@ -316,9 +316,22 @@ pub(crate) fn derivatives<H: Linear, const ORDERS: usize>(
     points: &[H],
     t: f64,
 ) -> [H; ORDERS] {
+    if knots.degree() < USUAL_ROOM {
+        derivatives_in::<H, ORDERS, USUAL_ROOM>(knots, points, t)
+    } else {
+        derivatives_in::<H, ORDERS, MOST_ROOM>(knots, points, t)
+    }
+}
+
+#[inline]
+fn derivatives_in<H: Linear, const ORDERS: usize, const ROOM: usize>(
+    knots: &KnotVector,
+    points: &[H],
+    t: f64,
+) -> [H; ORDERS] {
     let span = knots.span(t);
     let local = &points[span - knots.degree()..=span];
-    knots.basis(span, t).map(|row| {
+    knots.basis::<ORDERS, ROOM>(span, t).map(|row| {
         local
             .iter()
             .zip(row)

@@ -7,6 +7,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 
 use crate::curve::{are_rational, lift_all};
+use crate::knots::{MOST_ROOM, USUAL_ROOM};
 use crate::{Aabb, Curve, Error, KnotVector, normal, spline};
 
 /// Points so near to each other, as a share of the size of a surface, are the same.
@@ -210,11 +211,19 @@ impl Surface {
 
     /// `result[a][b]` is the derivative of `(w S, w)`, `a` times along u, `b` times along v, both
     /// below `N`.
-    #[inline]
     fn homogeneous_derivatives<const N: usize>(&self, uv: DVec2) -> [[DVec4; N]; N] {
+        if self.knots_u.degree().max(self.knots_v.degree()) < USUAL_ROOM {
+            self.derivatives_in::<N, USUAL_ROOM>(uv)
+        } else {
+            self.derivatives_in::<N, MOST_ROOM>(uv)
+        }
+    }
+
+    #[inline]
+    fn derivatives_in<const N: usize, const ROOM: usize>(&self, uv: DVec2) -> [[DVec4; N]; N] {
         let (span_u, span_v) = (self.knots_u.span(uv.x), self.knots_v.span(uv.y));
-        let rows_u: [_; N] = self.knots_u.basis(span_u, uv.x);
-        let rows_v: [_; N] = self.knots_v.basis(span_v, uv.y);
+        let rows_u = self.knots_u.basis::<N, ROOM>(span_u, uv.x);
+        let rows_v = self.knots_v.basis::<N, ROOM>(span_v, uv.y);
         let (p, q) = (self.knots_u.degree(), self.knots_v.degree());
         let mut sums = [[DVec4::ZERO; N]; N];
         let rows = self.points.chunks_exact(self.knots_v.count());

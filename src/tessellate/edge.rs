@@ -1,9 +1,12 @@
 //! Points along an edge, the same for every face that it bounds.
 
-use glam::{DVec2, DVec3};
-use kernel::Curve;
+use std::ops::Range;
+
+use glam::{DVec2, DVec3, DVec4};
+use kernel::{Curve, MAX_DEGREE};
 
 use super::Limits;
+use super::net::{cut, share};
 use super::pieces::{Rect, Spread};
 use super::rim::Face;
 use super::sew::{Edge, Use};
@@ -36,6 +39,24 @@ pub(super) struct Place {
     pub(super) uv: DVec2,
     /// Distance between the surface there and the point of the edge.
     pub(super) gap: f64,
+    /// Which way the curve runs in space.
+    along: DVec3,
+    /// The surface's normal, of any length.
+    normal: DVec3,
+}
+
+impl Place {
+    /// Where a boundary is at `uv`, and goes on by `way`, near to a point of an edge.
+    fn new(face: &Face<'_>, t: f64, (uv, way): (DVec2, DVec2), position: DVec3) -> Self {
+        let (point, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
+        Self {
+            t,
+            uv,
+            gap: point.distance(position),
+            along: du * way.x + dv * way.y,
+            normal: du.cross(dv),
+        }
+    }
 }
 
 /// An edge as a chain of points.
@@ -51,6 +72,7 @@ pub(super) struct Walker<'a> {
     faces: &'a [Face<'a>],
     uses: &'a [Use],
     trails: Vec<Trail>,
+    parts: Vec<Parts>,
     ends: [DVec3; 2],
     limits: &'a Limits,
 }
@@ -67,6 +89,7 @@ impl<'a> Walker<'a> {
             faces,
             uses: &edge.uses,
             trails: edge.uses.iter().map(trail).collect(),
+            parts: edge.uses.iter().map(|u| Parts::of(&u.curve)).collect(),
             ends: edge.ends.map(|v| vertices[v]),
             limits,
         }
@@ -103,7 +126,7 @@ impl<'a> Walker<'a> {
             self.uses.iter().enumerate().any(|(k, used)| {
                 let face = &self.faces[used.face];
                 let (a, b) = (&pair[0].places[k], &pair[1].places[k]);
-                let off = stray(&used.curve, a.t.min(b.t)..a.t.max(b.t), a.uv, b.uv);
+                let off = self.parts[k].stray([a.t, b.t], a.uv, b.uv);
                 let spread = face.pieces.spread(&Rect::around([a.uv, b.uv]));
                 let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
                 aside > FUTILE * face.tolerance
@@ -249,9 +272,8 @@ impl<'a> Walker<'a> {
     fn placed(&self, position: DVec3, ts: &[f64]) -> Station {
         let place = |(used, &t): (&Use, &f64)| {
             let face = &self.faces[used.face];
-            let uv = face.snapped(used.curve.evaluate(t));
-            let gap = face.pieces.surface.evaluate(uv).distance(position);
-            Place { t, uv, gap }
+            let (uv, way) = used.curve.tangent(t);
+            Place::new(face, t, (face.snapped(uv), way), position)
         };
         Station {
             position,
@@ -279,24 +301,21 @@ impl<'a> Walker<'a> {
 
     /// The largest angle by which the curve or the normal of a use turns over a step.
     fn turn(&self, k: usize, from: &Station, to: &Station) -> f64 {
-        let used = &self.uses[k];
-        let surface = self.faces[used.face].pieces.surface;
-        let look = |place: &Place| {
-            let (_, way) = used.curve.tangent(place.t);
-            let (_, [du, dv]) = surface.tangents(place.uv);
-            (du * way.x + dv * way.y, du.cross(dv))
-        };
-        let (a, b) = (look(&from.places[k]), look(&to.places[k]));
+        let (a, b) = (&from.places[k], &to.places[k]);
         let angle = |a: DVec3, b: DVec3| {
             let angle = a.angle_between(b);
             if angle.is_finite() { angle } else { 0.0 }
         };
         // At a crease the normal jumps however short the step is.
-        let pieces = &self.faces[used.face].pieces;
-        let creased = pieces.is_creased_between(from.places[k].uv, to.places[k].uv);
-        let normals = if creased { 0.0 } else { angle(a.1, b.1) };
+        let pieces = &self.faces[self.uses[k].face].pieces;
+        let creased = pieces.is_creased_between(a.uv, b.uv);
+        let normals = if creased {
+            0.0
+        } else {
+            angle(a.normal, b.normal)
+        };
         // A boundary may turn more: its chord is seen from the side only.
-        normals.max(0.5 * angle(a.0, b.0))
+        normals.max(0.5 * angle(a.along, b.along))
     }
 
     /// How far the boundary of any face is from the chord, gaps included, if that is more than
@@ -312,12 +331,9 @@ impl<'a> Walker<'a> {
     /// parameters, is from the chord of the surface; no more than needed to tell that it is below
     /// `enough`.
     fn bound(&self, k: usize, from: &Station, to: &Station, enough: f64) -> f64 {
-        let used = &self.uses[k];
-        let face = &self.faces[used.face];
+        let face = &self.faces[self.uses[k].face];
         let (a, b) = (from.places[k].uv, to.places[k].uv);
-        let (t, s) = (from.places[k].t, to.places[k].t);
-        let range = t.min(s)..t.max(s);
-        let off = stray(&used.curve, range, a, b);
+        let off = self.parts[k].stray([from.places[k].t, to.places[k].t], a, b);
         let rect = Rect::around([a, b]);
         let (min, max) = (face.clamped(rect.min - off), face.clamped(rect.max + off));
         let rect = Rect { min, max };
@@ -367,11 +383,9 @@ impl<'a> Walker<'a> {
                 };
                 let (low, high) = (stations[at - 1].places[0].t, stations[at].places[0].t);
                 let mut station = self.station(start.clamp(low.min(high), low.max(high)));
-                station.places[k].t = t;
-                station.places[k].uv = curve.evaluate(t);
-                station.places[k].uv[axis] = crease;
-                let there = face.point(station.places[k].uv);
-                station.places[k].gap = there.distance(station.position);
+                let (mut uv, way) = curve.tangent(t);
+                uv[axis] = crease;
+                station.places[k] = Place::new(face, t, (uv, way), station.position);
                 stations.insert(at, station);
                 at += 1;
             }
@@ -404,20 +418,53 @@ fn crossing(
     Some(0.5 * (low + high))
 }
 
-/// How far a part of a curve strays from the straight way between two points, by its
-/// control points.
-fn stray(curve: &Curve<DVec2>, range: std::ops::Range<f64>, a: DVec2, b: DVec2) -> DVec2 {
-    let Ok(part) = curve.restricted(range) else {
-        return DVec2::ZERO;
-    };
-    let way = b - a;
-    let length = way.length_squared();
-    part.points().fold(DVec2::ZERO, |most, p| {
-        let share = if length > 0.0 {
-            ((p - a).dot(way) / length).clamp(0.0, 1.0)
-        } else {
-            0.0
+/// A boundary in Bézier pieces: where each is on the curve, and its points `(w u, w v, 0, w)`.
+struct Parts(Vec<(Range<f64>, Vec<DVec4>)>);
+
+impl Parts {
+    fn of(curve: &Curve<DVec2>) -> Self {
+        let part = |piece: &Curve<DVec2>| {
+            let points = piece.homogeneous().iter();
+            let points = points.map(|h| DVec4::new(h.x, h.y, 0.0, h.z));
+            (piece.domain(), points.collect())
         };
-        most.max((p - (a + way * share)).abs())
-    })
+        Self(curve.bezier_pieces().iter().map(part).collect())
+    }
+
+    /// How far what lies between two parameters strays from the straight way between two points, by
+    /// its control points.
+    fn stray(&self, [from, to]: [f64; 2], a: DVec2, b: DVec2) -> DVec2 {
+        let (from, to) = (from.min(to), from.max(to));
+        let way = b - a;
+        let length = way.length_squared();
+        let mut most = DVec2::ZERO;
+        let mut room = [DVec4::ZERO; MAX_DEGREE + 1];
+        for (range, points) in &self.0 {
+            if range.end < from || to < range.start {
+                continue;
+            }
+            let points = {
+                let own = &mut room[..points.len()];
+                own.copy_from_slice(points);
+                cut(
+                    own,
+                    points.len() - 1,
+                    1,
+                    share(from, range),
+                    share(to, range),
+                );
+                own
+            };
+            for h in points {
+                let p = h.truncate().truncate() / h.w;
+                let share = if length > 0.0 {
+                    ((p - a).dot(way) / length).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                };
+                most = most.max((p - (a + way * share)).abs());
+            }
+        }
+        most
+    }
 }

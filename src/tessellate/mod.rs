@@ -8,6 +8,7 @@
 //! What is proven, up to rounding: every point of a triangle is within `proven` of the surface
 //! at the same parameters, and every point of a face is within `proven` of a triangle.
 
+mod bounds;
 mod deviation;
 mod edge;
 mod face;

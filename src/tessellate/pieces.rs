@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::{BezierSurface, KnotVector, Surface, regular_normal};
 
-use super::net::Net;
+use super::net::{Family, Net, corner_derivatives};
 
 /// All vectors no farther than `radius` from `center`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -151,24 +151,67 @@ pub(crate) struct Pieces<'a> {
     /// Breaks inside the domain at which a first derivative jumps.
     pub(super) creases: [Vec<f64>; 2],
     list: Vec<Piece>,
+    family: Family,
     is_rational: bool,
 }
 
 #[derive(Debug)]
 struct Piece {
     net: BezierSurface,
+    /// Bounds over all of it.
     spread: Spread,
+    /// Whether second derivatives are rounding errors: those bounds are good for every part.
+    is_straight: bool,
+}
+
+impl Piece {
+    fn new(family: &Family, net: BezierSurface) -> Self {
+        let (u, v) = (net.u(), net.v());
+        let size = DVec2::new(u.end - u.start, v.end - v.start);
+        let spread = Net::of(family, &net, [u, v]).spread();
+        let length = (spread.du.reach() * size.x).max(spread.dv.reach() * size.y);
+        let bends = [
+            spread.duu.reach() * size.x * size.x,
+            spread.duv.reach() * size.x * size.y,
+            spread.dvv.reach() * size.y * size.y,
+        ];
+        Self {
+            net,
+            spread,
+            is_straight: bends.iter().all(|bend| *bend <= STRAIGHT * length),
+        }
+    }
+}
+
+/// A piece, or what of it lies in a rectangle.
+enum Part<'a> {
+    Whole(&'a Spread),
+    Cut(Net<'a>),
+}
+
+impl Part<'_> {
+    fn spread(&self) -> Spread {
+        match self {
+            Self::Whole(spread) => **spread,
+            Self::Cut(net) => net.spread(),
+        }
+    }
+
+    fn rough(&self) -> Spread {
+        match self {
+            Self::Whole(spread) => **spread,
+            Self::Cut(net) => net.rough(),
+        }
+    }
 }
 
 impl<'a> Pieces<'a> {
     pub(crate) fn new(surface: &'a Surface) -> Self {
+        let family = Family::new(surface.knots_u().degree(), surface.knots_v().degree());
         let list: Vec<Piece> = surface
             .bezier_pieces()
             .into_iter()
-            .map(|net| Piece {
-                spread: Net::of(&net).spread(net.u(), net.v(), false),
-                net,
-            })
+            .map(|net| Piece::new(&family, net))
             .collect();
         let breaks = [surface.knots_u().breaks(), surface.knots_v().breaks()];
         let mut pieces = Self {
@@ -176,6 +219,7 @@ impl<'a> Pieces<'a> {
             breaks,
             creases: [Vec::new(), Vec::new()],
             list,
+            family,
             is_rational: surface.is_rational(),
         };
         pieces.creases = [0, 1].map(|axis| pieces.find_creases(axis));
@@ -215,33 +259,41 @@ impl<'a> Pieces<'a> {
 
     /// Bounds over a rectangle inside the domain.
     pub(crate) fn spread(&self, rect: &Rect) -> Spread {
-        self.bounds(rect, false)
+        self.bounds(rect, None::<fn(&Spread) -> bool>)
     }
 
     /// The same, or rough ones, which cost less, where they are `enough`.
     pub(super) fn spread_until(&self, rect: &Rect, enough: impl Fn(&Spread) -> bool) -> Spread {
-        let rough = self.is_rational.then(|| self.bounds(rect, true));
-        let rough = rough.filter(enough);
-        rough.unwrap_or_else(|| self.bounds(rect, false))
+        self.bounds(rect, self.is_rational.then_some(enough))
     }
 
-    fn bounds(&self, rect: &Rect, rough: bool) -> Spread {
-        let mut all: Option<Spread> = None;
-        for i in self.spans(0, rect.min.x, rect.max.x) {
-            for j in self.spans(1, rect.min.y, rect.max.y) {
-                let piece = &self.list[i * self.columns() + j];
-                let (u, v) = (piece.net.u(), piece.net.v());
-                let part_u = part(rect.min.x..rect.max.x, &u);
-                let part_v = part(rect.min.y..rect.max.y, &v);
-                let spread = if part_u == u && part_v == v {
-                    piece.spread
-                } else {
-                    Net::of(&piece.net).restricted(&piece.net, part_u, part_v, rough)
-                };
-                all = Some(all.map_or(spread, |all| all.union(spread)));
-            }
+    fn bounds(&self, rect: &Rect, enough: Option<impl Fn(&Spread) -> bool>) -> Spread {
+        let [rows, columns] = [0, 1].map(|axis| self.spans(axis, rect.min[axis], rect.max[axis]));
+        if rows.len() == 1 && columns.len() == 1 {
+            let part = self.part(rows.start, columns.start, rect);
+            let rough = enough.and_then(|enough| Some(part.rough()).filter(enough));
+            return rough.unwrap_or_else(|| part.spread());
         }
-        all.unwrap_or_default()
+        let all = rows.flat_map(|i| columns.clone().map(move |j| [i, j]));
+        let parts: Vec<Part<'_>> = all.map(|[i, j]| self.part(i, j, rect)).collect();
+        let union = |spreads: &mut dyn Iterator<Item = Spread>| {
+            spreads.reduce(Spread::union).unwrap_or_default()
+        };
+        let rough = || union(&mut parts.iter().map(Part::rough));
+        let rough = enough.and_then(|enough| Some(rough()).filter(enough));
+        rough.unwrap_or_else(|| union(&mut parts.iter().map(Part::spread)))
+    }
+
+    /// What of a piece lies in a rectangle.
+    fn part(&self, i: usize, j: usize, rect: &Rect) -> Part<'_> {
+        let piece = &self.list[i * self.columns() + j];
+        let (u, v) = (piece.net.u(), piece.net.v());
+        let part_u = part(rect.min.x..rect.max.x, &u);
+        let part_v = part(rect.min.y..rect.max.y, &v);
+        if piece.is_straight || part_u == u && part_v == v {
+            return Part::Whole(&piece.spread);
+        }
+        Part::Cut(Net::of(&self.family, &piece.net, [part_u, part_v]))
     }
 
     /// The unit normal at `uv`, as the piece that holds `inside` continues there.
@@ -254,7 +306,7 @@ impl<'a> Pieces<'a> {
             self.spans(1, inside.y, inside.y).start,
         );
         let piece = &self.list[i * self.columns() + j].net;
-        let [du, dv] = Net::of(piece).corner_derivatives(piece, uv);
+        let [du, dv] = corner_derivatives(piece, uv);
         regular_normal([du, dv], [0.0; 2]).or_else(|| self.surface.normal(uv.midpoint(inside)))
     }
 
@@ -308,7 +360,7 @@ impl<'a> Pieces<'a> {
                 let side = |along: usize| {
                     let (i, j) = if axis == 0 { (along, k) } else { (k, along) };
                     let piece = &self.list[i * self.columns() + j].net;
-                    Net::of(piece).corner_derivatives(piece, uv)[axis]
+                    corner_derivatives(piece, uv)[axis]
                 };
                 let (before, after) = (side(at - 1), side(at));
                 before.distance(after) > SMOOTH * (before.length() + after.length())
@@ -332,6 +384,9 @@ fn part(range: Range<f64>, piece: &Range<f64>) -> Range<f64> {
 
 /// Parameters this near, as a share of the domain, may be one.
 const ROUNDING: f64 = 1e-12;
+
+/// Second derivatives that bend a piece by no more than this share of its length are rounding errors.
+const STRAIGHT: f64 = 1e-13;
 
 /// Narrower parts of a piece are made this wide, as a share of it.
 const NARROW: f64 = 1e-4;

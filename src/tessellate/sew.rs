@@ -89,7 +89,8 @@ pub(crate) fn sew(
     };
     for (face, curve) in rims {
         let trail = Trail::of(&faces[face], &curve);
-        let ends = [trail.0[0].1, trail.0[trail.0.len() - 1].1].map(|p| sewer.add_node(p));
+        let ends =
+            [trail.points[0].1, trail.points[trail.points.len() - 1].1].map(|p| sewer.add_node(p));
         sewer.add_strand(face, curve, ends, trail);
     }
     for (pass, share) in REACHES.into_iter().enumerate() {
@@ -160,7 +161,7 @@ impl Sewer<'_, '_> {
             .map(|(face, curve)| (face, curve, Trail::of(&self.faces[face], curve)));
         let faces = self.faces;
         for strand in &mut self.strands {
-            let points = &strand.trail.0;
+            let points = &strand.trail.points;
             let on = |(face, curve, trail): &(usize, &Curve<DVec2>, Trail)| {
                 let near = |p: DVec3| trail.project(&faces[*face], curve, p).1 <= tolerance;
                 let ends = [0, points.len() / 2, points.len() - 1];
@@ -392,7 +393,7 @@ impl Sewer<'_, '_> {
         let point = self.faces[face].point(after.start());
         let [first, second] = self.strands[s].trail.split((at, point));
         let fine = |part: Trail, curve: &Curve<DVec2>| {
-            if part.0.len() < FEW {
+            if part.points.len() < FEW {
                 Trail::of(&self.faces[face], curve)
             } else {
                 part
@@ -448,7 +449,7 @@ impl Sewer<'_, '_> {
             return false;
         }
         let face = &self.faces[short.face];
-        let points = &long.trail.0;
+        let points = &long.trail.points;
         let step = (points.len() / 24).max(1);
         let inner = points[1..points.len() - 1].iter().step_by(step);
         inner.clone().count() > 0
@@ -477,7 +478,7 @@ impl Sewer<'_, '_> {
             // Closed: look where the first quarter of one lies on the other.
             let face = &self.faces[second.face];
             let place = |share: usize| {
-                let points = &first.trail.0;
+                let points = &first.trail.points;
                 let p = points[points.len() * share / 8].1;
                 second.trail.project(face, &second.curve, p).0
             };

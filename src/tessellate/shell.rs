@@ -1,6 +1,6 @@
 //! What hangs together: faces turned to the same side, open and closed shells.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::BTreeMap;
 
 use glam::DVec3;
 use kernel::PatchId;
@@ -78,23 +78,15 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
     // How often each side is used, and by whom: (face, whether from the lower point).
     let mut sides: BTreeMap<[u32; 2], Vec<(usize, bool)>> = BTreeMap::new();
     for (k, part) in parts.iter().enumerate() {
-        let mut own: HashMap<[u32; 2], Vec<bool>> = HashMap::new();
-        for [a, b, c] in part.triangles() {
-            for [p, q] in [[a, b], [b, c], [c, a]] {
-                own.entry([p.min(q), p.max(q)]).or_default().push(p < q);
+        let mut own: Vec<([u32; 2], bool)> = part.triangles().flat_map(ways).collect();
+        own.sort_unstable();
+        for users in own.chunk_by(|a, b| a.0 == b.0) {
+            // What is inside a face needs no further look.
+            if users.len() != 2 || users[0].1 == users[1].1 {
+                let list = sides.entry(users[0].0).or_default();
+                list.extend(users.iter().map(|&(_, way)| (k, way)));
             }
         }
-        // What is inside a face needs no further look.
-        own.retain(|_, ways| ways.len() != 2 || ways[0] == ways[1]);
-        for (side, ways) in own {
-            sides
-                .entry(side)
-                .or_default()
-                .extend(ways.into_iter().map(|way| (k, way)));
-        }
-    }
-    for users in sides.values_mut() {
-        users.sort_unstable();
     }
     let meetings: Vec<Meeting> = sides
         .values()
@@ -204,16 +196,23 @@ fn turn(parts: &[Part<'_>], meetings: &[Meeting]) -> (Vec<usize>, Vec<bool>) {
 
 /// Vertices minus sides plus triangles.
 fn euler<'a>(parts: impl Iterator<Item = &'a Part<'a>>) -> i64 {
-    let mut points: HashSet<u32> = HashSet::new();
-    let mut sides: HashSet<[u32; 2]> = HashSet::new();
-    let mut triangles = 0;
-    for part in parts {
-        for [a, b, c] in part.triangles() {
-            points.extend([a, b, c]);
-            sides.extend([[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)]));
-            triangles += 1;
-        }
-    }
-    let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX);
-    count(points.len()) - count(sides.len()) + triangles
+    let triangles: Vec<[u32; 3]> = parts.flat_map(Part::triangles).collect();
+    let distinct = |mut all: Vec<[u32; 2]>| {
+        all.sort_unstable();
+        all.dedup();
+        i64::try_from(all.len()).unwrap_or(i64::MAX)
+    };
+    let points = triangles.iter().flatten().map(|&p| [p; 2]).collect();
+    let sides = triangles
+        .iter()
+        .flat_map(|&t| ways(t))
+        .map(|w| w.0)
+        .collect();
+    let count = i64::try_from(triangles.len()).unwrap_or(i64::MAX);
+    distinct(points) - distinct(sides) + count
+}
+
+/// The sides of a triangle from the lower point to the higher one, and whether it runs that way.
+fn ways([a, b, c]: [u32; 3]) -> [([u32; 2], bool); 3] {
+    [[a, b], [b, c], [c, a]].map(|[p, q]| ([p.min(q), p.max(q)], p < q))
 }

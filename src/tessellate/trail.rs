@@ -32,7 +32,12 @@ struct Chord {
 
 /// Points along a curve on a surface.
 #[derive(Clone, Debug)]
-pub(crate) struct Trail(pub(super) Vec<(f64, DVec3)>);
+pub(crate) struct Trail {
+    /// Parameters on the curve, and the points.
+    pub(super) points: Vec<(f64, DVec3)>,
+    /// How long it is up to each of them.
+    lengths: Vec<f64>,
+}
 
 impl Trail {
     /// Points so close that the curve between two of them is nearly straight.
@@ -50,15 +55,25 @@ impl Trail {
                 refine(&sample, last, next, 5, &mut points);
             }
         }
-        Self(points)
+        Self::new(points)
+    }
+
+    fn new(points: Vec<(f64, DVec3)>) -> Self {
+        let mut lengths = vec![0.0];
+        let mut length = 0.0;
+        for pair in points.windows(2) {
+            length += pair[0].1.distance(pair[1].1);
+            lengths.push(length);
+        }
+        Self { points, lengths }
     }
 
     pub(super) fn bounds(&self) -> Aabb {
-        Aabb::around(self.0.iter().map(|p| p.1))
+        Aabb::around(self.points.iter().map(|p| p.1))
     }
 
     pub(super) fn length(&self) -> f64 {
-        self.lengths().last().copied().unwrap_or_default()
+        self.lengths[self.lengths.len() - 1]
     }
 
     /// The parameter of the point of the curve nearest to `target`, and its distance.
@@ -79,8 +94,8 @@ impl Trail {
         target: DVec3,
         share: f64,
     ) -> (f64, f64) {
-        let lengths = self.lengths();
-        let expected = share * lengths[lengths.len() - 1];
+        let lengths = &self.lengths;
+        let expected = share * self.length();
         self.search(place, target, |k, part| {
             let along = lengths[k] + (lengths[k + 1] - lengths[k]) * part;
             ASTRAY * (along - expected).abs()
@@ -89,24 +104,13 @@ impl Trail {
 
     /// The share of its length at which a parameter is.
     pub(super) fn share(&self, t: f64) -> f64 {
-        let lengths = self.lengths();
-        let last = self.0.len() - 1;
-        let k = self.0.partition_point(|p| p.0 <= t).clamp(1, last);
-        let part = (t - self.0[k - 1].0) / (self.0[k].0 - self.0[k - 1].0);
+        let (points, lengths) = (&self.points, &self.lengths);
+        let last = points.len() - 1;
+        let k = points.partition_point(|p| p.0 <= t).clamp(1, last);
+        let part = (t - points[k - 1].0) / (points[k].0 - points[k - 1].0);
         let along = lengths[k - 1] + (lengths[k] - lengths[k - 1]) * part;
         let share = along / lengths[last];
         if share.is_finite() { share } else { 0.0 }
-    }
-
-    /// How long it is up to each of its points.
-    fn lengths(&self) -> Vec<f64> {
-        let mut lengths = vec![0.0];
-        let mut length = 0.0;
-        for pair in self.0.windows(2) {
-            length += pair[0].1.distance(pair[1].1);
-            lengths.push(length);
-        }
-        lengths
     }
 
     /// The parameter of the point of the curve at which the distance from `target` is least, with what
@@ -138,7 +142,7 @@ impl Trail {
                 least,
             }
         };
-        let mut chords: Vec<_> = self.0.windows(2).enumerate().map(near).collect();
+        let mut chords: Vec<_> = self.points.windows(2).enumerate().map(near).collect();
         let (mut best, mut least) = ((curve.domain().start, f64::INFINITY), f64::INFINITY);
         loop {
             chords.retain(|chord| chord.least < least);
@@ -149,13 +153,13 @@ impl Trail {
             else {
                 return best;
             };
-            let low = self.0[k.saturating_sub(1)].0;
-            let high = self.0[(k + 2).min(self.0.len() - 1)].0;
+            let low = self.points[k.saturating_sub(1)].0;
+            let high = self.points[(k + 2).min(self.points.len() - 1)].0;
             let found = approach(face, curve, target, t, low..high);
             if found.1 + more < least {
                 (best, least) = (found, found.1 + more);
             }
-            if least <= EQUAL * self.0[k].1.distance(self.0[k + 1].1) {
+            if least <= EQUAL * self.points[k].1.distance(self.points[k + 1].1) {
                 return best;
             }
             // Its neighbours have been looked at, too.
@@ -165,12 +169,12 @@ impl Trail {
 
     /// The parts before and after a parameter, which both get the point there.
     pub(super) fn split(&self, at: (f64, DVec3)) -> [Self; 2] {
-        let k = self.0.partition_point(|p| p.0 < at.0);
-        let mut before = self.0[..k].to_vec();
+        let k = self.points.partition_point(|p| p.0 < at.0);
+        let mut before = self.points[..k].to_vec();
         before.push(at);
         let mut after = vec![at];
-        after.extend(self.0[k..].iter().filter(|p| p.0 > at.0));
-        [Self(before), Self(after)]
+        after.extend(self.points[k..].iter().filter(|p| p.0 > at.0));
+        [Self::new(before), Self::new(after)]
     }
 }
 
@@ -183,17 +187,21 @@ fn approach(
     mut t: f64,
     range: Range<f64>,
 ) -> (f64, f64) {
-    let mut best = (t, face.point(curve.evaluate(t)).distance(target));
-    for _ in 0..STEPS {
+    let look = |t: f64| {
         let (uv, way) = curve.tangent(t);
         let (point, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
-        let slope = du * way.x + dv * way.y;
+        (point, du * way.x + dv * way.y)
+    };
+    let (mut point, mut slope) = look(t);
+    let mut best = (t, point.distance(target));
+    for _ in 0..STEPS {
         let step = (target - point).dot(slope) / slope.length_squared();
         let next = (t + step).clamp(range.start, range.end);
         if !next.is_finite() {
             break;
         }
-        let distance = face.point(curve.evaluate(next)).distance(target);
+        (point, slope) = look(next);
+        let distance = point.distance(target);
         if distance < best.1 {
             best = (next, distance);
         }

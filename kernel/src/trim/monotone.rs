@@ -229,6 +229,14 @@ fn evaluate(scaled: &[DVec3], t: f64) -> DVec2 {
 fn turns(piece: &[DVec3], axis: usize, cuts: &mut Vec<f64>) {
     let degree = piece.len() - 1;
     let (first, last) = (piece[0], piece[degree]);
+    let goes = |by: fn(&f64, &f64) -> bool| {
+        let mut pairs = piece.windows(2);
+        pairs.all(|w| by(&(w[0][axis] / w[0].z), &(w[1][axis] / w[1].z)))
+    };
+    // A curve turns round no more often than its control points do.
+    if goes(f64::le) || goes(f64::ge) {
+        return;
+    }
     let middle = 0.5 * (first[axis] / first.z + last[axis] / last.z);
     let own: Vec<f64> = piece.iter().map(|h| h[axis] - middle * h.z).collect();
     let weights: Vec<f64> = piece.iter().map(|h| h.z).collect();
