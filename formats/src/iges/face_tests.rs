@@ -91,6 +91,41 @@ fn a_plane_between_edges() {
     assert_eq!(patch.loops[0].segments().len(), 3);
 }
 
+#[test]
+fn a_closed_edge_that_begins_elsewhere_than_at_its_vertex() {
+    // The tip of a pyramid above an edge around it, with an edge from there to the apex and back.
+    let patch = patch(&[
+        part(
+            128,
+            0,
+            "1,4,1,1,0,1,1,0,0,0.,0.,1.,1.,0.,0.,1.,2.,3.,4.,4.,1.,1.,1.,1.,1.,1.,1.,1.,1.,1.,\
+             2.,0.,0.,0.,0.,2.,0.,2.,0.,0.,0.,2.,-2.,0.,0.,0.,0.,2.,0.,-2.,0.,0.,0.,2.,\
+             2.,0.,0.,0.,0.,2.,0.,1.,0.,4.",
+        ),
+        part(
+            126,
+            0,
+            "4,1,0,1,1,0,0.,0.,1.,2.,3.,4.,4.,1.,1.,1.,1.,1.,-1.,0.,1.,0.,1.,1.,1.,0.,1.,\
+             0.,-1.,1.,-1.,0.,1.,0.,4.,0.,0.,1.",
+        ),
+        part(110, 0, "1.,0.,1.,0.,0.,2."),
+        part(502, 1, "2,1.,0.,1.,0.,0.,2."),
+        part(504, 1, "2,3,7,1,7,1,5,7,1,7,2"),
+        part(508, 1, "3,0,9,1,1,0,0,9,2,1,0,0,9,2,0,0"),
+        part(510, 1, "1,1,1,11"),
+        formed(514, 2, "1,13,1"),
+    ]);
+    for (x, y, z, is_in) in [
+        (0.25, 0.25, 1.5, true),
+        (-0.4, 0.3, 1.3, true),
+        (0.3, -0.6, 1.1, true),
+        (0.75, 0.75, 0.5, false),
+        (-0.6, -0.5, 0.9, false),
+    ] {
+        assert_eq!(shows(&patch, DVec3::new(x, y, z)), is_in, "{x} {y} {z}");
+    }
+}
+
 /// A face on a surface of the entities before, between circles of radius 2 around the z axis
 /// at heights, each run through forwards or backwards.
 fn between_circles(surface: &[Made], circles: &[(f64, bool)]) -> Patch {

@@ -25,6 +25,7 @@ mod leftovers;
 mod levels;
 mod net;
 mod offset;
+mod order;
 mod parameters;
 mod quadric;
 mod records;

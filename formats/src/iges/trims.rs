@@ -11,6 +11,7 @@ use kernel::{Curve, Orientation, Surface, TrimLoop, modelling};
 
 use super::boundary::{self, Boundary, Edges, Loop, Use};
 use super::curves::{Rail, Reader};
+use super::order::{Chain, Order};
 use super::quadric::{Quadric, wound};
 use super::sheets::{self, Sheet, SheetShape, Warp};
 use crate::Problem;
@@ -166,9 +167,6 @@ struct Trimmer<'a> {
     nearby: OnceCell<Nearby<'a>>,
 }
 
-/// Curves in the parameter domain.
-type Chain = Vec<Curve<DVec2>>;
-
 impl<'a> Trimmer<'a> {
     fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64) -> Self {
         let size = surface.hull_bounds().diagonal();
@@ -286,7 +284,12 @@ impl<'a> Trimmer<'a> {
         if chain.is_empty() {
             return Err(Problem::Invalid("a trim loop without curves".to_owned()));
         }
-        Ok(self.aligned(chain))
+        let order = Order {
+            point: |uv| self.point(uv),
+            near: self.size * MEETS,
+            accuracy: self.accuracy,
+        };
+        Ok(order.aligned(chain))
     }
 
     /// The curves of a stretch in the parameter domain, if they are where its curve of space
@@ -515,33 +518,6 @@ impl<'a> Trimmer<'a> {
             inside[axis] = inside[axis].max(start).min(end);
         }
         self.surface.evaluate(inside)
-    }
-
-    /// Turns curves round where that lets them meet, in space.
-    fn aligned(&self, mut curves: Chain) -> Chain {
-        if curves.len() < 2 {
-            return curves;
-        }
-        let mut ends: Vec<[DVec3; 2]> = curves
-            .iter()
-            .map(|c| [self.point(c.start()), self.point(c.end())])
-            .collect();
-        let near = self.size * MEETS;
-        // Each curve is turned only where that is clearly better.
-        let better = |turned: f64, straight: f64| straight > near && turned < 0.5 * straight;
-        let to_next = |p: DVec3| p.distance(ends[1][0]).min(p.distance(ends[1][1]));
-        if better(to_next(ends[0][0]), to_next(ends[0][1])) {
-            curves[0] = curves[0].reversed();
-            ends[0].reverse();
-        }
-        for k in 1..curves.len() {
-            let before = ends[k - 1][1];
-            if better(before.distance(ends[k][1]), before.distance(ends[k][0])) {
-                curves[k] = curves[k].reversed();
-                ends[k].reverse();
-            }
-        }
-        curves
     }
 }
 

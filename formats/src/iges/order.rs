@@ -1,0 +1,104 @@
+//! Curves of a loop put in order: each begins where the one before ends.
+
+use glam::{DVec2, DVec3};
+use kernel::Curve;
+
+/// Curves in the parameter domain.
+pub(super) type Chain = Vec<Curve<DVec2>>;
+
+/// Places looked at on each span of a curve, before the nearest is refined.
+const PLACES: usize = 16;
+
+/// Halvings of the distance between them.
+const HALVINGS: usize = 50;
+
+/// Curves of a loop on a surface, whose points are given by parameters; what is no farther apart
+/// than `accuracy` meets.
+pub(super) struct Order<F> {
+    pub(super) point: F,
+    /// Curves are not turned round for less.
+    pub(super) near: f64,
+    pub(super) accuracy: f64,
+}
+
+impl<F: Fn(DVec2) -> DVec3> Order<F> {
+    /// Lets closed curves begin where others of the loop end, and turns curves round where that lets
+    /// them meet, in space.
+    pub(super) fn aligned(&self, curves: Chain) -> Chain {
+        if curves.len() < 2 {
+            return curves;
+        }
+        self.turned(self.opened(curves))
+    }
+
+    fn ends(&self, curves: &Chain) -> Vec<[DVec3; 2]> {
+        let ends = |c: &Curve<DVec2>| [(self.point)(c.start()), (self.point)(c.end())];
+        curves.iter().map(ends).collect()
+    }
+
+    /// Divides closed curves that begin elsewhere than at their neighbours but pass by there.
+    fn opened(&self, curves: Chain) -> Chain {
+        let ends = self.ends(&curves);
+        let count = curves.len();
+        let opened = |(k, curve): (usize, Curve<DVec2>)| {
+            let stops = [(k + count - 1) % count, (k + 1) % count].map(|beside| ends[beside]);
+            let [start, end] = ends[k];
+            let meets = |p: &DVec3| p.distance(start) <= self.accuracy;
+            if !meets(&end) || stops.as_flattened().iter().any(meets) {
+                return vec![curve];
+            }
+            let passed = stops.as_flattened().iter().map(|&p| self.passed(&curve, p));
+            let nearest = passed.min_by(|a, b| a.1.total_cmp(&b.1));
+            let place = nearest.filter(|(_, distance)| *distance <= self.accuracy);
+            match place.map(|(t, _)| curve.split(t)) {
+                Some(Ok([before, after])) => vec![after, before],
+                _ => vec![curve],
+            }
+        };
+        curves.into_iter().enumerate().flat_map(opened).collect()
+    }
+
+    /// Where a curve passes nearest to a point, and how far from it.
+    fn passed(&self, curve: &Curve<DVec2>, target: DVec3) -> (f64, f64) {
+        let off = |t: f64| (self.point)(curve.evaluate(t)).distance(target);
+        let breaks = curve.knots().breaks();
+        let spans = breaks.windows(2);
+        let places = spans.flat_map(|span| {
+            let step = (span[1] - span[0]) / PLACES as f64;
+            (0..PLACES).map(move |k| (span[0] + step * (k as f64 + 0.5), step))
+        });
+        let nearest = places.min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
+        let (mut t, mut step) = nearest.unwrap_or_default();
+        let domain = curve.domain();
+        for _ in 0..HALVINGS {
+            let around = [t - step, t, t + step].map(|t| t.clamp(domain.start, domain.end));
+            let best = around
+                .into_iter()
+                .min_by(|a, b| off(*a).total_cmp(&off(*b)));
+            if best == Some(t) {
+                step *= 0.5;
+            }
+            t = best.unwrap_or(t);
+        }
+        (t, off(t))
+    }
+
+    /// Turns curves round, each only where that is clearly better.
+    fn turned(&self, mut curves: Chain) -> Chain {
+        let mut ends = self.ends(&curves);
+        let better = |turned: f64, straight: f64| straight > self.near && turned < 0.5 * straight;
+        let to_next = |p: DVec3| p.distance(ends[1][0]).min(p.distance(ends[1][1]));
+        if better(to_next(ends[0][0]), to_next(ends[0][1])) {
+            curves[0] = curves[0].reversed();
+            ends[0].reverse();
+        }
+        for k in 1..curves.len() {
+            let before = ends[k - 1][1];
+            if better(before.distance(ends[k][1]), before.distance(ends[k][0])) {
+                curves[k] = curves[k].reversed();
+                ends[k].reverse();
+            }
+        }
+        curves
+    }
+}
