@@ -21,6 +21,12 @@ const FUTILE: f64 = 1e-3;
 /// A step this small, as a share of the edge, is not made smaller.
 const LEAST: f64 = 1e-6;
 
+/// What is nearer to a vertex than this share of the tolerance is there.
+const SAME: f64 = 1e-3;
+
+/// What is on one side of a crease is looked up this share of a step beside it.
+const INSIDE: f64 = 1e-6;
+
 /// Halvings of a step that jumps.
 const BRIDGES: u32 = 6;
 
@@ -99,12 +105,13 @@ impl<'a> Walker<'a> {
     ///
     /// `least` is how many steps there are at least.
     pub(super) fn chain(&self, least: usize) -> Chain {
-        let (mut stations, mut ratios) = self.walk(1.0);
+        let kinks = self.kinks();
+        let (mut stations, mut ratios) = self.walk(1.0, &kinks);
         let steps = ratios.len();
         let used: f64 = ratios.iter().map(|r| r.sqrt()).sum();
         let even = ((used / steps as f64).powi(2) * 1.02).max(0.1);
         if steps > 1 && even < 1.0 {
-            let (again, shares) = self.walk(even);
+            let (again, shares) = self.walk(even, &kinks);
             if shares.len() <= steps {
                 (stations, ratios) = (again, shares);
             }
@@ -161,8 +168,41 @@ impl<'a> Walker<'a> {
         stations
     }
 
-    /// Steps of which none uses more than `share` of the limits, and what each uses.
-    fn walk(&self, share: f64) -> (Vec<Station>, Vec<f64>) {
+    /// Where one of the boundaries passes a crease, as parameters of the first use, and the end.
+    fn kinks(&self) -> Vec<f64> {
+        let first = &self.uses[0];
+        let home = &self.faces[first.face];
+        let range = first.curve.domain();
+        let near = (range.end - range.start) * LEAST;
+        let mut kinks = home.kinks(&first.curve);
+        for (used, trail) in self.uses.iter().zip(&self.trails).skip(1) {
+            let face = &self.faces[used.face];
+            let turned = used.reversed != first.reversed;
+            for t in face.kinks(&used.curve) {
+                let share = trail.share(t);
+                let share = if turned { 1.0 - share } else { share };
+                let point = face.point(used.curve.evaluate(t));
+                let place = (home, &first.curve);
+                let (t, _) = self.trails[0].project_beside(place, point, share);
+                if kinks.iter().all(|kink| (kink - t).abs() > near) {
+                    kinks.push(t);
+                }
+            }
+        }
+        let tolerances = self.uses.iter().map(|used| self.faces[used.face].tolerance);
+        let reach = SAME * tolerances.fold(f64::INFINITY, f64::min);
+        kinks.retain(|&kink| {
+            let point = home.point(first.curve.evaluate(kink));
+            self.ends.iter().all(|end| end.distance(point) > reach)
+        });
+        kinks.push(range.end);
+        kinks.sort_by(f64::total_cmp);
+        kinks
+    }
+
+    /// Steps of which none uses more than `share` of the limits, and what each uses; none passes one
+    /// of the `kinks`.
+    fn walk(&self, share: f64, kinks: &[f64]) -> (Vec<Station>, Vec<f64>) {
         let range = self.uses[0].curve.domain();
         let whole = range.end - range.start;
         let shortest = whole * LEAST;
@@ -171,24 +211,24 @@ impl<'a> Walker<'a> {
         let (mut t, mut step) = (range.start, whole);
         while t < range.end {
             let last = stations[stations.len() - 1].clone();
+            let limit = kinks[kinks.partition_point(|&kink| kink <= t)];
+            let reached = |to: f64| {
+                if to < range.end {
+                    self.station(to)
+                } else {
+                    self.end_station(1)
+                }
+            };
             // The best step so far, and lengths known to be too long.
             let mut good: Option<(f64, Station, f64)> = None;
             let mut bad = f64::INFINITY;
             for _ in 0..24 {
-                let to = if t + step >= range.end {
-                    range.end
-                } else {
-                    t + step
-                };
-                let next = if to < range.end {
-                    self.station(to)
-                } else {
-                    self.end_station(1)
-                };
+                let to = (t + step).min(limit);
+                let next = reached(to);
                 let ratio = self.ratio(&last, &next);
                 let smallest = step <= shortest;
                 if ratio <= share || smallest {
-                    let done = to >= range.end || ratio >= 0.85 * share || smallest;
+                    let done = to >= limit || ratio >= 0.85 * share || smallest;
                     good = Some((to, next, ratio));
                     let longer = (step * (0.95 * share / ratio.max(1e-9)).sqrt()).min(2.0 * step);
                     if done || longer >= bad {
@@ -204,7 +244,7 @@ impl<'a> Walker<'a> {
                     step = step.max(shortest);
                 }
             }
-            let (to, next, ratio) = good.unwrap_or_else(|| (range.end, self.end_station(1), 1.0));
+            let (to, next, ratio) = good.unwrap_or_else(|| (limit, reached(limit), 1.0));
             step = (to - t) * (0.95 * share / ratio.max(1e-9)).sqrt().clamp(0.2, 4.0);
             step = step.max(shortest);
             t = to;
@@ -302,20 +342,29 @@ impl<'a> Walker<'a> {
     /// The largest angle by which the curve or the normal of a use turns over a step.
     fn turn(&self, k: usize, from: &Station, to: &Station) -> f64 {
         let (a, b) = (&from.places[k], &to.places[k]);
+        let (used, face) = (&self.uses[k], &self.faces[self.uses[k].face]);
+        // On a crease the step has the directions of its own side.
+        let look = |at: &Place, other: &Place| {
+            if !face.pieces.is_creased(at.uv) {
+                return (at.along, at.normal);
+            }
+            let (uv, way) = used.curve.tangent(at.t + (other.t - at.t) * INSIDE);
+            let (_, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
+            (du * way.x + dv * way.y, du.cross(dv))
+        };
+        let (start, end) = (look(a, b), look(b, a));
         let angle = |a: DVec3, b: DVec3| {
             let angle = a.angle_between(b);
             if angle.is_finite() { angle } else { 0.0 }
         };
-        // At a crease the normal jumps however short the step is.
-        let pieces = &self.faces[self.uses[k].face].pieces;
-        let creased = pieces.is_creased_between(a.uv, b.uv);
-        let normals = if creased {
+        // At a crease in between the normal jumps however short the step is.
+        let normals = if face.pieces.is_creased_inside(&Rect::around([a.uv, b.uv])) {
             0.0
         } else {
-            angle(a.normal, b.normal)
+            angle(start.1, end.1)
         };
         // A boundary may turn more: its chord is seen from the side only.
-        normals.max(0.5 * angle(a.along, b.along))
+        normals.max(0.5 * angle(start.0, end.0))
     }
 
     /// How far the boundary of any face is from the chord, gaps included, if that is more than

@@ -10,6 +10,9 @@ use super::pieces::{Pieces, Rect};
 /// Parameters so near to a border of the domain, as a share of it, are on the border.
 pub(super) const SNAP: f64 = 1e-7;
 
+/// Where a part of the border is looked at, as shares of it.
+const PLACES: [f64; 3] = [0.271, 0.5, 0.788];
+
 /// What lies beside a boundary is looked for this far from it, as a share of the domain.
 const BESIDE: f64 = 1e-4;
 
@@ -53,7 +56,8 @@ impl<'a> Face<'a> {
         uv.max(domain.min).min(domain.max)
     }
 
-    /// Parameters moved to the border of the domain if they are beyond it or nearly on it.
+    /// Parameters moved to the border of the domain if they are beyond it or nearly on it, and onto a
+    /// crease if they are nearly on that.
     pub(super) fn snapped(&self, uv: DVec2) -> DVec2 {
         let domain = self.pieces.domain();
         let near = domain.size() * SNAP;
@@ -64,8 +68,43 @@ impl<'a> Face<'a> {
                     uv[axis] = border;
                 }
             }
+            let creases = &self.pieces.creases[axis];
+            let next = creases.partition_point(|&crease| crease < uv[axis] - near[axis]);
+            if let Some(&crease) = creases.get(next)
+                && crease <= uv[axis] + near[axis]
+            {
+                uv[axis] = crease;
+            }
         }
         uv
+    }
+
+    /// The parameters at which a boundary passes creases of the surface, in order.
+    pub(super) fn kinks(&self, boundary: &Curve<DVec2>) -> Vec<f64> {
+        let mut kinks = Vec::new();
+        if self.pieces.creases.iter().all(Vec::is_empty) {
+            return kinks;
+        }
+        let near = self.pieces.domain().size() * SNAP;
+        for piece in boundary.bezier_pieces() {
+            let hull = Rect::around(piece.points());
+            for (axis, creases) in self.pieces.creases.iter().enumerate() {
+                let first = creases.partition_point(|&crease| crease < hull.min[axis]);
+                let passed = creases[first..].iter();
+                for &crease in passed.take_while(|&&crease| crease <= hull.max[axis]) {
+                    kinks.extend(piece.crossings(axis, crease, near[axis]));
+                    let end = piece.domain().end;
+                    if (piece.end()[axis] - crease).abs() <= near[axis]
+                        && end < boundary.domain().end
+                    {
+                        kinks.push(end);
+                    }
+                }
+            }
+        }
+        kinks.sort_by(f64::total_cmp);
+        kinks.dedup();
+        kinks
     }
 
     /// The way from its boundary, and across it, into the face; `None` where that is not plain.
@@ -132,10 +171,14 @@ impl<'a> Face<'a> {
             }
             let middle = 0.5 * (from + to);
             let is_covered = covered.iter().any(|[a, b]| (*a..*b).contains(&middle));
-            let belongs = self
-                .region
-                .as_ref()
-                .is_none_or(|r| r.contains(side.at(middle)));
+            // All of it belongs to the face, or nothing; but a loop may touch it at any place.
+            let belongs = self.region.as_ref().is_none_or(|region| {
+                let place = |share: f64| side.at(from + (to - from) * share);
+                let inside = PLACES
+                    .iter()
+                    .filter(|&&share| region.contains(place(share)));
+                inside.count() > PLACES.len() / 2
+            });
             if belongs && !is_covered {
                 out.extend(Curve::line(side.at(from), side.at(to), 0.0..1.0));
             }

@@ -1,6 +1,6 @@
 use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use kernel::{Child, Item, Node, Patch, Shape, Surface, modelling};
 
 use super::*;
@@ -156,6 +156,51 @@ fn corners_that_do_not_quite_meet_become_points() {
         assert_eq!((shell.crowded, shell.twisted), (0, 0));
         assert!((shell.volume - 1.0).abs() < 1e-3);
     }
+}
+
+#[test]
+fn a_loop_may_touch_the_border_of_its_domain() {
+    // A disc in the square around it, which touches the sides in their middles.
+    let square = modelling::plane(
+        DVec3::new(-1.0, -1.0, 0.0),
+        DVec3::X * 2.0,
+        DVec3::Y * 2.0,
+        -1.0..1.0,
+        -1.0..1.0,
+    );
+    let mut face: Patch = square.unwrap().into();
+    let frame = modelling::Frame::about(DVec3::ZERO, DVec3::Z).unwrap();
+    let circle = modelling::circle(&frame, 1.0).unwrap();
+    let points: Vec<DVec2> = circle.points().map(DVec3::truncate).collect();
+    let weights: Vec<f64> = circle.weights().collect();
+    let flat = kernel::Curve::new(circle.knots().clone(), &points, Some(&weights)).unwrap();
+    for turned in [flat.clone(), flat.reversed()] {
+        face.loops = vec![kernel::TrimLoop::new(vec![turned], 1e-12).unwrap()];
+        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default());
+        let shell = &result.shells[0];
+        assert!((PI - 0.02..PI).contains(&shell.area), "{}", shell.area);
+    }
+}
+
+#[test]
+fn creases_of_neighbours_that_meet_are_one_corner() {
+    // Two strips on both sides of a zigzag line, with parameters that only rounding relates.
+    let zigzag: Vec<DVec3> = (0..40)
+        .map(|k| {
+            let k = f64::from(k);
+            DVec3::new(k * 0.7, k.sin(), (k * 1.3).cos())
+        })
+        .collect();
+    let line = kernel::Curve::polyline(&zigzag).unwrap();
+    let other = line.reversed().remapped(0.1..0.7).unwrap();
+    let strips = [(line, DVec3::Y * 3.0), (other, DVec3::Z * 3.0)];
+    let strips = strips.map(|(line, way)| modelling::extrude(&line, way).unwrap().into());
+    let result = tessellate(&scene(strips.to_vec()), &TessellateOptions::default());
+    assert_eq!((result.crossings, result.shells.len()), (0, 1));
+    let shell = &result.shells[0];
+    // Both long borders and four short ones are open, and nothing else.
+    assert_eq!((shell.naked, shell.crowded), (2 * 39 + 4, 0));
+    assert_eq!((shell.triangles, shell.euler), (4 * 39, 1));
 }
 
 #[test]

@@ -42,7 +42,10 @@ pub(crate) struct Trail {
 impl Trail {
     /// Points so close that the curve between two of them is nearly straight.
     pub(crate) fn of(face: &Face<'_>, curve: &Curve<DVec2>) -> Self {
-        let breaks = curve.knots().breaks();
+        let mut breaks = curve.knots().breaks();
+        breaks.extend(face.kinks(curve));
+        breaks.sort_by(f64::total_cmp);
+        breaks.dedup();
         let per_piece = (16 / (breaks.len() - 1)).clamp(2, 8);
         let sample = |t: f64| (t, face.point(curve.evaluate(t)));
         let mut points = vec![sample(breaks[0])];

@@ -1,5 +1,7 @@
 //! Curves of a loop put in order: each begins where the one before ends.
 
+use std::ops::Range;
+
 use glam::{DVec2, DVec3};
 use kernel::Curve;
 
@@ -9,6 +11,12 @@ pub(super) type Chain = Vec<Curve<DVec2>>;
 /// Places looked at on each span of a curve, before the nearest is refined.
 const PLACES: usize = 16;
 
+/// A curve is looked at for crossings of this many seams.
+const TURNS: f64 = 4.0;
+
+/// Crossings of a seam are this near to it, as a share of the period.
+const NEAR: f64 = 1e-9;
+
 /// Halvings of the distance between them.
 const HALVINGS: usize = 50;
 
@@ -16,6 +24,8 @@ const HALVINGS: usize = 50;
 /// than `accuracy` meets.
 pub(super) struct Order<F> {
     pub(super) point: F,
+    /// The domains of parameters along which the surface is closed.
+    pub(super) periods: [Option<Range<f64>>; 2],
     /// Curves are not turned round for less.
     pub(super) near: f64,
     pub(super) accuracy: f64,
@@ -47,15 +57,47 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
             if !meets(&end) || stops.as_flattened().iter().any(meets) {
                 return vec![curve];
             }
-            let passed = stops.as_flattened().iter().map(|&p| self.passed(&curve, p));
-            let nearest = passed.min_by(|a, b| a.1.total_cmp(&b.1));
-            let place = nearest.filter(|(_, distance)| *distance <= self.accuracy);
+            let nearest = |places: Vec<(f64, f64)>| {
+                let nearest = places.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+                nearest.filter(|(_, distance)| *distance <= self.accuracy)
+            };
+            let stops = stops.as_flattened();
+            // On the seam, where there is one, so that no sliver beside it is left.
+            let crossed = nearest(self.crossed(&curve, stops));
+            let place = crossed
+                .or_else(|| nearest(stops.iter().map(|&p| self.passed(&curve, p)).collect()));
             match place.map(|(t, _)| curve.split(t)) {
                 Some(Ok([before, after])) => vec![after, before],
                 _ => vec![curve],
             }
         };
         curves.into_iter().enumerate().flat_map(opened).collect()
+    }
+
+    /// Where a curve crosses the seam of the surface, and how far the nearest of some points is from
+    /// there.
+    fn crossed(&self, curve: &Curve<DVec2>, stops: &[DVec3]) -> Vec<(f64, f64)> {
+        let mut places = Vec::new();
+        for (axis, domain) in self.periods.iter().enumerate() {
+            let Some(Range { start, end }) = domain else {
+                continue;
+            };
+            let period = end - start;
+            let along = || curve.points().map(|p| (p[axis] - start) / period);
+            let least = along().fold(f64::INFINITY, f64::min).ceil();
+            let most = along().fold(f64::NEG_INFINITY, f64::max).floor();
+            let (mut turns, last) = (least, most.min(least + TURNS));
+            while turns <= last {
+                let seam = start + turns * period;
+                for t in curve.crossings(axis, seam, NEAR * period) {
+                    let point = (self.point)(curve.evaluate(t));
+                    let off = stops.iter().map(|p| p.distance(point));
+                    places.push((t, off.fold(f64::INFINITY, f64::min)));
+                }
+                turns += 1.0;
+            }
+        }
+        places
     }
 
     /// Where a curve passes nearest to a point, and how far from it.

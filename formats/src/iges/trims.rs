@@ -36,6 +36,10 @@ const SHARE: f64 = 0.1;
 /// not taken for a curve on it.
 const BESIDE: f64 = 0.2;
 
+/// A curve whose middle is no nearer to a border of the domain than this share of it does not run along
+/// that border.
+const BORDER: f64 = 1e-3;
+
 /// A face in parts: each a surface with its loops.
 pub(super) type Parts = Vec<(Surface, Vec<TrimLoop>)>;
 
@@ -286,6 +290,7 @@ impl<'a> Trimmer<'a> {
         }
         let order = Order {
             point: |uv| self.point(uv),
+            periods: [0, 1].map(|axis| self.closed[axis].then(|| self.domain[axis].clone())),
             near: self.size * MEETS,
             accuracy: self.accuracy,
         };
@@ -429,6 +434,9 @@ impl<'a> Trimmer<'a> {
             return Ok(flat);
         }
         let table = self.table(curve)?;
+        if let Some(line) = self.along_border(&table) {
+            return Ok(line);
+        }
         let at = |t: f64| {
             let next = table
                 .partition_point(|(before, _)| *before <= t)
@@ -439,6 +447,30 @@ impl<'a> Trimmer<'a> {
         };
         let off = |a: DVec2, b: DVec2| self.point(a).distance(self.point(b));
         straight_or_fitted(curve, at, self.size * ACCURACY, off)
+    }
+
+    /// A straight segment on a border of the domain, or on its seam, where that is nowhere farther from
+    /// the places of a curve than [`ACCURACY`] on the surface: near poles those may stray in the
+    /// parameters.
+    fn along_border(&self, table: &[(f64, DVec2)]) -> Option<Curve<DVec2>> {
+        let middle = table[table.len() / 2].1;
+        (0..2).find_map(|axis| {
+            let Range { start, end } = self.domain[axis];
+            let share = (middle[axis] - start) / (end - start);
+            let moved = |mut uv: DVec2| {
+                uv[axis] = start + share.round() * (end - start);
+                uv
+            };
+            let fits = |(_, uv): &(f64, DVec2)| {
+                let off = self.point(moved(*uv)).distance(self.point(*uv));
+                off <= self.size * ACCURACY
+            };
+            if (share - share.round()).abs() > BORDER || !table.iter().all(fits) {
+                return None;
+            }
+            let ends = [table[0].1, table[table.len() - 1].1].map(moved);
+            Curve::line(ends[0], ends[1], 0.0..1.0).ok()
+        })
     }
 
     /// Points along a curve, by its parameter and those of the surface, found from the middle
