@@ -219,11 +219,12 @@ impl<'a> Walker<'a> {
                     self.end_station(1)
                 }
             };
+            step = step.min(limit - t);
             // The best step so far, and lengths known to be too long.
             let mut good: Option<(f64, Station, f64)> = None;
             let mut bad = f64::INFINITY;
             for _ in 0..24 {
-                let to = (t + step).min(limit);
+                let to = if step < limit - t { t + step } else { limit };
                 let next = reached(to);
                 let ratio = self.ratio(&last, &next);
                 let smallest = step <= shortest;
