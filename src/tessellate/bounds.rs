@@ -189,32 +189,19 @@ impl Quotients<'_> {
         let (m_u, rest) = rest.split_at_mut(two);
         let (m_v, rest) = rest.split_at_mut(two);
         let (second, third) = rest.split_at_mut(two);
-        degrees.add(1, xu, x, 1.0, m_u);
-        degrees.add(1, x, xu, -1.0, m_u);
-        degrees.add(1, xv, x, 1.0, m_v);
-        degrees.add(1, x, xv, -1.0, m_v);
+        degrees.sum(1, &[(xu, x, 1.0), (x, xu, -1.0)], m_u);
+        degrees.sum(1, &[(xv, x, 1.0), (x, xv, -1.0)], m_v);
         let du = quotient(m_u, square, &degrees.0.inverse[0]);
         let dv = quotient(m_v, square, &degrees.0.inverse[0]);
-        degrees.add(1, xuu, x, 1.0, second);
-        degrees.add(1, x, xuu, -1.0, second);
-        degrees.add(2, second, x, 1.0, third);
-        degrees.add(2, m_u, xu, -2.0, third);
+        degrees.sum(1, &[(xuu, x, 1.0), (x, xuu, -1.0)], second);
+        degrees.sum(2, &[(second, x, 1.0), (m_u, xu, -2.0)], third);
         let duu = quotient(third, cube, &degrees.0.inverse[1]);
-        second.fill(DVec4::ZERO);
-        third.fill(DVec4::ZERO);
-        degrees.add(1, xuv, x, 1.0, second);
-        degrees.add(1, xu, xv, 1.0, second);
-        degrees.add(1, xv, xu, -1.0, second);
-        degrees.add(1, x, xuv, -1.0, second);
-        degrees.add(2, second, x, 1.0, third);
-        degrees.add(2, m_u, xv, -2.0, third);
+        let mixed = [(xuv, x, 1.0), (xu, xv, 1.0), (xv, xu, -1.0), (x, xuv, -1.0)];
+        degrees.sum(1, &mixed, second);
+        degrees.sum(2, &[(second, x, 1.0), (m_u, xv, -2.0)], third);
         let duv = quotient(third, cube, &degrees.0.inverse[1]);
-        second.fill(DVec4::ZERO);
-        third.fill(DVec4::ZERO);
-        degrees.add(1, xvv, x, 1.0, second);
-        degrees.add(1, x, xvv, -1.0, second);
-        degrees.add(2, second, x, 1.0, third);
-        degrees.add(2, m_v, xv, -2.0, third);
+        degrees.sum(1, &[(xvv, x, 1.0), (x, xvv, -1.0)], second);
+        degrees.sum(2, &[(second, x, 1.0), (m_v, xv, -2.0)], third);
         let dvv = quotient(third, cube, &degrees.0.inverse[1]);
         Spread {
             du,
@@ -231,6 +218,15 @@ impl<const ROW: usize> Rows<'_, ROW> {
     #[inline(always)]
     fn product_len(&self, power: usize) -> usize {
         (power * self.0.p + 1) * self.row(power)
+    }
+
+    /// The sum of products of nets with a factor each, as [`Rows::add`] adds them.
+    #[inline(always)]
+    fn sum(&self, power: usize, terms: &[(&[DVec4], &[DVec4], f64)], sum: &mut [DVec4]) {
+        sum.fill(DVec4::ZERO);
+        for (a, b, factor) in terms {
+            self.add(power, a, b, *factor, sum);
+        }
     }
 
     /// Adds the product of a net, itself one of `power` nets, with the weight of a single one, times

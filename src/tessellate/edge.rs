@@ -54,13 +54,13 @@ pub(super) struct Place {
 impl Place {
     /// Where a boundary is at `uv`, and goes on by `way`, near to a point of an edge.
     fn new(face: &Face<'_>, t: f64, (uv, way): (DVec2, DVec2), position: DVec3) -> Self {
-        let (point, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
+        let (point, along, normal) = face.look(uv, way);
         Self {
             t,
             uv,
             gap: point.distance(position),
-            along: du * way.x + dv * way.y,
-            normal: du.cross(dv),
+            along,
+            normal,
         }
     }
 }
@@ -350,8 +350,8 @@ impl<'a> Walker<'a> {
                 return (at.along, at.normal);
             }
             let (uv, way) = used.curve.tangent(at.t + (other.t - at.t) * INSIDE);
-            let (_, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
-            (du * way.x + dv * way.y, du.cross(dv))
+            let (_, along, normal) = face.look(uv, way);
+            (along, normal)
         };
         let (start, end) = (look(a, b), look(b, a));
         let angle = |a: DVec3, b: DVec3| {

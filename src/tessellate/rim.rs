@@ -51,6 +51,13 @@ impl<'a> Face<'a> {
         (point, normal.unwrap_or_default())
     }
 
+    /// The point of the surface at a place of a boundary, which goes on by `way` in the parameters; which
+    /// way it goes on in space, and the normal there, of any length.
+    pub(super) fn look(&self, uv: DVec2, way: DVec2) -> (DVec3, DVec3, DVec3) {
+        let (point, [du, dv]) = self.pieces.surface.tangents(self.clamped(uv));
+        (point, du * way.x + dv * way.y, du.cross(dv))
+    }
+
     pub(crate) fn clamped(&self, uv: DVec2) -> DVec2 {
         let domain = self.pieces.domain();
         uv.max(domain.min).min(domain.max)

@@ -192,10 +192,9 @@ fn approach(
 ) -> (f64, f64) {
     let look = |t: f64| {
         let (uv, way) = curve.tangent(t);
-        let (point, [du, dv]) = face.pieces.surface.tangents(face.clamped(uv));
-        (point, du * way.x + dv * way.y)
+        face.look(uv, way)
     };
-    let (mut point, mut slope) = look(t);
+    let (mut point, mut slope, _) = look(t);
     let mut best = (t, point.distance(target));
     for _ in 0..STEPS {
         let step = (target - point).dot(slope) / slope.length_squared();
@@ -203,7 +202,7 @@ fn approach(
         if !next.is_finite() {
             break;
         }
-        (point, slope) = look(next);
+        (point, slope, _) = look(next);
         let distance = point.distance(target);
         if distance < best.1 {
             best = (next, distance);
