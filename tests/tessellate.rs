@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use nurbray::formats::{self, Limits};
-use nurbray::{TessellateOptions, tessellate};
+use nurbray::{TessellateOptions, measure, tessellate};
 
 /// The files of the corpus that are read, if it is at hand.
 fn corpus() -> Vec<PathBuf> {
@@ -41,6 +41,27 @@ fn no_face_strays_from_the_tolerance() {
                 "{name}: {source}"
             );
         }
+    }
+}
+
+#[test]
+fn trimmed_faces_keep_their_area() {
+    for file in corpus() {
+        let kind = file.extension().and_then(|kind| kind.to_str());
+        if !matches!(kind, Some("obj" | "wrl" | "x3d" | "x3dv")) {
+            continue;
+        }
+        let Ok(import) = formats::open(&file, &Limits::default()) else {
+            continue;
+        };
+        if import.scene.patches().iter().all(|p| p.loops.is_empty()) {
+            continue;
+        }
+        let exact = measure(&import.scene).area;
+        let result = tessellate(&import.scene, &TessellateOptions::default());
+        let area: f64 = result.shells.iter().map(|shell| shell.area).sum();
+        let off = (area - exact).abs();
+        assert!(off <= 0.01 * exact, "{}: {area} of {exact}", file.display());
     }
 }
 

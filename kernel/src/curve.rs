@@ -198,6 +198,24 @@ impl<P: Point> Curve<P> {
         )))
     }
 
+    /// The parts between those knots of which `is_end` says so, given the Bézier pieces before
+    /// and after.
+    pub fn parts(&self, is_end: impl Fn(&Self, &Self) -> bool) -> Vec<Self> {
+        let pieces = self.bezier_pieces();
+        let ends = pieces.windows(2).filter(|pair| is_end(&pair[0], &pair[1]));
+        let Range { start, end } = self.domain();
+        let mut stops = vec![start];
+        stops.extend(ends.map(|pair| pair[1].domain().start));
+        if stops.len() == 1 {
+            return vec![self.clone()];
+        }
+        stops.push(end);
+        let ranges = stops.windows(2).map(|range| range[0]..range[1]);
+        ranges
+            .map(|range| Self::trusted(spline::restrict(&self.knots, &self.points, &range)))
+            .collect()
+    }
+
     /// The same curve with its degree raised to `degree`, clamped if anything is raised.
     ///
     /// # Errors

@@ -1,11 +1,13 @@
 //! One face: constrained Delaunay triangles between its edges, refined until every one is
 //! proven to be within the tolerance.
 
+mod inside;
+
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
-use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, FixedVertexHandle, InnerTag};
-use spade::{CdtEdge, ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
+use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
 use super::Limits;
 use super::pieces::{Rect, Spread};
@@ -102,6 +104,8 @@ pub(super) struct Mesher<'a> {
     /// What was known of the triangle in each place of the plane: its corners, how much it uses of
     /// the limits, and its proof.
     known: Vec<([u32; 3], (f64, f64))>,
+    /// Whether boundaries can be counted to know what is inside, once that has been tried.
+    trusts_count: Option<bool>,
 }
 
 impl<'a> Mesher<'a> {
@@ -123,6 +127,7 @@ impl<'a> Mesher<'a> {
             bounds,
             scale: scale(face, &bounds),
             known: Vec::new(),
+            trusts_count: None,
         };
         let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> = HashMap::new();
         let near = face.pieces.domain().size() * SAME;
@@ -376,84 +381,6 @@ impl<'a> Mesher<'a> {
             }
         }
         self.insert(seed.uv, None);
-    }
-
-    /// The triangles that belong to the face: an odd number of boundaries away from the
-    /// outside.
-    fn inner(&mut self) -> Vec<Inner> {
-        let mut inside: Vec<Option<bool>> = vec![None; self.plane.num_all_faces()];
-        let mut stack: Vec<FixedFaceHandle<InnerTag>> = Vec::new();
-        let mut sound = true;
-        for edge in self.plane.convex_hull() {
-            if let Some(face) = edge.rev().face().as_inner() {
-                let own = self.is_border(edge);
-                match inside[face.index()] {
-                    None => stack.push(face.fix()),
-                    Some(known) => sound &= known == own,
-                }
-                inside[face.index()] = Some(own);
-            }
-        }
-        while let Some(face) = stack.pop() {
-            let here = inside[face.index()] == Some(true);
-            for edge in self.plane.face(face).adjacent_edges() {
-                let Some(other) = edge.rev().face().as_inner() else {
-                    continue;
-                };
-                let own = here ^ self.is_border(edge);
-                match inside[other.index()] {
-                    None => {
-                        inside[other.index()] = Some(own);
-                        stack.push(other.fix());
-                    }
-                    Some(known) => sound &= known == own,
-                }
-            }
-        }
-        let faces = self.plane.inner_faces().map(|face| face.fix());
-        let belongs = |face: &FixedFaceHandle<InnerTag>| {
-            if sound {
-                inside[face.index()] == Some(true)
-            } else {
-                // The boundary is not closed: look at every triangle.
-                self.is_inside(*face)
-            }
-        };
-        let named = |face: FixedFaceHandle<InnerTag>| Inner {
-            place: face.index(),
-            corners: self.corners(face),
-        };
-        let inner = faces.filter(belongs).map(named).collect();
-        let unknown = ([u32::MAX; 3], (f64::INFINITY, f64::INFINITY));
-        self.known.resize(self.plane.num_all_faces(), unknown);
-        inner
-    }
-
-    /// Whether an edge bounds the face, rather than lie inside it or outside.
-    fn is_border(&self, edge: DirectedEdgeHandle<'_, Spot, (), CdtEdge<()>, ()>) -> bool {
-        if !edge.is_constraint_edge() {
-            return false;
-        }
-        let [a, b] = edge.vertices().map(|v| v.fix());
-        if let Some(count) = self.fixed.get(&pair(a, b)) {
-            return count % 2 == 1;
-        }
-        // What is left of a pole, as opposed to a crease, runs along the domain's border.
-        let domain = self.face.pieces.domain();
-        let [a, b] = [a, b].map(|v| self.vertices[v.index()].uv);
-        let along = |axis: usize, border: f64| {
-            (a[axis] - border).abs() <= 0.0 && (b[axis] - border).abs() <= 0.0
-        };
-        (0..2).any(|axis| along(axis, domain.min[axis]) || along(axis, domain.max[axis]))
-    }
-
-    /// Whether the middle of a triangle belongs to the face.
-    fn is_inside(&self, face: FixedFaceHandle<InnerTag>) -> bool {
-        let uvs = self.corners(face).map(|k| self.vertices[k as usize].uv);
-        let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
-        let domain = self.face.pieces.domain();
-        let inside = center.cmpgt(domain.min).all() && center.cmplt(domain.max).all();
-        inside && self.face.region.as_ref().is_none_or(|r| r.contains(center))
     }
 
     fn corners(&self, face: FixedFaceHandle<InnerTag>) -> [u32; 3] {

@@ -302,6 +302,8 @@ impl Net<'_> {
         for (index, (edge, chain)) in self.edges.iter().zip(&self.chains).enumerate() {
             let last = chain.stations.len() - 1;
             let id = |k: usize| match k {
+                // One point of space stays one, however often it is divided.
+                _ if edge.collapsed => number(edge.ends[0]),
                 0 => number(edge.ends[0]),
                 k if k == last => number(edge.ends[1]),
                 k => number(next + k - 1),
@@ -310,7 +312,7 @@ impl Net<'_> {
                 let corner = |s: usize| Corner {
                     uv: chain.stations[s].places[k].uv,
                     id: id(s),
-                    position: chain.stations[s].position,
+                    position: chain.stations[if edge.collapsed { 0 } else { s }].position,
                     gap: chain.stations[s].places[k].gap,
                 };
                 let face = &self.faces[used.face];

@@ -140,8 +140,17 @@ impl<'a> Face<'a> {
         let near = domain.size() * SNAP;
         let mut rims = Vec::new();
         if self.region.is_some() {
+            let sides = Side::all(&domain);
+            let runs_along = |curve: &Curve<DVec2>| {
+                sides
+                    .each_ref()
+                    .map(|side| curve.points().all(|p| side.is_on(p, near)))
+            };
             for curve in patch.trim_curves() {
-                inside(&curve, &domain, near, &mut rims);
+                // An outline may come as one curve around the whole domain.
+                for part in curve.parts(|a, b| runs_along(a) != runs_along(b)) {
+                    inside(&part, &domain, near, &mut rims);
+                }
             }
         }
         let mut border = Vec::new();
@@ -160,7 +169,7 @@ impl<'a> Face<'a> {
         let mut covered: Vec<[f64; 2]> = Vec::new();
         for rim in rims {
             let ends = [rim.start(), rim.end()];
-            let is_on = |p: DVec2| (p[side.axis] - side.at).abs() <= near[side.axis];
+            let is_on = |p: DVec2| side.is_on(p, near);
             stops.extend(ends.iter().filter(|&&p| is_on(p)).map(|p| p[along]));
             if rim.points().all(is_on) {
                 covered.push([
@@ -215,6 +224,11 @@ impl Side {
             side(1, domain.max.y),
             side(0, domain.min.x),
         ]
+    }
+
+    /// Whether a place is on the line of the side, as near as `near` across it.
+    fn is_on(&self, p: DVec2, near: DVec2) -> bool {
+        (p[self.axis] - self.at).abs() <= near[self.axis]
     }
 
     fn at(&self, t: f64) -> DVec2 {

@@ -183,6 +183,31 @@ fn a_loop_may_touch_the_border_of_its_domain() {
 }
 
 #[test]
+fn a_loop_may_be_one_curve_around_its_domain() {
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
+    let mut face: Patch = square.unwrap().into();
+    let around = |low: f64, high: f64| {
+        let corners = [
+            [low, low],
+            [high, low],
+            [high, high],
+            [low, high],
+            [low, low],
+        ];
+        let outline = kernel::Curve::polyline(&corners.map(DVec2::from_array)).unwrap();
+        kernel::TrimLoop::new(vec![outline], 1e-12).unwrap()
+    };
+    // With a hole; and nearly on the border, where rounding decides what runs along it.
+    for (low, high) in [(0.0, 1.0), (1e-8, 1.0 - 1e-8), (3e-7, 1.0 - 3e-7)] {
+        face.loops = vec![around(low, high), around(0.4, 0.6)];
+        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default());
+        let shell = &result.shells[0];
+        assert!((shell.area - 0.96).abs() < 1e-5, "{low}: {}", shell.area);
+        assert_eq!((result.crossings, shell.crowded), (0, 0));
+    }
+}
+
+#[test]
 fn creases_of_neighbours_that_meet_are_one_corner() {
     // Two strips on both sides of a zigzag line, with parameters that only rounding relates.
     let zigzag: Vec<DVec3> = (0..40)

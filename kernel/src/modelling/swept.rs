@@ -9,8 +9,9 @@ use crate::{Curve, Error, KnotVector, Surface};
 /// A swept surface, and how far it may be from what it stands for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Swept {
-    /// One surface for each part of the trajectory without a corner: u is the parameter of
-    /// the section, v that of the trajectory.
+    /// One surface for each part of the trajectory along which the section moves smoothly: u is
+    /// the parameter of the section, v that of the trajectory. Where the section turns at one
+    /// place, a flat surface between two parts connects its two outlines; v goes from 0 to 1.
     pub surfaces: Vec<Surface>,
     /// The largest distance found from the definition, in scene units; zero where the surface
     /// is exact up to rounding.
@@ -33,7 +34,8 @@ const STRAIGHT: f64 = 1e-9;
 /// lie on it.
 const ON_CURVE: f64 = 1e-14;
 
-/// A turn of the direction at a knot by more than this angle, in radians, is a corner.
+/// A turn of the direction at a knot by more than this angle, in radians, is a corner; a turn of
+/// the section there is one, too.
 const CORNER: f64 = 1e-6;
 
 /// The surface `S(u, v) = T(v) + x(v) section.x(u) + z(v) section.y(u)` over the trajectory
@@ -73,6 +75,11 @@ pub fn swept(
     };
     let mut surfaces = Vec::new();
     for (index, range) in breaks.windows(2).enumerate() {
+        if let Some([before, after]) = fit.turn(&(range[0]..range[1])) {
+            surfaces.push(fit.take_surface(section)?);
+            let knots = KnotVector::bezier(1, 0.0..1.0)?;
+            surfaces.push(across(section, knots, &[before, after])?);
+        }
         fit.add(range[0]..range[1], HALVINGS);
         let is_last = index + 2 == breaks.len();
         if is_last || is_corner(trajectory, range[1]) {
@@ -244,6 +251,14 @@ impl Fit<'_> {
         [self.trajectory.evaluate(t), y.cross(z), z]
     }
 
+    /// The frames before and after the start of the part over `range`, if what is fitted ends
+    /// there and the section turns: where the curvature jumps.
+    fn turn(&self, range: &Range<f64>) -> Option<[Frame; 2]> {
+        let before = *self.columns.last()?;
+        let after = self.frame(range.start, range, self.z);
+        (before[2].angle_between(after[2]) > CORNER).then_some([before, after])
+    }
+
     /// Fits the part over `range`, in halves if need be.
     fn add(&mut self, range: Range<f64>, halvings: u32) {
         let at = |s: f64| range.start + (range.end - range.start) * s;
@@ -294,19 +309,27 @@ impl Fit<'_> {
         let mut knots: Vec<f64> = breaks.iter().flat_map(|&b| [b; DEGREE]).collect();
         knots.extend(breaks.last());
         knots.insert(0, breaks[0]);
-        let knots_v = KnotVector::new(DEGREE, knots)?;
-        let net: Vec<DVec4> = section
-            .homogeneous()
-            .iter()
-            .flat_map(|h| {
-                let point = |[t, x, z]: &Frame| (*t * h.z + *x * h.x + *z * h.y).extend(h.z);
-                columns.iter().map(point)
-            })
-            .collect();
-        match net.iter().position(|p| !p.is_finite()) {
-            Some(index) => Err(Error::NotFinite { index }),
-            None => Ok(Surface::trusted(section.knots().clone(), knots_v, net)),
-        }
+        across(section, KnotVector::new(DEGREE, knots)?, &columns)
+    }
+}
+
+/// The surface of a section that is carried by a spline of frames.
+fn across(
+    section: &Curve<DVec2>,
+    knots_v: KnotVector,
+    columns: &[Frame],
+) -> Result<Surface, Error> {
+    let net: Vec<DVec4> = section
+        .homogeneous()
+        .iter()
+        .flat_map(|h| {
+            let point = |[t, x, z]: &Frame| (*t * h.z + *x * h.x + *z * h.y).extend(h.z);
+            columns.iter().map(point)
+        })
+        .collect();
+    match net.iter().position(|p| !p.is_finite()) {
+        Some(index) => Err(Error::NotFinite { index }),
+        None => Ok(Surface::trusted(section.knots().clone(), knots_v, net)),
     }
 }
 
@@ -460,6 +483,39 @@ mod tests {
             [trajectory.evaluate(v), y.cross(DVec3::NEG_Z), DVec3::NEG_Z]
         };
         assert!(distance(&swept.surfaces, &section(), exact) < 2e-9);
+    }
+
+    #[test]
+    fn a_jump_of_the_curvature_turns_the_section_at_one_place() {
+        // Two parabolas: the first in the plane z = 0, the second across it.
+        let points = [[0.0; 3], [0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [2.0, 0.5, 1.0]];
+        let knots = KnotVector::new(2, vec![0.0, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0]).unwrap();
+        let trajectory = Curve::new(knots, &points.map(DVec3::from_array), None).unwrap();
+        let swept = swept(&section(), &trajectory, 1e-9).unwrap();
+        let [first, turn, second] = swept.surfaces.as_slice() else {
+            panic!("{} surfaces", swept.surfaces.len());
+        };
+        let exact = |z: DVec3| {
+            let trajectory = &trajectory;
+            move |v: f64| {
+                let y = trajectory.derivatives(v).first.normalize();
+                [trajectory.evaluate(v), y.cross(z), z]
+            }
+        };
+        let across = DVec3::new(0.0, -1.0, -0.5).normalize();
+        let parts = [(first, DVec3::NEG_Z), (second, across)];
+        for (surface, z) in parts {
+            let surface = std::slice::from_ref(surface);
+            assert!(distance(surface, &section(), exact(z)) < 2e-9);
+        }
+        // The turn lies across the trajectory, between the outlines of both.
+        for i in 0..=20 {
+            let u = part(0.0, 1.0, i, 20);
+            let [a, b] = [0.0, 1.0].map(|v| turn.evaluate(DVec2::new(u, v)));
+            assert!(a.distance(first.evaluate(DVec2::new(u, 1.0))) < 1e-12);
+            assert!(b.distance(second.evaluate(DVec2::new(u, 1.0))) < 1e-12);
+            assert!((a.x - 1.0).abs() < 1e-12 && (b.x - 1.0).abs() < 1e-12);
+        }
     }
 
     #[test]

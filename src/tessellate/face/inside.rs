@@ -1,0 +1,115 @@
+//! Which triangles of the plane belong to a face.
+
+use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, InnerTag};
+use spade::{CdtEdge, Triangulation as _};
+
+use super::{Inner, Mesher, Spot, pair};
+
+/// Counting boundaries and looking at the middles of triangles may differ in this share of the
+/// face's parameters: where its boundaries are chords.
+const DIFFERENCE: f64 = 0.5;
+
+impl Mesher<'_> {
+    /// The triangles that belong to the face.
+    pub(super) fn inner(&mut self) -> Vec<Inner> {
+        let counted = self.counted().filter(|inside| {
+            let trusted = self.trusts_count;
+            trusted.unwrap_or_else(|| self.agrees(inside))
+        });
+        self.trusts_count = Some(counted.is_some());
+        let faces = self.plane.inner_faces().map(|face| face.fix());
+        let belongs = |face: &FixedFaceHandle<InnerTag>| match &counted {
+            Some(inside) => inside[face.index()],
+            // The boundary is not closed, or runs twice: look at every triangle.
+            None => self.is_inside(*face),
+        };
+        let named = |face: FixedFaceHandle<InnerTag>| Inner {
+            place: face.index(),
+            corners: self.corners(face),
+        };
+        let inner = faces.filter(belongs).map(named).collect();
+        let unknown = ([u32::MAX; 3], (f64::INFINITY, f64::INFINITY));
+        self.known.resize(self.plane.num_all_faces(), unknown);
+        inner
+    }
+
+    /// By number which triangles are an odd number of boundaries away from the outside; `None`
+    /// if that depends on the way.
+    fn counted(&self) -> Option<Vec<bool>> {
+        let mut inside: Vec<Option<bool>> = vec![None; self.plane.num_all_faces()];
+        let mut stack: Vec<FixedFaceHandle<InnerTag>> = Vec::new();
+        let mut sound = true;
+        for edge in self.plane.convex_hull() {
+            if let Some(face) = edge.rev().face().as_inner() {
+                let own = self.is_border(edge);
+                match inside[face.index()] {
+                    None => stack.push(face.fix()),
+                    Some(known) => sound &= known == own,
+                }
+                inside[face.index()] = Some(own);
+            }
+        }
+        while let Some(face) = stack.pop() {
+            let here = inside[face.index()] == Some(true);
+            for edge in self.plane.face(face).adjacent_edges() {
+                let Some(other) = edge.rev().face().as_inner() else {
+                    continue;
+                };
+                let own = here ^ self.is_border(edge);
+                match inside[other.index()] {
+                    None => {
+                        inside[other.index()] = Some(own);
+                        stack.push(other.fix());
+                    }
+                    Some(known) => sound &= known == own,
+                }
+            }
+        }
+        let inside = inside.into_iter().map(|known| known == Some(true));
+        sound.then(|| inside.collect())
+    }
+
+    /// Whether most of what was counted belongs to the face by its loops, and the other way
+    /// round.
+    fn agrees(&self, inside: &[bool]) -> bool {
+        if self.face.region.is_none() {
+            return true;
+        }
+        let (mut all, mut different) = (0.0, 0.0);
+        for face in self.plane.inner_faces() {
+            let counted = inside[face.index()];
+            let found = self.is_inside(face.fix());
+            let area = face.area();
+            all += if counted || found { area } else { 0.0 };
+            different += if counted == found { 0.0 } else { area };
+        }
+        different <= DIFFERENCE * all
+    }
+
+    /// Whether an edge bounds the face, rather than lie inside it or outside.
+    fn is_border(&self, edge: DirectedEdgeHandle<'_, Spot, (), CdtEdge<()>, ()>) -> bool {
+        if !edge.is_constraint_edge() {
+            return false;
+        }
+        let [a, b] = edge.vertices().map(|v| v.fix());
+        if let Some(count) = self.fixed.get(&pair(a, b)) {
+            return count % 2 == 1;
+        }
+        // What is left of a pole, as opposed to a crease, runs along the domain's border.
+        let domain = self.face.pieces.domain();
+        let [a, b] = [a, b].map(|v| self.vertices[v.index()].uv);
+        let along = |axis: usize, border: f64| {
+            (a[axis] - border).abs() <= 0.0 && (b[axis] - border).abs() <= 0.0
+        };
+        (0..2).any(|axis| along(axis, domain.min[axis]) || along(axis, domain.max[axis]))
+    }
+
+    /// Whether the middle of a triangle belongs to the face.
+    fn is_inside(&self, face: FixedFaceHandle<InnerTag>) -> bool {
+        let uvs = self.corners(face).map(|k| self.vertices[k as usize].uv);
+        let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
+        let domain = self.face.pieces.domain();
+        let inside = center.cmpgt(domain.min).all() && center.cmplt(domain.max).all();
+        inside && self.face.region.as_ref().is_none_or(|r| r.contains(center))
+    }
+}
