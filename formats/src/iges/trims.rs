@@ -40,12 +40,6 @@ const BESIDE: f64 = 0.2;
 /// that border.
 const BORDER: f64 = 1e-3;
 
-/// What is moved along a surface may miss a curve beside it by this share more.
-const SLACK: f64 = 0.05;
-
-/// A curve of space that turns by more than this angle at a knot, in radians, has a corner there.
-const CORNER: f64 = 0.5;
-
 /// A face in parts: each a surface with its loops.
 pub(super) type Parts = Vec<(Surface, Vec<TrimLoop>)>;
 
@@ -423,11 +417,9 @@ impl<'a> Trimmer<'a> {
             } else {
                 rail.curve
             };
-            for part in curve.parts(is_corner) {
-                // Curves without length are points.
-                if part.hull_bounds().diagonal() > self.size * 1e-9 {
-                    chain.push(self.on_surface(&part)?);
-                }
+            // Curves without length are points.
+            if curve.hull_bounds().diagonal() > self.size * 1e-9 {
+                chain.push(self.on_surface(&curve)?);
             }
         }
         Ok(chain)
@@ -442,7 +434,7 @@ impl<'a> Trimmer<'a> {
             return Ok(flat);
         }
         let table = self.table(curve)?;
-        if let Some(line) = self.along_border(curve, &table) {
+        if let Some(line) = self.along_border(&table) {
             return Ok(line);
         }
         let at = |t: f64| {
@@ -457,16 +449,11 @@ impl<'a> Trimmer<'a> {
         straight_or_fitted(curve, at, self.size * ACCURACY, off)
     }
 
-    /// A straight segment on a border of the domain, or on its seam, if that is nowhere farther
-    /// from a curve of space than its places in the table are somewhere, and [`ACCURACY`]: near
-    /// poles those may stray in the parameters.
-    fn along_border(&self, curve: &Curve<DVec3>, table: &[(f64, DVec2)]) -> Option<Curve<DVec2>> {
+    /// A straight segment on a border of the domain, or on its seam, where that is nowhere farther from
+    /// the places of a curve than [`ACCURACY`] on the surface: near poles those may stray in the
+    /// parameters.
+    fn along_border(&self, table: &[(f64, DVec2)]) -> Option<Curve<DVec2>> {
         let middle = table[table.len() / 2].1;
-        let miss = |t: f64, uv: DVec2| self.point(uv).distance(curve.evaluate(t));
-        let most = table
-            .iter()
-            .fold(0.0_f64, |most, &(t, uv)| most.max(miss(t, uv)));
-        let allowed = self.size * ACCURACY + most * (1.0 + SLACK);
         (0..2).find_map(|axis| {
             let Range { start, end } = self.domain[axis];
             let share = (middle[axis] - start) / (end - start);
@@ -474,7 +461,10 @@ impl<'a> Trimmer<'a> {
                 uv[axis] = start + share.round() * (end - start);
                 uv
             };
-            let fits = |&(t, uv): &(f64, DVec2)| miss(t, moved(uv)) <= allowed;
+            let fits = |(_, uv): &(f64, DVec2)| {
+                let off = self.point(moved(*uv)).distance(self.point(*uv));
+                off <= self.size * ACCURACY
+            };
             if (share - share.round()).abs() > BORDER || !table.iter().all(fits) {
                 return None;
             }
@@ -584,10 +574,4 @@ fn straight_or_fitted<P: kernel::Point>(
     let breaks = curve.knots().breaks();
     let fit = modelling::fit(at, &breaks, tolerance, off).map_err(Problem::Geometry)?;
     Ok(fit.curve)
-}
-
-/// Whether a curve of space turns sharply between two of its pieces.
-fn is_corner(before: &Curve<DVec3>, after: &Curve<DVec3>) -> bool {
-    let knot = after.domain().start;
-    before.tangent(knot).1.angle_between(after.tangent(knot).1) > CORNER
 }
