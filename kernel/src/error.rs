@@ -101,6 +101,8 @@ pub enum Error {
     NoDirection,
     /// A loop has no curves.
     EmptyLoop,
+    /// The loops of a face have nothing inside.
+    NothingInside,
     /// Two neighbouring curves of a loop do not meet.
     LoopGap {
         /// Position of the curve before the gap.
@@ -188,6 +190,7 @@ impl fmt::Display for Error {
             }
             Self::NoDirection => write!(f, "a direction has no length"),
             Self::EmptyLoop => write!(f, "a trim loop without curves"),
+            Self::NothingInside => write!(f, "nothing is inside its trim loops"),
             Self::LoopGap {
                 index,
                 gap,

@@ -25,6 +25,12 @@ use crate::{Curve, Error};
 /// Points on each piece of a curve for the area of a loop.
 const SAMPLES: usize = 8;
 
+/// Areas of loops below this share of that of their domain are none.
+const NO_AREA: f64 = 1e-12;
+
+/// Places along each side of a domain where loops without area are looked into: one may cross itself.
+const LOOKS: usize = 64;
+
 /// A closed curve in the parameter domain of a surface.
 ///
 /// The end of each segment is the start of the next to the last bit, and the end of
@@ -107,6 +113,29 @@ impl TrimLoop {
         0.5 * corners
             .map(|w| (w[0] - first).perp_dot(w[1] - first))
             .sum::<f64>()
+    }
+
+    /// Makes sure that the loops of a face bound some part of its domain: a seam that is run along
+    /// and back does not.
+    ///
+    /// # Errors
+    /// If there are loops, and nothing is inside them.
+    pub fn check_inside(loops: &[Self], u: &Range<f64>, v: &Range<f64>) -> Result<(), Error> {
+        let size = DVec2::new(u.end - u.start, v.end - v.start);
+        let is_flat = |l: &Self| l.signed_area().abs() <= NO_AREA * size.x * size.y;
+        if loops.is_empty() || !loops.iter().all(is_flat) {
+            return Ok(());
+        }
+        let region = TrimRegion::new(loops, u.clone(), v.clone());
+        let place = |k: usize| {
+            let share = DVec2::new((k % LOOKS) as f64, (k / LOOKS) as f64) + 0.5;
+            DVec2::new(u.start, v.start) + size * share / LOOKS as f64
+        };
+        let is_inside = |k: usize| region.contains(place(k));
+        if (0..LOOKS * LOOKS).any(is_inside) {
+            return Ok(());
+        }
+        Err(Error::NothingInside)
     }
 
     /// The part of the loop over a range of u (`axis` 0) or v (1), closed along the border of

@@ -13,6 +13,9 @@ pub(super) const SNAP: f64 = 1e-7;
 /// Where a part of the border is looked at, as shares of it.
 const PLACES: [f64; 3] = [0.271, 0.5, 0.788];
 
+/// A boundary that turns at once by more than this, in radians, has a corner.
+const CORNER: f64 = 0.5;
+
 /// What lies beside a boundary is looked for this far from it, as a share of the domain.
 const BESIDE: f64 = 1e-4;
 
@@ -134,6 +137,21 @@ impl<'a> Face<'a> {
         Some((du * step.x + dv * step.y).reject_from_normalized(along))
     }
 
+    /// Whether a boundary turns in space between two pieces that are not lost in the tolerance.
+    fn is_corner(&self, before: &Curve<DVec2>, after: &Curve<DVec2>) -> bool {
+        let way = |piece: &Curve<DVec2>, t: f64| {
+            let (uv, way) = piece.tangent(t);
+            self.look(uv, way).1
+        };
+        let is_long = |piece: &Curve<DVec2>| {
+            let ends = [piece.start(), piece.end()].map(|uv| self.point(uv));
+            ends[0].distance(ends[1]) > self.tolerance
+        };
+        let from = way(before, before.domain().end);
+        let turn = from.angle_between(way(after, after.domain().start));
+        turn > CORNER && is_long(before) && is_long(after)
+    }
+
     /// The parts of the domain's border and of the loops that bound the face.
     pub(crate) fn rims(&self, patch: &Patch) -> Vec<Curve<DVec2>> {
         let domain = self.pieces.domain();
@@ -147,8 +165,11 @@ impl<'a> Face<'a> {
                     .map(|side| curve.points().all(|p| side.is_on(p, near)))
             };
             for curve in patch.trim_curves() {
-                // An outline may come as one curve around the whole domain.
-                for part in curve.parts(|a, b| runs_along(a) != runs_along(b)) {
+                // An outline may come as one curve, with corners, around the whole domain.
+                let is_end = |a: &Curve<DVec2>, b: &Curve<DVec2>| {
+                    runs_along(a) != runs_along(b) || self.is_corner(a, b)
+                };
+                for part in curve.parts(is_end) {
                     inside(&part, &domain, near, &mut rims);
                 }
             }

@@ -204,6 +204,8 @@ fn a_loop_may_be_one_curve_around_its_domain() {
         let shell = &result.shells[0];
         assert!((shell.area - 0.96).abs() < 1e-5, "{low}: {}", shell.area);
         assert_eq!((result.crossings, shell.crowded), (0, 0));
+        // Every side of both outlines is one step.
+        assert_eq!((shell.naked, shell.triangles), (8, 8), "{low}");
     }
 }
 

@@ -325,6 +325,23 @@ fn trims_of_space_are_laid_onto_free_surfaces() {
 }
 
 #[test]
+fn a_loop_of_a_seam_alone_cuts_nothing_off() {
+    let (scene, warnings) = read(&[
+        part(116, 0, "0.,0.,0."),
+        part(123, 0, "0.,0.,1."),
+        part(192, 0, "1,3,1."),
+        part(110, 0, "1.,0.,0.,1.,0.,1."),
+        part(502, 1, "2,1.,0.,0.,1.,0.,1."),
+        part(504, 1, "1,7,9,1,9,2"),
+        part(508, 1, "2,0,11,1,1,0,0,11,1,0,0"),
+        made(510, "5,1,1,13"),
+    ]);
+    assert!(warnings[0].contains("nothing is inside"), "{warnings:?}");
+    let patch = &scene.patches()[0];
+    assert!(shows(patch, DVec3::new(-1.0, 0.0, 0.5)));
+}
+
+#[test]
 fn swept_and_spline_surfaces_have_their_points() {
     let line = || part(110, 0, "0.,0.,0.,2.,0.,0.");
     let cylinder = patch(&[line(), made(122, "1,0.,3.,1.")]);

@@ -226,8 +226,9 @@ impl<'a> Trimmer<'a> {
                 .push((face, Problem::Invalid(text.to_owned())));
         }
         let mut trims = closed.loops;
+        let [u, v] = &self.domain;
+        TrimLoop::check_inside(&trims, u, v).map_err(Problem::Geometry)?;
         if border {
-            let [u, v] = &self.domain;
             trims.push(TrimLoop::border(u, v).map_err(Problem::Geometry)?);
         }
         Ok(trims)

@@ -230,18 +230,26 @@ impl Node {
             return Vec::new();
         };
         let mut numbers = Vec::new();
+        let mut has_suffix = false;
+        let finite = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
         for word in text::words(text) {
-            match word.parse() {
-                Ok(number) if f64::is_finite(number) => numbers.push(number),
-                _ => {
-                    let word: String = word.chars().take(20).collect();
-                    warnings.invalid(
-                        self.field_place(&format!("{field} entry {}", numbers.len())),
-                        format!("{word:?} is not a number; the field is not used"),
-                    );
-                    return Vec::new();
-                }
+            // Some programs write numbers as C does: 0.5f.
+            let stem = word.strip_suffix(['f', 'F']);
+            has_suffix |= stem.is_some();
+            if let Some(number) = finite(stem.unwrap_or(word)) {
+                numbers.push(number);
+                continue;
             }
+            let word: String = word.chars().take(20).collect();
+            warnings.invalid(
+                self.field_place(&format!("{field} entry {}", numbers.len())),
+                format!("{word:?} is not a number; the field is not used"),
+            );
+            return Vec::new();
+        }
+        if has_suffix {
+            let text = "numbers end with the letter f; they are read without it";
+            warnings.invalid(self.field_place(field), text);
         }
         numbers
     }
@@ -382,6 +390,15 @@ mod field_tests {
                 )
             );
         }
+    }
+
+    #[test]
+    fn numbers_as_c_writes_them_are_read_and_told() {
+        let mut warnings = Warnings::default();
+        let numbers = node("-1.5f 2 .25F").numbers("a", &mut warnings);
+        assert_eq!(numbers, [-1.5, 2.0, 0.25]);
+        let told = warnings.as_slice()[0].to_string();
+        assert!(told.starts_with("line 7, Test, a: numbers end"), "{told}");
     }
 
     #[test]

@@ -41,6 +41,11 @@ impl Converter<'_> {
                 }
             }
         }
+        if let Err(problem) = TrimLoop::check_inside(&loops, &u, &v) {
+            let text = format!("{problem}; the surface is shown untrimmed");
+            self.warnings.invalid(node.place(), text);
+            return Ok(Vec::new());
+        }
         if runs_clockwise_outside(&loops) {
             loops.extend(TrimLoop::border(&u, &v));
         }

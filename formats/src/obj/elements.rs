@@ -292,6 +292,10 @@ impl Reader<'_> {
                 }
             }
         }
+        if let Err(problem) = TrimLoop::check_inside(&loops, &domain[0], &domain[1]) {
+            let place = Place::item(open.line, open.what.as_str());
+            bad.get_or_insert((place, Problem::Geometry(problem)));
+        }
         if let Some((place, problem)) = bad {
             loops.clear();
             self.fail(place, problem);

@@ -176,6 +176,10 @@ impl Element {
         for (i, parm) in parms.iter_mut().enumerate() {
             let direction = attributes.direction(i, &self.parms[i])?;
             repairs.extend(with_span(&direction, parm, &ranges[i]));
+            let other = attributes.direction(1 - i, &self.parms[1 - i])?;
+            let others = other.count().ok();
+            let points = others.map(|count| self.points.len() / count.max(1));
+            repairs.extend(with_steps(&direction, parm, points, &ranges[i]));
         }
         let u = attributes.direction(0, &parms[0])?;
         let v = attributes.direction(1, &parms[1])?;
@@ -289,7 +293,9 @@ impl Element {
     ) -> Result<Built<Vec<Curve<P>>>, Problem> {
         let mut parm = self.parms[0].clone();
         let direction = attributes.direction(0, &self.parms[0])?;
+        let points = Some(self.points.len());
         let repairs = with_span(&direction, &mut parm, &range)
+            .or_else(|| with_steps(&direction, &mut parm, points, &range))
             .into_iter()
             .collect();
         let direction = attributes.direction(0, &parm)?;
@@ -328,6 +334,29 @@ fn with_span(direction: &Direction<'_>, parm: &mut Vec<f64>, range: &Range<f64>)
         "the knots along {name} span nothing, from {at} to {at}; equal steps from {} to {} are \
          taken",
         range.start, range.end
+    ))
+}
+
+/// Gives segments without `parm` equal steps over `range`, as many as there are `points` for, or
+/// one if that is not known, and says so.
+fn with_steps(
+    direction: &Direction<'_>,
+    parm: &mut Vec<f64>,
+    points: Option<usize>,
+    range: &Range<f64>,
+) -> Option<String> {
+    if direction.basis == Basis::Bspline || !parm.is_empty() {
+        return None;
+    }
+    let count = |parm: &[f64]| Direction { parm, ..*direction }.count().ok();
+    let [one, two] = [count(&[0.0, 1.0])?, count(&[0.0, 1.0, 2.0])?];
+    let more = points.unwrap_or(one).checked_sub(one)?;
+    let segments = 1 + more / (two - one);
+    let at = |k: usize| range.start + (range.end - range.start) * k as f64 / segments as f64;
+    *parm = (0..=segments).map(at).collect();
+    let (name, [start, end]) = (direction.name, [range.start, range.end]);
+    Some(format!(
+        "parm {name} is missing; equal steps from {start} to {end} are taken"
     ))
 }
 

@@ -305,10 +305,47 @@ fn a_missing_end_is_tolerated() {
 }
 
 #[test]
+fn without_parm_pieces_have_equal_steps() {
+    let bare = SADDLE.replace("parm u 0 1", "").replace("parm v 0 1", "");
+    for (text, told) in [
+        (
+            bare.clone(),
+            "parm u is missing; equal steps from 0 to 1 are taken",
+        ),
+        (
+            SADDLE.replace("parm v 0 1", ""),
+            "parm v is missing; equal steps from 0 to 1 are taken",
+        ),
+    ] {
+        let import = parse(&format!("{SQUARE}{text}end\n")).unwrap();
+        let found = messages(&import);
+        assert_eq!(found[0], format!("line 7, surf 1: {told}"));
+        let whole = parse(&format!("{SQUARE}{SADDLE}end\n")).unwrap();
+        assert_eq!(
+            import.scene.patches()[0].surface,
+            whole.scene.patches()[0].surface
+        );
+    }
+    // Two pieces of a curve, and a surface without points for one.
+    let curve = "cstype bezier\ndeg 2\ncurv 1 5 1 2 3 4 1\nend\n";
+    let import = parse(&format!("{SQUARE}{curve}")).unwrap();
+    let found = messages(&import);
+    assert_eq!(
+        found[0],
+        "line 7, curv 1: parm u is missing; equal steps from 1 to 5 are taken"
+    );
+    let few = bare.replace("1 2 3 4", "1 2 3");
+    let told = error(&format!("{SQUARE}{few}end\n"));
+    assert!(
+        told.contains("parm u asks for 2 and parm v for 2"),
+        "{told}"
+    );
+}
+
+#[test]
 fn nothing_left_is_an_error_with_its_line() {
     let with = |from: &str, to: &str| error(&format!("{SQUARE}{}end\n", SADDLE.replace(from, to)));
     let cases = [
-        (with("parm v 0 1", ""), "line 7, surf 1: parm v is missing"),
         (
             with("parm u 0 1", "parm u 0 1 2"),
             "line 7, surf 1: 4 control points; parm u asks for 3 and parm v for 2, which makes 6",

@@ -35,6 +35,27 @@ fn small_gaps_are_bridged_to_the_last_bit() {
 }
 
 #[test]
+fn loops_with_nothing_inside_are_told() {
+    let along = [[0.3, 0.1], [0.6, 0.9]];
+    let there_and_back = vec![line(along[0], along[1]), line(along[1], along[0])];
+    let flat = TrimLoop::new(there_and_back, 0.0).unwrap();
+    let check = |loops: &[TrimLoop]| TrimLoop::check_inside(loops, &(0.0..1.0), &(0.0..1.0));
+    assert_eq!(check(&[]), Ok(()));
+    assert_eq!(
+        check(std::slice::from_ref(&flat)),
+        Err(Error::NothingInside)
+    );
+    let border = TrimLoop::border(&(0.0..1.0), &(0.0..1.0)).unwrap();
+    assert_eq!(check(&[flat, border]), Ok(()));
+    // The halves of an eight have no area together.
+    let corners = [[0.2, 0.2], [0.8, 0.8], [0.8, 0.2], [0.2, 0.8]];
+    let sides = [0, 1, 2, 3].map(|i| line(corners[i], corners[(i + 1) % 4]));
+    let eight = TrimLoop::new(sides.to_vec(), 0.0).unwrap();
+    assert!(eight.signed_area().abs() < 1e-15);
+    assert_eq!(check(&[eight]), Ok(()));
+}
+
+#[test]
 fn one_closed_curve_is_a_loop() {
     let knots = KnotVector::clamped_uniform(2, 5, 0.0..1.0).unwrap();
     let points = [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9], [0.1, 0.9], [0.1, 0.1]];
