@@ -25,7 +25,7 @@ const CREASE: f64 = std::f64::consts::PI / 180.0;
 
 /// Patches that stand in the same coordinates, and how much these are lengthened at most
 /// where they are shown.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Group {
     members: Vec<PatchId>,
     scale: f64,
@@ -38,35 +38,34 @@ pub(super) struct Done {
     pub(super) crossings: usize,
 }
 
-/// The groups of a scene: patches shown once below the same shared node and with the same map
-/// to it, and every other patch alone.
+/// The groups of a scene: patches shown below the same shared nodes, as often, and with the same maps
+/// to them.
 pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     let nodes = scene.nodes();
     let mut node_uses = vec![0_u32; nodes.len()];
-    let mut patch_uses = vec![0_u32; scene.patches().len()];
     for child in nodes.iter().flat_map(|node| &node.children) {
-        match child {
-            Child::Node(id) => node_uses[id.index()] = node_uses[id.index()].saturating_add(1),
-            Child::Item(item) => {
-                if let Shape::Patch(id) = item.shape {
-                    patch_uses[id.index()] = patch_uses[id.index()].saturating_add(1);
-                }
-            }
+        if let Child::Node(id) = child {
+            node_uses[id.index()] = node_uses[id.index()].saturating_add(1);
         }
     }
     // From the root down: where a node stands below the nearest shared one, and how much it
     // is lengthened there at most.
     let mut frames: Vec<Option<(usize, DAffine3)>> = vec![None; nodes.len()];
     let mut scales = vec![0.0_f64; nodes.len()];
-    let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
     if let Some(root) = scene.root() {
         scales[root.index()] = stretch(&scene.node(root).parent_from_node);
         frames[root.index()] = Some((root.index(), DAffine3::IDENTITY));
     }
+    // Every place has a number, and every patch the numbers of its places.
+    let mut numbers: HashMap<(usize, [u64; 12]), usize> = HashMap::new();
+    let mut places: HashMap<PatchId, (Vec<usize>, f64)> = HashMap::new();
     for (index, node) in nodes.iter().enumerate().rev() {
         let Some((shared, map)) = frames[index] else {
             continue;
         };
+        let next = numbers.len();
+        let bits = map.to_cols_array().map(f64::to_bits);
+        let number = *numbers.entry((shared, bits)).or_insert(next);
         for child in &node.children {
             match child {
                 Child::Node(id) => {
@@ -80,26 +79,21 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
                     });
                 }
                 Child::Item(item) => {
-                    let Shape::Patch(id) = item.shape else {
-                        continue;
-                    };
-                    let key = if patch_uses[id.index()] > 1 {
-                        Key::Alone(id.index())
-                    } else {
-                        let numbers = map.to_cols_array().map(f64::to_bits);
-                        Key::Frame(shared, numbers)
-                    };
-                    let group = groups.entry(key).or_insert_with(|| Group {
-                        members: Vec::new(),
-                        scale: 0.0,
-                    });
-                    group.scale = group.scale.max(scales[index]);
-                    if !group.members.contains(&id) || patch_uses[id.index()] == 1 {
-                        group.members.push(id);
+                    if let Shape::Patch(id) = item.shape {
+                        let (own, scale) = places.entry(id).or_default();
+                        own.push(number);
+                        *scale = scale.max(scales[index]);
                     }
                 }
             }
         }
+    }
+    let mut groups: BTreeMap<Vec<usize>, Group> = BTreeMap::new();
+    for (id, (mut own, scale)) in places {
+        own.sort_unstable();
+        let group = groups.entry(own).or_default();
+        group.members.push(id);
+        group.scale = group.scale.max(scale);
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     for group in &mut groups {
@@ -107,13 +101,6 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     }
     groups.sort_by_key(|group| group.members[0].index());
     groups
-}
-
-/// What patches of a group have in common.
-#[derive(PartialEq, Eq, PartialOrd, Ord)]
-enum Key {
-    Frame(usize, [u64; 12]),
-    Alone(usize),
 }
 
 impl Group {

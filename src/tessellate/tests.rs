@@ -1,22 +1,38 @@
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Item, Node, Patch, Shape, Surface, modelling};
 
 use super::*;
 
 /// A scene that shows patches as they are.
 fn scene(patches: Vec<Patch>) -> Scene {
+    let count = patches.len();
+    shown(patches, &[(DVec3::ZERO, count)])
+}
+
+/// A scene that shows the first patches of a list at every place, each time as many as stand there.
+fn shown(patches: Vec<Patch>, places: &[(DVec3, usize)]) -> Scene {
     let mut scene = Scene::default();
-    let mut node = Node::default();
-    for patch in patches {
-        let id = scene.add_patch(patch).unwrap();
-        node.children.push(Child::Item(Item {
-            shape: Shape::Patch(id),
-            material: None,
-        }));
+    let add = |patch| scene.add_patch(patch).unwrap();
+    let ids: Vec<_> = patches.into_iter().map(add).collect();
+    let mut root = Node::default();
+    for &(place, count) in places {
+        let item = |&id| {
+            Child::Item(Item {
+                shape: Shape::Patch(id),
+                material: None,
+            })
+        };
+        let node = Node {
+            parent_from_node: DAffine3::from_translation(place),
+            children: ids[..count].iter().map(item).collect(),
+            ..Node::default()
+        };
+        root.children
+            .push(Child::Node(scene.add_node(node).unwrap()));
     }
-    let root = scene.add_node(node).unwrap();
+    let root = scene.add_node(root).unwrap();
     scene.set_root(root).unwrap();
     scene
 }
@@ -125,6 +141,18 @@ fn faces_without_topology_share_their_edges() {
         "{shell:?}"
     );
     assert!((shell.volume - 1.0).abs() < 1e-12 && (shell.area - 6.0).abs() < 1e-12);
+}
+
+#[test]
+fn faces_that_are_shown_several_times_together_share_their_edges() {
+    let count = |places: &[(DVec3, usize)]| {
+        let result = tessellate(&shown(cube(), places), &TessellateOptions::default());
+        let closed = result.shells.iter().filter(|shell| shell.is_closed());
+        (result.shells.len(), closed.count())
+    };
+    assert_eq!(count(&[(DVec3::ZERO, 6), (DVec3::X * 5.0, 6)]), (1, 1));
+    // Three faces are missing in the second place: there they have a border.
+    assert_eq!(count(&[(DVec3::ZERO, 6), (DVec3::X * 5.0, 3)]), (2, 0));
 }
 
 #[test]
