@@ -324,8 +324,9 @@ pub(super) fn export(
             let triangles = tessellate(scene, &mesh.options(scene)?);
             let mut report = mesh::report(&triangles, mesh.rounding(scene));
             report["tessellate_s"] = started.elapsed().as_secs_f64().into();
-            let export =
+            let mut export =
                 (writer.write)(scene, &triangles, origin, packing, &stem).with_context(written)?;
+            mesh::note_empty(scene, &triangles, &mut export.warnings);
             Ok((export, report))
         }
     }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
+use nurbray::formats::{Place, Warnings};
 use nurbray::gltf::{self, Packing, Source};
 use nurbray::kernel::{Camera, Scene};
 use nurbray::{FaceMesh, Screen, TessellateOptions, Tessellation, Tolerance};
@@ -198,6 +199,18 @@ pub(super) fn report(triangles: &Tessellation, rounding: f64) -> Value {
         "naked_sides": shells.iter().map(|shell| shell.naked).sum::<usize>(),
         "crossings": triangles.crossings,
     })
+}
+
+/// Names the faces of which no triangle is left.
+pub(super) fn note_empty(scene: &Scene, triangles: &Tessellation, warnings: &mut Warnings) {
+    for (patch, face) in scene.patches().iter().zip(&triangles.faces) {
+        if face.as_ref().is_some_and(|f| f.mesh.triangles().is_empty()) {
+            let text =
+                "the face has no triangle: all of it is one line or point within the tolerance";
+            let place = Place::item(0, format!("{} {}", patch.name, patch.source).trim());
+            warnings.unsupported(place, text);
+        }
+    }
 }
 
 /// A part of a batch: every `count`-th file from number `index` on.

@@ -29,9 +29,9 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// Whether every side has exactly two triangles, turned to the same side.
+    /// Whether there are triangles, and every side has exactly two, turned to the same side.
     pub fn is_closed(&self) -> bool {
-        self.naked + self.crowded + self.twisted == 0
+        self.triangles > 0 && self.naked + self.crowded + self.twisted == 0
     }
 }
 

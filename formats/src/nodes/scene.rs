@@ -205,7 +205,7 @@ impl<'a> Converter<'a> {
             "ImageTexture" => self.image_texture(node),
             "PixelTexture" => return self.pixel_texture(node),
             "MultiTexture" => self.multi_texture(node),
-            kind if is_wire(kind) => return self.wires(node),
+            kind if is_wire(kind) || self.is_circle(node) => return self.wires(node),
             kind if is_geometry(kind) => {
                 self.is_pictured = self.pictured.contains(&index);
                 return self.geometry(node);

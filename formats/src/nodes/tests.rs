@@ -480,6 +480,7 @@ fn lines_and_points_are_wires() {
          coordIndex [ 0 1 -1 1 2 0 ] } }\n\
          Shape { geometry LineSet { vertexCount [ 2 ] coord Coordinate { point [ 0 0 0, 1 0 0 ] } } }\n\
          Shape { geometry Arc2D { radius 2 startAngle 1 endAngle 1 } }\n\
+         Shape { geometry Disk2D { innerRadius 0.5 outerRadius 0.5 } }\n\
          Shape { geometry PointSet { coord Coordinate { point [ 1 2 3 ] } } }",
     );
     assert_eq!(import.warnings.as_slice(), []);
@@ -489,7 +490,7 @@ fn lines_and_points_are_wires() {
         kernel::WireShape::Points(points) => 10 * points.len(),
     };
     let counts: Vec<_> = wires.iter().map(|w| count(&w.shape)).collect();
-    assert_eq!(counts, [3, 2, 3, 2, 9, 10]);
+    assert_eq!(counts, [3, 2, 3, 2, 9, 9, 10]);
     assert!(wires[1].material.is_some() && wires[0].material.is_none());
     let kernel::WireShape::Curve(curve) = &wires[0].shape else {
         panic!("a curve");

@@ -27,6 +27,13 @@ const WIRES: &[&str] = &[
 ];
 
 impl Converter<'_> {
+    /// Whether a node is a circle: a disk without width.
+    pub(super) fn is_circle(&mut self, node: &Node) -> bool {
+        let mut radius = |field, default| node.number(field, default, &mut self.warnings);
+        &*node.kind == "Disk2D"
+            && (radius("innerRadius", 0.0) - radius("outerRadius", 1.0)).abs() <= 0.0
+    }
+
     /// The wires of a geometry.
     ///
     /// # Errors
@@ -62,7 +69,7 @@ impl Converter<'_> {
         };
         Ok(match &*node.kind {
             "NurbsCurve" => one(self.curve_3d(node)?),
-            "Circle2D" | "Arc2D" => one(self.arc(node)),
+            "Circle2D" | "Arc2D" | "Disk2D" => one(self.arc(node)),
             "Polyline2D" => {
                 let points = flat(node.points_2d("lineSegments", &mut self.warnings));
                 self.count_points(points.len(), node)?;
@@ -109,7 +116,12 @@ impl Converter<'_> {
 
     /// A circle, or a part of one.
     fn arc(&mut self, node: &Node) -> Result<Curve<DVec3>, GeometryError> {
-        let radius = node.size("radius", 1.0, &mut self.warnings);
+        let field = if &*node.kind == "Disk2D" {
+            "outerRadius"
+        } else {
+            "radius"
+        };
+        let radius = node.size(field, 1.0, &mut self.warnings);
         let (mut start, mut end) = (0.0, TAU);
         if &*node.kind == "Arc2D" {
             start = self.angle(node, "startAngle", 0.0);
