@@ -4,6 +4,7 @@ use glam::DVec3;
 use kernel::{Material, linear_from_srgb};
 
 use super::boundary::{self, Boundary};
+use super::copies::Copies;
 use super::curves;
 use super::directory::{File, SHORT, WHOLE};
 use super::parameters::Parameters;
@@ -38,15 +39,8 @@ pub(super) enum Content {
     },
     /// Pointers to the members of a group, a definition or a solid.
     Members(Vec<i64>),
-    /// A definition, placed.
-    Instance {
-        /// Pointer to the definition.
-        definition: i64,
-        /// Where its origin is placed.
-        translation: DVec3,
-        /// How much larger it is shown.
-        scale: f64,
-    },
+    /// A definition or another entity, placed once or often.
+    Copies(Copies),
 }
 
 /// Reads an entity; `None` if it is none that can be shown.
@@ -73,7 +67,8 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         kind if types::is_curve(kind, entry.form) => return plain(Content::Curve),
         _ => {}
     }
-    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 408 | 430 | 510 | 514)
+    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 320 | 430 | 510 | 514)
+        || matches!(entry.kind, 408 | 412 | 414 | 420)
         || types::is_group(entry.kind, entry.form);
     if !is_readable {
         return Ok(None);
@@ -85,13 +80,13 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             let shell = [p.integer()?, p.integer()?][0];
             Ok(vec![shell])
         })?),
-        308 => {
+        308 | 320 => {
             parameters.integer()?;
             name = parameters.text();
             Content::Members(parameters.pointers("members")?)
         }
         402 => Content::Members(parameters.pointers("members")?),
-        408 => instance(&mut parameters)?,
+        kind @ (408 | 412 | 414 | 420) => Content::Copies(Copies::read(kind, &mut parameters)?),
         430 => Content::Members(vec![parameters.integer()?]),
         514 => Content::Members(with_flags(&mut parameters, |_| Ok(Vec::new()))?),
         kind => face(kind, &mut parameters)?,
@@ -138,7 +133,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
                 .flat_map(|u| [u.flat, vec![u.space]].concat());
             return Ok(pointers.collect());
         }
-        143 | 144 | 186 | 308 | 402 | 510 | 514 => {
+        143 | 144 | 186 | 308 | 320 | 402 | 510 | 514 => {
             let content = read(file, index)?.map(|entity| entity.content);
             return Ok(match content {
                 Some(Content::Face { surface, boundary }) => match boundary {
@@ -176,23 +171,6 @@ fn with_flags(
         parameters.integer_or(1)?;
     }
     Ok(pointers)
-}
-
-/// A subfigure instance (type 408).
-fn instance(parameters: &mut Parameters<'_>) -> Result<Content, Problem> {
-    let definition = parameters.integer()?;
-    let mut length = || parameters.real_or(0.0);
-    let translation = DVec3::new(length()?, length()?, length()?);
-    let scale = parameters.real_or(1.0)?;
-    if !scale.is_normal() {
-        let text = format!("the scale is {scale}; it must not be zero");
-        return Err(Problem::Invalid(text));
-    }
-    Ok(Content::Instance {
-        definition,
-        translation,
-        scale,
-    })
 }
 
 /// A face: bounded surface (143), trimmed surface (144) or face of a solid (510).

@@ -13,6 +13,7 @@ use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 mod boundary;
 mod compressed;
 mod conic;
+mod copies;
 mod curves;
 mod directory;
 mod entities;

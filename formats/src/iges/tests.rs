@@ -176,6 +176,53 @@ fn instances_share_their_definition() {
 }
 
 #[test]
+fn arrays_repeat_their_base() {
+    let mut definition = made(308, "0,4Hpart,1,1");
+    definition.status = "00000200";
+    let mut member = square(0.0);
+    member.status = "00010000";
+    // Two columns of three rows, twice as large, turned by a right angle, without the second place.
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let (scene, warnings) = read(&[
+        member,
+        definition,
+        made(412, &format!("3,2.,1.,2.,3.,2,3,10.,5.,{quarter},1,1,2")),
+        made(414, &format!("3,4,10.,20.,30.,8.,0.,{quarter},2,0,1,3")),
+    ]);
+    assert_eq!(warnings, NONE);
+    assert_eq!(scene.patches().len(), 1);
+    let found = corners(&scene);
+    let grid = [
+        [0.0, 0.0],
+        [-10.0, 0.0],
+        [0.0, 10.0],
+        [-5.0, 10.0],
+        [-10.0, 10.0],
+    ];
+    let grid = grid.map(|[x, y]| DVec3::new(1.0 + x, 2.0 + y, 3.0));
+    let circle = [[18.0, 20.0, 30.0], [2.0, 20.0, 30.0]].map(DVec3::from);
+    let expected = [grid.as_slice(), &circle].concat();
+    assert_eq!(found.len(), expected.len(), "{found:?}");
+    for (found, expected) in found.iter().zip(expected) {
+        assert!(found.distance(expected) < 1e-12, "{found} {expected}");
+    }
+    let far = scene.placements()[0]
+        .world_from_object
+        .transform_vector3(DVec3::X);
+    assert!(far.distance(DVec3::X * 2.0) < 1e-12, "{far}");
+}
+
+#[test]
+fn arrays_are_held_against_a_limit() {
+    let error = |entities: &[Made]| try_read(file(entities).as_bytes()).unwrap_err().to_string();
+    let none = error(&[square(0.0), made(414, "1,0,0.,0.,0.,1.,0.,1.,0,0")]);
+    assert!(none.contains("an array of no copies"), "{none}");
+    let many = "1,1.,0.,0.,0.,99999999,99999999,1.,1.,0.,0,0";
+    let many = error(&[square(0.0), made(412, many)]);
+    assert!(many.contains("more than 1000000 places"), "{many}");
+}
+
+#[test]
 fn a_subfigure_that_contains_itself_is_cut() {
     let (scene, warnings) = read(&[
         square(1.0),

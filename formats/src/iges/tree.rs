@@ -11,6 +11,7 @@ use kernel::{
 };
 
 use super::boundary::{Boundary, Edges};
+use super::copies::Copies;
 use super::curves::Reader;
 use super::directory::{Entry, File};
 use super::entities::{self, Content, Entity};
@@ -20,6 +21,9 @@ use super::transform::Transforms;
 use super::types::{self, Class};
 use super::{sheets, trims};
 use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
+
+/// Places of all arrays of a file together.
+const MOST_PLACES: u64 = 1_000_000;
 
 /// Makes the scene of a file.
 pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Result<Import, Error> {
@@ -173,6 +177,8 @@ struct Tree<'a, 'b> {
     points_left: usize,
     /// How many more children may be stored twice for the sake of an inherited colour.
     copies_left: usize,
+    /// How many more places arrays may have.
+    places_left: u64,
     /// The first surface that could not be read.
     failure: Option<Error>,
     /// A limit that was passed.
@@ -199,6 +205,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             refused: BTreeSet::new(),
             points_left: limits.points,
             copies_left: count.saturating_mul(8),
+            places_left: MOST_PLACES,
             failure: None,
             fatal: None,
         }
@@ -283,15 +290,15 @@ impl<'a, 'b> Tree<'a, 'b> {
                         .extend(self.member(index, member, color, depth));
                 }
             }
-            Content::Instance {
-                definition,
-                translation,
-                scale,
-            } => {
-                place *= DAffine3::from_translation(*translation)
-                    * DAffine3::from_scale(DVec3::splat(*scale));
-                node.children
-                    .extend(self.member(index, *definition, color, depth));
+            Content::Copies(copies) => {
+                let member = self.member(index, copies.base, color, depth);
+                let mut places = copies.places();
+                if copies.count() > 1 {
+                    node.children = self.copies(copies, member)?;
+                } else if let Some(only) = places.next() {
+                    place *= only;
+                    node.children.extend(member);
+                }
             }
         }
         let is_leaf = matches!(entity.content, Content::Surface | Content::Face { .. });
@@ -305,6 +312,30 @@ impl<'a, 'b> Tree<'a, 'b> {
         Ok(Some(Child::Node(node)))
     }
 
+    /// A node for every place of an array.
+    fn copies(&mut self, copies: &Copies, member: Option<Child>) -> Result<Vec<Child>, Problem> {
+        self.places_left = self
+            .places_left
+            .checked_sub(copies.count())
+            .ok_or_else(|| {
+                let text = format!("the arrays have more than {MOST_PLACES} places");
+                Problem::TooLarge(text)
+            })?;
+        let mut nodes = Vec::new();
+        for parent_from_node in copies.places() {
+            let node = Node {
+                parent_from_node,
+                children: member.into_iter().collect(),
+                ..Node::default()
+            };
+            if !node.children.is_empty() {
+                let node = self.scene.add_node(node).map_err(Problem::Geometry)?;
+                nodes.push(Child::Node(node));
+            }
+        }
+        Ok(nodes)
+    }
+
     /// A member of a group, definition or shell.
     fn member(&mut self, parent: usize, pointer: i64, color: i64, depth: usize) -> Option<Child> {
         let index = match self.file.follow(pointer, "a member") {
@@ -315,7 +346,11 @@ impl<'a, 'b> Tree<'a, 'b> {
             }
         };
         let (entry, parent) = (&self.file.entries[index], &self.file.entries[parent]);
-        let is_definition = entry.kind == 308 && parent.kind == 408;
+        let is_definition = match entry.kind {
+            308 => matches!(parent.kind, 408 | 412 | 414),
+            320 => parent.kind == 420,
+            _ => false,
+        };
         if !is_definition && (entry.blanked || types::class(entry.kind) != Class::Shown) {
             return None;
         }

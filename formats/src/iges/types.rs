@@ -79,15 +79,16 @@ const TYPES: &[(i64, &str, Class)] = &[
     (304, "line font", Annotation),
     (308, "subfigure definition", Helper),
     (314, "colour", Helper),
+    (320, "network subfigure definition", Helper),
     (402, "group", Shown),
     (404, "drawing", Annotation),
     (406, "property", Annotation),
     (408, "subfigure instance", Shown),
     (410, "view", Annotation),
-    (412, "rectangular array", Missing),
-    (414, "circular array", Missing),
+    (412, "rectangular array", Shown),
+    (414, "circular array", Shown),
     (416, "external reference", Missing),
-    (420, "network subfigure instance", Missing),
+    (420, "network subfigure instance", Shown),
     (430, "solid instance", Shown),
     (502, "vertex list", Helper),
     (504, "edge list", Helper),
@@ -143,7 +144,10 @@ pub(super) fn is_group(kind: i64, form: i64) -> bool {
 
 /// Whether it shows only what its members are.
 pub(super) fn is_composed(kind: i64) -> bool {
-    matches!(kind, 186 | 308 | 402 | 408 | 430 | 514)
+    matches!(
+        kind,
+        186 | 308 | 320 | 402 | 408 | 412 | 414 | 420 | 430 | 514
+    )
 }
 
 #[cfg(test)]
