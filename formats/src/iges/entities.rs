@@ -8,9 +8,13 @@ use super::copies::Copies;
 use super::curves;
 use super::directory::{File, SHORT, WHOLE};
 use super::parameters::Parameters;
+use super::primitives;
 use super::sheets;
 use super::types;
 use crate::Problem;
+
+/// The operation of a boolean tree that unites.
+const UNION: i64 = 1;
 
 /// An entity that can be shown.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +43,8 @@ pub(super) enum Content {
     },
     /// Pointers to the members of a group, a definition or a solid.
     Members(Vec<i64>),
+    /// Pointers to the members of an assembly, each with one to its transformation, or zero.
+    Placed(Vec<(i64, i64)>),
     /// A definition or another entity, placed once or often.
     Copies(Copies),
 }
@@ -63,13 +69,17 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             let mut real = || parameters.real_or(0.0);
             return plain(Content::Points(vec![DVec3::new(real()?, real()?, real()?)]));
         }
-        kind if sheets::is_sheet(kind) => return plain(Content::Surface),
+        kind if sheets::is_sheet(kind) || primitives::is_primitive(kind) => {
+            return plain(Content::Surface);
+        }
         kind if types::is_curve(kind, entry.form) => return plain(Content::Curve),
         _ => {}
     }
-    let is_readable = matches!(entry.kind, 143 | 144 | 186 | 308 | 320 | 430 | 510 | 514)
-        || matches!(entry.kind, 408 | 412 | 414 | 420)
-        || types::is_group(entry.kind, entry.form);
+    let is_readable = match entry.kind {
+        402 => types::is_group(entry.kind, entry.form),
+        143 | 144 | 510 => true,
+        kind => types::is_composed(kind),
+    };
     if !is_readable {
         return Ok(None);
     }
@@ -87,6 +97,19 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         }
         402 => Content::Members(parameters.pointers("members")?),
         kind @ (408 | 412 | 414 | 420) => Content::Copies(Copies::read(kind, &mut parameters)?),
+        180 => match operands(&mut parameters)? {
+            (bodies, true) => Content::Members(bodies),
+            _ => {
+                let text = "intersections and differences of solids are not read yet";
+                return Err(Problem::Unsupported(text.to_owned()));
+            }
+        },
+        184 => {
+            let solids = parameters.pointers("solids")?;
+            let place = |solid| Ok((solid, parameters.integer_or(0)?));
+            let placed: Result<Vec<_>, Problem> = solids.into_iter().map(place).collect();
+            Content::Placed(placed?)
+        }
         430 => Content::Members(vec![parameters.integer()?]),
         514 => Content::Members(with_flags(&mut parameters, |_| Ok(Vec::new()))?),
         kind => face(kind, &mut parameters)?,
@@ -110,7 +133,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
     let (before, count) = match entry.kind {
         108 if entry.form != 0 => (4, 1),
         118 | 120 | 190 | 192 | 194 | 198 => (0, 2),
-        122 | 130 | 412 | 414 | 430 => (0, 1),
+        122 | 130 | 162 | 164 | 412 | 414 | 430 => (0, 1),
         140 => (4, 1),
         142 => (1, 3),
         196 => (0, 1),
@@ -118,6 +141,15 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
             return file
                 .parameters(index, WHOLE, &mut buffer)?
                 .pointers("curves");
+        }
+        180 => {
+            let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+            return Ok(operands(&mut parameters)?.0);
+        }
+        184 => {
+            return file
+                .parameters(index, WHOLE, &mut buffer)?
+                .pointers("solids");
         }
         504 => {
             let own = i64::try_from(entry.number).unwrap_or_default();
@@ -157,6 +189,18 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
         pointers.push(parameters.integer_or(0)?);
     }
     Ok(pointers)
+}
+
+/// The bodies of a boolean tree (type 180), and whether it only unites them: operands are negative
+/// pointers, operations positive numbers after them.
+fn operands(parameters: &mut Parameters<'_>) -> Result<(Vec<i64>, bool), Problem> {
+    let terms = parameters.pointers("terms")?;
+    let (bodies, operations): (Vec<i64>, Vec<i64>) = terms.iter().partition(|term| **term < 0);
+    let bodies = bodies.into_iter().map(i64::saturating_neg).collect();
+    Ok((
+        bodies,
+        operations.iter().all(|operation| *operation == UNION),
+    ))
 }
 
 /// Pointers of which each is followed by a flag, after those that `first` reads.

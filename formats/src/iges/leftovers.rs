@@ -63,10 +63,12 @@ fn is_used_property(kind: i64, form: i64) -> bool {
     kind == 406 && matches!(form, 1 | 3 | 15)
 }
 
-/// Whether an entity is neither a definition nor of a parameter domain.
+/// Whether an entity is neither a definition nor of a parameter domain; assemblies of solids are
+/// always marked as definitions.
 pub(super) fn is_geometry(entry: &Entry) -> bool {
-    !matches!(
-        entry.entity_use,
-        entity_use::DEFINITION | entity_use::PARAMETRIC
-    )
+    entry.kind == 184
+        || !matches!(
+            entry.entity_use,
+            entity_use::DEFINITION | entity_use::PARAMETRIC
+        )
 }

@@ -28,6 +28,7 @@ mod net;
 mod offset;
 mod order;
 mod parameters;
+mod primitives;
 mod quadric;
 mod records;
 mod ruled;

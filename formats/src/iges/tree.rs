@@ -19,8 +19,11 @@ use super::leftovers::{self, is_geometry};
 use super::levels;
 use super::transform::Transforms;
 use super::types::{self, Class};
-use super::{sheets, trims};
+use super::{primitives, sheets, trims};
 use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
+
+/// What a patch counts at least, in control points.
+const LEAST_COST: usize = 32;
 
 /// Places of all arrays of a file together.
 const MOST_PLACES: u64 = 1_000_000;
@@ -285,9 +288,20 @@ impl<'a, 'b> Tree<'a, 'b> {
             }
             Content::Curve | Content::Points(_) => self.wire(index, &entity, color, &mut node)?,
             Content::Members(members) => {
+                if entry.kind == 180 && members.len() > 1 {
+                    let text = "its bodies are shown whole, also inside each other";
+                    self.problem(index, Problem::Unsupported(text.to_owned()));
+                }
                 for &member in members {
                     node.children
                         .extend(self.member(index, member, color, depth));
+                }
+            }
+            Content::Placed(members) => {
+                for &(member, matrix) in members {
+                    let child = self.member(index, member, color, depth);
+                    let parent_from_node = self.transforms.follow(file, matrix)?;
+                    node.children.extend(self.placed(parent_from_node, child)?);
                 }
             }
             Content::Copies(copies) => {
@@ -322,18 +336,24 @@ impl<'a, 'b> Tree<'a, 'b> {
                 Problem::TooLarge(text)
             })?;
         let mut nodes = Vec::new();
-        for parent_from_node in copies.places() {
-            let node = Node {
-                parent_from_node,
-                children: member.into_iter().collect(),
-                ..Node::default()
-            };
-            if !node.children.is_empty() {
-                let node = self.scene.add_node(node).map_err(Problem::Geometry)?;
-                nodes.push(Child::Node(node));
-            }
+        for place in copies.places() {
+            nodes.extend(self.placed(place, member)?);
         }
         Ok(nodes)
+    }
+
+    /// A node that shows a child in a place.
+    fn placed(&mut self, place: DAffine3, child: Option<Child>) -> Result<Option<Child>, Problem> {
+        let Some(child) = child.filter(|_| place != DAffine3::IDENTITY) else {
+            return Ok(child);
+        };
+        let node = Node {
+            parent_from_node: place,
+            children: vec![child],
+            ..Node::default()
+        };
+        let node = self.scene.add_node(node).map_err(Problem::Geometry)?;
+        Ok(Some(Child::Node(node)))
     }
 
     /// A member of a group, definition or shell.
@@ -466,6 +486,9 @@ impl<'a, 'b> Tree<'a, 'b> {
         let file = self.file;
         let limit = self.points_left;
         let (read, repairs) = self.reading(|reader, edges| {
+            if primitives::is_primitive(file.entries[base].kind) {
+                return primitives::read(reader, base);
+            }
             let sheet = sheets::read(reader, base, limit)?;
             let name = sheet.name.clone();
             Ok::<_, Problem>((name, trims::faces(reader, edges, index, sheet, boundary)?))
@@ -486,7 +509,12 @@ impl<'a, 'b> Tree<'a, 'b> {
         let material = self.material(index, color);
         let mut patches = Vec::new();
         for (surface, loops) in parts {
-            self.points_left = self.points_left.saturating_sub(surface.homogeneous().len());
+            // A patch is more than its points.
+            let cost = surface.homogeneous().len().max(LEAST_COST);
+            self.points_left = self.points_left.checked_sub(cost).ok_or_else(|| {
+                let text = format!("more than {} control points", self.limits.points);
+                Problem::TooLarge(text)
+            })?;
             let patch = Patch {
                 name: name.clone(),
                 source: file.source(index),

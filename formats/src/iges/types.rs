@@ -47,18 +47,18 @@ const TYPES: &[(i64, &str, Class)] = &[
     (144, "trimmed surface", Shown),
     (146, "nodal results", Annotation),
     (148, "element results", Annotation),
-    (150, "block", Missing),
-    (152, "wedge", Missing),
-    (154, "cylinder", Missing),
-    (156, "cone frustum", Missing),
-    (158, "sphere", Missing),
-    (160, "torus", Missing),
-    (162, "solid of revolution", Missing),
-    (164, "solid of extrusion", Missing),
-    (168, "ellipsoid", Missing),
-    (180, "boolean tree", Missing),
+    (150, "block", Shown),
+    (152, "wedge", Shown),
+    (154, "cylinder", Shown),
+    (156, "cone frustum", Shown),
+    (158, "sphere", Shown),
+    (160, "torus", Shown),
+    (162, "solid of revolution", Shown),
+    (164, "solid of extrusion", Shown),
+    (168, "ellipsoid", Shown),
+    (180, "boolean tree", Shown),
     (182, "selected component", Missing),
-    (184, "solid assembly", Missing),
+    (184, "solid assembly", Shown),
     (186, "solid", Shown),
     (190, "plane surface", Shown),
     (192, "cylindrical surface", Shown),
@@ -146,7 +146,7 @@ pub(super) fn is_group(kind: i64, form: i64) -> bool {
 pub(super) fn is_composed(kind: i64) -> bool {
     matches!(
         kind,
-        186 | 308 | 320 | 402 | 408 | 412 | 414 | 420 | 430 | 514
+        180 | 184 | 186 | 308 | 320 | 402 | 408 | 412 | 414 | 420 | 430 | 514
     )
 }
 
