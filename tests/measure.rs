@@ -42,6 +42,40 @@ fn a_sphere_and_tori_have_their_closed_forms() {
 }
 
 #[test]
+fn solids_by_construction_are_bodies() {
+    let found = measured("solids.igs");
+    assert_eq!((found.bodies.len(), found.open_faces), (9, 0));
+    // The outline that turns: two rectangles and what joins them, by Pappus and Guldin.
+    let outline = [
+        (0.4, 0.0),
+        (1.4, 0.0),
+        (1.4, 0.4),
+        (0.8, 0.6),
+        (0.8, 1.6),
+        (0.4, 1.6),
+    ];
+    let pairs = outline.iter().zip(outline.iter().cycle().skip(1));
+    let moment: f64 = pairs
+        .map(|((a, b), (c, d))| (a * d - b * c) * (a + c) / 6.0)
+        .sum();
+    let known = [
+        ("BLOCK", 6.0),
+        ("WEDGE", 8.0),
+        ("CYLINDER", 2.5 * PI),
+        ("FRUSTUM", 2.5 / 3.0 * PI * (1.44 + 0.48 + 0.16)),
+        ("SPHERE", 4.0 / 3.0 * PI * 1.728),
+        ("TORUS", 2.0 * PI * PI * 1.2 * 0.16),
+        ("OVAL", 4.0 / 3.0 * PI * 1.5 * 0.9 * 0.6),
+        ("REVOLVED", 1.5 * PI * moment),
+        ("EXTRUDED", 0.5 * PI * 1.8 / 1.09_f64.sqrt()),
+    ];
+    for (body, (name, volume)) in found.bodies.iter().zip(known) {
+        assert_eq!(body.name, name);
+        assert!((body.volume - volume).abs() < 1e-9, "{name}: {body:?}");
+    }
+}
+
+#[test]
 fn surfaces_with_a_border_are_no_bodies() {
     for name in ["teapot.obj", "two_surfaces.igs"] {
         let found = measured(name);

@@ -4,12 +4,12 @@
 //! chord there as the curve itself may be.
 
 use glam::{DVec2, DVec3};
-use kernel::{Aabb, Curve, Surface, TrimLoop};
+use kernel::{Aabb, Curve, Surface};
 
 use super::Face;
 
-/// Fewest and most chords of each piece of a border; there are as many as the surface has
-/// pieces along a side.
+/// Fewest and most chords of each piece of a trim; there are as many as the surface has pieces along
+/// a side. Sides have the fewest together, but one for each piece.
 const CHORDS: [usize; 2] = [16, 64];
 
 /// How far a border may be from another one that it meets: as a share of the chord there, for
@@ -124,7 +124,8 @@ struct Stretch {
 impl Stretch {
     fn new(chords: Vec<Chord>, curve: usize) -> Self {
         let longest = chords.iter().map(Chord::length).fold(0.0, f64::max);
-        let around = Aabb::around(chords.iter().flat_map(|chord| chord.ends));
+        let points = |chord: &Chord| [chord.ends[0], chord.middle, chord.ends[1]];
+        let around = Aabb::around(chords.iter().flat_map(points));
         Self {
             chords,
             curve,
@@ -159,15 +160,15 @@ struct Border {
 impl Border {
     fn of(face: &Face) -> Self {
         let surface = &face.patch.surface;
-        let mut stretches = Vec::new();
-        let mut whole = Vec::new();
-        if face.patch.loops.is_empty() {
-            whole = sides(surface);
-        }
         let trims = face.patch.loops.iter().flat_map(|trim| trim.segments());
-        for (number, curve) in whole.iter().chain(trims).enumerate() {
-            let chords = along(curve, surface).into_iter();
-            stretches.extend(chords.map(|chords| Stretch::new(chords, number)));
+        let mut curves: Vec<_> = trims.map(|curve| along(curve, surface)).collect();
+        if curves.is_empty() {
+            curves.extend(sides(surface));
+        }
+        let mut stretches = Vec::new();
+        for (number, parts) in curves.into_iter().enumerate() {
+            let own = parts.into_iter().map(|chords| Stretch::new(chords, number));
+            stretches.extend(own);
         }
         let slack = face.bounds.diagonal() * NEAR[1];
         let chords = stretches.iter().flat_map(|stretch| &stretch.chords);
@@ -222,30 +223,46 @@ impl Border {
     }
 }
 
-/// The four sides of a domain, each a curve.
-fn sides(surface: &Surface) -> Vec<Curve<DVec2>> {
-    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    let border = TrimLoop::border(&u, &v);
-    let segments = border.iter().flat_map(|border| border.segments());
-    segments.flat_map(Curve::bezier_pieces).collect()
+/// The chords of the four sides of a domain, between each two knots along it.
+fn sides(surface: &Surface) -> [Vec<Vec<Chord>>; 4] {
+    let knots = [surface.knots_u(), surface.knots_v()];
+    [(0, 0), (1, 1), (0, 1), (1, 0)].map(|(along, end)| {
+        let other = knots[1 - along].domain();
+        let mut uv = DVec2::splat(if end == 0 { other.start } else { other.end });
+        let breaks = knots[along].breaks();
+        let count = CHORDS[0].div_ceil(breaks.len() - 1);
+        let mut span = |pair: &[f64]| {
+            chords([pair[0], pair[1]], count, |t| {
+                uv[along] = t;
+                surface.evaluate(uv)
+            })
+        };
+        breaks.windows(2).map(&mut span).collect()
+    })
 }
 
 /// The chords of a curve of the parameter domain, between each two knots.
 fn along(curve: &Curve<DVec2>, surface: &Surface) -> Vec<Vec<Chord>> {
     let spans = [surface.knots_u(), surface.knots_v()].map(|knots| knots.breaks().len());
-    let chords = spans[0].max(spans[1]).clamp(CHORDS[0], CHORDS[1]);
-    let mut found = Vec::new();
-    for pair in curve.knots().breaks().windows(2) {
-        let step = (pair[1] - pair[0]) / chords as f64;
-        let at = |k: f64| surface.evaluate(curve.evaluate(pair[0] + step * k));
-        let chord = |k: usize| {
-            let k = k as f64;
-            Chord {
-                ends: [at(k), at(k + 1.0)],
-                middle: at(k + 0.5),
-            }
-        };
-        found.push((0..chords).map(chord).collect());
-    }
-    found
+    let count = spans[0].max(spans[1]).clamp(CHORDS[0], CHORDS[1]);
+    let at = |t: f64| surface.evaluate(curve.evaluate(t));
+    let breaks = curve.knots().breaks();
+    let pairs = breaks.windows(2);
+    pairs
+        .map(|pair| chords([pair[0], pair[1]], count, at))
+        .collect()
+}
+
+/// Chords of equal steps in a parameter.
+fn chords([from, to]: [f64; 2], count: usize, mut at: impl FnMut(f64) -> DVec3) -> Vec<Chord> {
+    let step = (to - from) / count as f64;
+    let mut place = |k: f64| at(from + step * k);
+    let mut chord = |k: usize| {
+        let k = k as f64;
+        Chord {
+            ends: [place(k), place(k + 1.0)],
+            middle: place(k + 0.5),
+        }
+    };
+    (0..count).map(&mut chord).collect()
 }
