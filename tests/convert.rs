@@ -60,6 +60,34 @@ fn one_bad_file_does_not_stop_the_batch() {
 }
 
 #[test]
+fn faces_without_triangles_are_named() {
+    let place = Place::new();
+    let text = "#VRML V2.0 utf8\n\
+        Shape { geometry Box { size 1000 1000 1000 } }\n\
+        Shape { geometry DEF SPECK Sphere { radius 1e-6 } }\n";
+    fs::write(place.path("speck.wrl"), text).unwrap();
+    let run = place.run("convert speck.wrl -o speck.glb --json");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let report = &lines(&run.stdout)[0];
+    let left_out = &report["left_out"][0];
+    assert!(
+        left_out["text"].as_str().unwrap().contains("no triangle"),
+        "{left_out}"
+    );
+    assert_eq!(left_out["count"], 1);
+    assert!(
+        left_out["places"][0]["what"]
+            .as_str()
+            .unwrap()
+            .contains("SPECK")
+    );
+    assert_eq!(
+        (report["shells"].as_u64(), report["closed_shells"].as_u64()),
+        (Some(2), Some(1))
+    );
+}
+
+#[test]
 fn folders_are_mirrored() {
     let place = Place::new();
     let folder = place.path("parts/wheels");
