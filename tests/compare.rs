@@ -84,6 +84,22 @@ fn the_report_holds_all_that_it_promises() {
 }
 
 #[test]
+fn curves_that_are_points_do_not_hide_the_border() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../shared/corpus/iges/made_brep186_screw.igs"
+    );
+    if !std::path::Path::new(path).exists() {
+        return;
+    }
+    let place = Place::new();
+    let mesh = &report(&place, &format!("{path} --samples 1 --tolerance 0.05%"))["meshes"][0];
+    let number = |key: &str| mesh[key].as_f64().unwrap();
+    let (found, tolerance) = (number("hausdorff_found"), number("tolerance"));
+    assert!((0.3..1.0).contains(&(found / tolerance)), "{found}");
+}
+
+#[test]
 fn a_limit_sets_the_exit_code() {
     let place = Place::new();
     for (limit, code) in [("0.5%", 0), ("0.001%", 1)] {

@@ -19,6 +19,9 @@ const RIM_SAMPLES: usize = 16;
 /// is looked for.
 const RIM_TRIED: usize = 6;
 
+/// A trim curve no larger than this share of the domain is a point.
+const POINT: f64 = 1e-12;
+
 /// Steps along a trim curve.
 const RIM_STEPS: usize = 20;
 
@@ -284,10 +287,18 @@ impl<'a> Face<'a> {
     fn new(patch: &'a Patch) -> Self {
         let surface = &patch.surface;
         let region = patch.region();
-        let rims = match region {
+        // Curves that are points add nothing to the ends of those beside them, but crowd these out.
+        let pieces = Pieces::new(surface);
+        let least = pieces.domain().size() * POINT;
+        let is_point = |curve: &Curve<DVec2>| {
+            let start = curve.start();
+            curve.points().all(|p| (p - start).abs().cmple(least).all())
+        };
+        let mut rims = match region {
             Some(_) => patch.trim_curves(),
             None => Vec::new(),
         };
+        rims.retain(|curve| !is_point(curve));
         let closed = nearest::closed(surface);
         let nearby = Nearby::new(surface, closed);
         let mut rim = Vec::new();
@@ -304,7 +315,7 @@ impl<'a> Face<'a> {
         }
         Self {
             patch,
-            pieces: Pieces::new(surface),
+            pieces,
             region,
             closed,
             nearby,
