@@ -3,21 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DVec2, DVec3};
-use kernel::{Patch, Scene};
+use kernel::Patch;
 
-use super::testing::{Made, file, made};
-use crate::{Limits, NoFiles, ReadOptions};
-
-fn read(entities: &[Made]) -> (Scene, Vec<String>) {
-    let limits = Limits::default();
-    let options = ReadOptions {
-        limits: &limits,
-        resolver: &NoFiles,
-    };
-    let import = crate::read(file(entities).as_bytes(), None, &options).unwrap();
-    let warnings = import.warnings.as_slice().iter().map(ToString::to_string);
-    (import.scene, warnings.collect())
-}
+use super::testing::{Made, made, read};
 
 /// A part of another entity.
 fn part(kind: i64, form: i64, parameters: &str) -> Made {

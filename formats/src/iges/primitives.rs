@@ -330,22 +330,10 @@ fn cap(rim: &[Curve<DVec3>], side: DVec3) -> Result<(Surface, Vec<TrimLoop>), Pr
 mod tests {
     use std::f64::consts::PI;
 
-    use kernel::{Integrals, Patch, Scene};
+    use kernel::{Integrals, Patch};
 
-    use super::super::testing::{Made, file, made};
+    use super::super::testing::{Made, made, read};
     use super::*;
-    use crate::{Limits, NoFiles, ReadOptions};
-
-    fn read(entities: &[Made]) -> (Scene, Vec<String>) {
-        let limits = Limits::default();
-        let options = ReadOptions {
-            limits: &limits,
-            resolver: &NoFiles,
-        };
-        let import = crate::read(file(entities).as_bytes(), None, &options).unwrap();
-        let warnings = import.warnings.as_slice().iter().map(ToString::to_string);
-        (import.scene, warnings.collect())
-    }
 
     /// The area of all faces and, with normals that look outside, what they enclose.
     fn measured(entities: &[Made]) -> [f64; 2] {

@@ -2,6 +2,10 @@
 
 use std::fmt::Write as _;
 
+use kernel::Scene;
+
+use crate::{Limits, NoFiles, ReadOptions};
+
 /// An entity of a file to be made: type and form, further directory fields, parameters.
 pub(super) struct Made {
     /// Type number.
@@ -20,6 +24,18 @@ pub(super) struct Made {
     pub label: &'static str,
     /// Parameters after the type number, without the record delimiter.
     pub parameters: String,
+}
+
+/// The scene and the warnings of a file of entities, known by its content.
+pub(super) fn read(entities: &[Made]) -> (Scene, Vec<String>) {
+    let limits = Limits::default();
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &NoFiles,
+    };
+    let import = crate::read(file(entities).as_bytes(), None, &options).unwrap();
+    let warnings = import.warnings.as_slice().iter().map(ToString::to_string);
+    (import.scene, warnings.collect())
 }
 
 /// An entity of a type with parameters, all else being zero.
