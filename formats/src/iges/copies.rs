@@ -47,7 +47,7 @@ impl Copies {
             412 => (grid(parameters)?, listed(parameters)?),
             414 => (circle(parameters)?, listed(parameters)?),
             _ => {
-                let origin = point(parameters)?;
+                let origin = parameters.point_or(DVec3::ZERO)?;
                 let x = scale(parameters, 1.0)?;
                 let scale = if kind == 420 {
                     DVec3::new(x, scale(parameters, x)?, scale(parameters, x)?)
@@ -115,7 +115,7 @@ impl Copies {
 /// A rectangular array (type 412): its angle turns the places, but not what stands there.
 fn grid(parameters: &mut Parameters<'_>) -> Result<Layout, Problem> {
     let scale = scale(parameters, 1.0)?;
-    let origin = point(parameters)?;
+    let origin = parameters.point_or(DVec3::ZERO)?;
     let [columns, rows] = [size(parameters)?, size(parameters)?];
     let step = [parameters.real()?, parameters.real()?];
     let angle = parameters.real_or(0.0)?;
@@ -132,7 +132,7 @@ fn grid(parameters: &mut Parameters<'_>) -> Result<Layout, Problem> {
 fn circle(parameters: &mut Parameters<'_>) -> Result<Layout, Problem> {
     Ok(Layout::Circle {
         count: size(parameters)?,
-        center: point(parameters)?,
+        center: parameters.point_or(DVec3::ZERO)?,
         radius: parameters.real()?,
         start: parameters.real_or(0.0)?,
         step: parameters.real()?,
@@ -148,11 +148,6 @@ fn size(parameters: &mut Parameters<'_>) -> Result<u64, Problem> {
         }
         count => Ok(count),
     }
-}
-
-fn point(parameters: &mut Parameters<'_>) -> Result<DVec3, Problem> {
-    let mut length = || parameters.real_or(0.0);
-    Ok(DVec3::new(length()?, length()?, length()?))
 }
 
 fn scale(parameters: &mut Parameters<'_>, default: f64) -> Result<f64, Problem> {

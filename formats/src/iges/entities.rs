@@ -66,8 +66,7 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         }
         116 => {
             let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-            let mut real = || parameters.real_or(0.0);
-            return plain(Content::Points(vec![DVec3::new(real()?, real()?, real()?)]));
+            return plain(Content::Points(vec![parameters.point_or(DVec3::ZERO)?]));
         }
         kind if sheets::is_sheet(kind) || primitives::is_primitive(kind) => {
             return plain(Content::Surface);
@@ -146,11 +145,6 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
             let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
             return Ok(operands(&mut parameters)?.0);
         }
-        184 => {
-            return file
-                .parameters(index, WHOLE, &mut buffer)?
-                .pointers("solids");
-        }
         504 => {
             let own = i64::try_from(entry.number).unwrap_or_default();
             return boundary::edge_curves(file, own);
@@ -165,7 +159,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
                 .flat_map(|u| [u.flat, vec![u.space]].concat());
             return Ok(pointers.collect());
         }
-        143 | 144 | 186 | 308 | 320 | 402 | 510 | 514 => {
+        143 | 144 | 184 | 186 | 308 | 320 | 402 | 510 | 514 => {
             let content = read(file, index)?.map(|entity| entity.content);
             return Ok(match content {
                 Some(Content::Face { surface, boundary }) => match boundary {
@@ -175,6 +169,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
                     _ => vec![surface],
                 },
                 Some(Content::Members(members)) => members,
+                Some(Content::Placed(placed)) => placed.iter().map(|(solid, _)| *solid).collect(),
                 _ => Vec::new(),
             });
         }

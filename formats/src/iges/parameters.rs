@@ -2,6 +2,8 @@
 //!
 //! Tokens are slices of the record; nothing is copied but the digits of one number.
 
+use glam::DVec3;
+
 use crate::Problem;
 
 /// The two characters that separate parameters and end a record.
@@ -88,6 +90,16 @@ impl<'a> Parameters<'a> {
             Token::Plain(text) => real(text).ok_or_else(|| self.wrong(text, "a number")),
             Token::Text(text) => Err(self.wrong(text, "a number")),
         }
+    }
+
+    /// A point or direction, the default where coordinates are left out.
+    pub(super) fn point_or(&mut self, default: DVec3) -> Result<DVec3, Problem> {
+        let [x, y, z] = default.to_array();
+        Ok(DVec3::new(
+            self.real_or(x)?,
+            self.real_or(y)?,
+            self.real_or(z)?,
+        ))
     }
 
     /// `count` real numbers.

@@ -55,7 +55,7 @@ pub(super) fn read(reader: &mut Reader<'_, '_>, index: usize) -> Result<(String,
         }
         158 => {
             let radius = length(p)?;
-            let frame = Frame::about(point(p, DVec3::ZERO)?, DVec3::Z);
+            let frame = Frame::about(p.point_or(DVec3::ZERO)?, DVec3::Z);
             whole(frame.and_then(|frame| ball(&frame, radius)))?
         }
         160 => {
@@ -101,26 +101,17 @@ fn length(parameters: &mut Parameters<'_>) -> Result<f64, Problem> {
     Err(Problem::Geometry(GeometryError::NotPositive { found }))
 }
 
-fn point(parameters: &mut Parameters<'_>, default: DVec3) -> Result<DVec3, Problem> {
-    let [x, y, z] = default.to_array();
-    Ok(DVec3::new(
-        parameters.real_or(x)?,
-        parameters.real_or(y)?,
-        parameters.real_or(z)?,
-    ))
-}
-
 /// A point, and the axis there.
 fn axis(parameters: &mut Parameters<'_>) -> Result<Frame, Problem> {
-    let origin = point(parameters, DVec3::ZERO)?;
-    Frame::about(origin, point(parameters, DVec3::Z)?).map_err(Problem::Geometry)
+    let origin = parameters.point_or(DVec3::ZERO)?;
+    Frame::about(origin, parameters.point_or(DVec3::Z)?).map_err(Problem::Geometry)
 }
 
 /// A point, and the x and z axes there.
 fn axes(parameters: &mut Parameters<'_>) -> Result<Frame, Problem> {
-    let origin = point(parameters, DVec3::ZERO)?;
-    let x = point(parameters, DVec3::X)?;
-    Frame::new(origin, point(parameters, DVec3::Z)?, x).map_err(Problem::Geometry)
+    let origin = parameters.point_or(DVec3::ZERO)?;
+    let x = parameters.point_or(DVec3::X)?;
+    Frame::new(origin, parameters.point_or(DVec3::Z)?, x).map_err(Problem::Geometry)
 }
 
 /// A block, or a wedge, whose far side is only as long as `top`.
@@ -229,7 +220,7 @@ fn extruded(reader: &mut Reader<'_, '_>, p: &mut Parameters<'_>) -> Result<Parts
     let mut rim = rim(reader, p)?;
     closed(&rim, size(&rim))?;
     let along = length(p)?;
-    let way = point(p, DVec3::Z)?.try_normalize();
+    let way = p.point_or(DVec3::Z)?.try_normalize();
     let way = way.ok_or(Problem::Geometry(GeometryError::NoDirection))? * along;
     orient(&mut rim, way);
     let mut parts = Vec::new();
