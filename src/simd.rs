@@ -84,6 +84,14 @@ pub(crate) trait Task {
     fn run<S: Simd>(self, s: S) -> Self::Output;
 }
 
+/// A part of a task that is compiled as a function of its own, with the instructions of the task:
+/// what comes in large portions. A single function of all takes the compiler many times as long.
+pub(crate) trait Part<S> {
+    type Output;
+
+    fn run(self, s: S) -> Self::Output;
+}
+
 /// Arithmetic on lanes. Comparisons with what is not a number are false.
 pub(crate) trait Simd: Copy {
     /// [`LANES`] numbers in single precision.
@@ -92,6 +100,8 @@ pub(crate) trait Simd: Copy {
     type M: Copy;
     /// [`WIDE_LANES`] numbers in double precision.
     type D: Copy;
+
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output;
 
     fn splat(self, x: f32) -> Self::F;
     fn load(self, from: &[f32; LANES]) -> Self::F;
@@ -117,7 +127,12 @@ pub(crate) trait Simd: Copy {
     fn splat_d(self, x: f64) -> Self::D;
     fn load_d(self, from: &[f64; WIDE_LANES]) -> Self::D;
     fn store_d(self, x: Self::D, to: &mut [f64; WIDE_LANES]);
+    fn add_d(self, a: Self::D, b: Self::D) -> Self::D;
     fn sub_d(self, a: Self::D, b: Self::D) -> Self::D;
+    /// The lesser; `b` where one is not a number.
+    fn min_d(self, a: Self::D, b: Self::D) -> Self::D;
+    /// The greater; `b` where one is not a number.
+    fn max_d(self, a: Self::D, b: Self::D) -> Self::D;
     fn mul_d(self, a: Self::D, b: Self::D) -> Self::D;
     fn div_d(self, a: Self::D, b: Self::D) -> Self::D;
     /// `a b + c`.
@@ -125,6 +140,7 @@ pub(crate) trait Simd: Copy {
     /// `c - a b`.
     fn fnma_d(self, a: Self::D, b: Self::D, c: Self::D) -> Self::D;
     fn abs_d(self, a: Self::D) -> Self::D;
+    fn sqrt_d(self, a: Self::D) -> Self::D;
     /// A bit for each lane in which `a < b`.
     fn lt_d(self, a: Self::D, b: Self::D) -> u32;
 }
@@ -247,6 +263,11 @@ impl Simd for Portable {
     type M = [f32x4; 4];
     type D = [f64x2; 4];
 
+    #[inline(never)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        part.run(self)
+    }
+
     #[inline(always)]
     fn splat(self, x: f32) -> Self::F {
         [f32x4::splat(x); 4]
@@ -322,6 +343,18 @@ impl Simd for Portable {
         *to = pulp::cast(x);
     }
     #[inline(always)]
+    fn add_d(self, a: Self::D, b: Self::D) -> Self::D {
+        parts!(a, b => a + b)
+    }
+    #[inline(always)]
+    fn min_d(self, a: Self::D, b: Self::D) -> Self::D {
+        parts!(a, b => a.fast_min(b))
+    }
+    #[inline(always)]
+    fn max_d(self, a: Self::D, b: Self::D) -> Self::D {
+        parts!(a, b => a.fast_max(b))
+    }
+    #[inline(always)]
     fn sub_d(self, a: Self::D, b: Self::D) -> Self::D {
         parts!(a, b => a - b)
     }
@@ -344,6 +377,10 @@ impl Simd for Portable {
     #[inline(always)]
     fn abs_d(self, a: Self::D) -> Self::D {
         parts!(a => a.abs())
+    }
+    #[inline(always)]
+    fn sqrt_d(self, a: Self::D) -> Self::D {
+        parts!(a => a.sqrt())
     }
     #[inline(always)]
     fn lt_d(self, a: Self::D, b: Self::D) -> u32 {

@@ -1,15 +1,20 @@
 //! Rays that run side by side, as one beam.
 
 use glam::{DAffine3, DVec3};
-use kernel::Ray;
+use kernel::{Aabb, Ray};
 
+use super::leaf::Bits;
 use super::tree::{Node, WIDTH};
+use crate::simd::{LANES, Simd, WIDE_LANES};
 
 /// Rays of a beam at most: a bit each in a mask.
 pub(super) const RAYS: usize = 64;
 
 /// Errors of positions in single precision, many roundings wide.
 const PADDING: f32 = 64.0 / (1 << 24) as f32;
+
+/// Rounding errors of places in double precision, many roundings wide.
+const PASSING: f64 = 1e-12;
 
 /// Along the main axis rays advance at least this share of their advance across.
 const LEAST_ADVANCE: f64 = 0.3;
@@ -37,9 +42,10 @@ pub(super) struct Beam {
     pub(super) middle_slope: [f64; 2],
     pub(super) offset: [[f32; RAYS]; 2],
     pub(super) turn: [[f32; RAYS]; 2],
-    /// The ray parameter at the start, and its advance with zeta.
+    /// The ray parameter at the start, its advance with zeta, and that of zeta with it.
     pub(super) time: [f64; RAYS],
     pub(super) pace: [f64; RAYS],
+    advance: [f64; RAYS],
     /// What is still of interest of each ray, in zeta, a little widened.
     pub(super) near: [f32; RAYS],
     pub(super) far: [f32; RAYS],
@@ -110,17 +116,64 @@ impl Rays {
         usable
     }
 
+    /// Whether none comes to a box from its origin on, by bounds of their places and slopes along
+    /// the axis along which they advance most.
+    #[inline(always)]
+    pub(super) fn pass_by<S: Simd>(&self, s: S, target: &Aabb) -> bool {
+        let first = DVec3::new(
+            self.direction[0][0],
+            self.direction[1][0],
+            self.direction[2][0],
+        );
+        let main = first.abs().max_position();
+        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+        let (mut least, mut most) = ([0.0; 3], [0.0; 3]);
+        for axis in 0..3 {
+            (low[axis], high[axis]) = bounds(s, &self.origin[axis]);
+            (least[axis], most[axis]) = bounds(s, &self.direction[axis]);
+        }
+        let (slow, fast) = if first[main] > 0.0 {
+            (least[main], most[main])
+        } else {
+            (-most[main], -least[main])
+        };
+        if slow.is_nan() || slow <= 0.0 {
+            return false;
+        }
+        // The way along the main axis to either side of the box, none back.
+        let (near, far) = if first[main] > 0.0 {
+            (target.min[main] - high[main], target.max[main] - low[main])
+        } else {
+            (low[main] - target.max[main], high[main] - target.min[main])
+        };
+        let (near, far) = (near.max(0.0), far.max(0.0));
+        let reach = low[main].abs().max(high[main].abs()) + far;
+        let (pace, slowest) = (fast.recip(), slow.recip());
+        let mut apart = false;
+        for axis in 0..3 {
+            let fall = least[axis] * if least[axis] < 0.0 { slowest } else { pace };
+            let rise = most[axis] * if most[axis] < 0.0 { pace } else { slowest };
+            let lowest = low[axis] + fall * if fall < 0.0 { far } else { near };
+            let highest = high[axis] + rise * if rise < 0.0 { near } else { far };
+            let size = low[axis].abs().max(high[axis].abs());
+            let room = PASSING * (size + reach * (1.0 + fall.abs().max(rise.abs())));
+            apart |= axis != main
+                && (lowest - room > target.max[axis] || highest + room < target.min[axis]);
+        }
+        apart
+    }
+
     /// The rays in other coordinates.
     #[inline(always)]
     fn transformed(&self, map: &DAffine3, into: &mut Self) {
         for axis in 0..3 {
             let row = map.matrix3.row(axis);
             for lane in 0..RAYS {
-                let dot = |v: &[[f64; RAYS]; 3]| {
-                    row.x * v[0][lane] + row.y * v[1][lane] + row.z * v[2][lane]
-                };
-                into.origin[axis][lane] = dot(&self.origin) + map.translation[axis];
-                into.direction[axis][lane] = dot(&self.direction);
+                let [x, y, z] = &self.origin;
+                let at = row.x * x[lane] + row.y * y[lane] + row.z * z[lane];
+                into.origin[axis][lane] = at + map.translation[axis];
+                let [x, y, z] = &self.direction;
+                into.direction[axis][lane] = row.x * x[lane] + row.y * y[lane] + row.z * z[lane];
             }
         }
     }
@@ -128,18 +181,54 @@ impl Rays {
 
 /// Least and greatest of what the lanes hold.
 #[inline(always)]
-fn bounds(values: &[f64; RAYS]) -> (f64, f64) {
-    let (mut low, mut high) = ([f64::INFINITY; 8], [f64::NEG_INFINITY; 8]);
-    for part in values.as_chunks::<8>().0 {
-        for k in 0..8 {
-            low[k] = if part[k] < low[k] { part[k] } else { low[k] };
-            high[k] = if part[k] > high[k] { part[k] } else { high[k] };
-        }
+fn bounds<S: Simd>(s: S, values: &[f64; RAYS]) -> (f64, f64) {
+    let (mut least, mut most) = (s.splat_d(f64::INFINITY), s.splat_d(f64::NEG_INFINITY));
+    for part in values.as_chunks().0 {
+        let part = s.load_d(part);
+        (least, most) = (s.min_d(part, least), s.max_d(part, most));
     }
-    (
-        low.into_iter().fold(f64::INFINITY, f64::min),
-        high.into_iter().fold(f64::NEG_INFINITY, f64::max),
-    )
+    let (mut low, mut high) = ([0.0; WIDE_LANES], [0.0; WIDE_LANES]);
+    s.store_d(least, &mut low);
+    s.store_d(most, &mut high);
+    (least_of(&low), greatest_of(&high))
+}
+
+/// Middle of what sixteen lanes hold, and half of what they span.
+#[inline(always)]
+fn spread(values: &[f32; LANES]) -> (f32, f32) {
+    let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
+    for k in 0..8 {
+        low[k] = lesser(values[k], values[k + 8]);
+        high[k] = greater(values[k], values[k + 8]);
+    }
+    let (low, high) = (least_of(&low), greatest_of(&high));
+    (0.5 * (low + high), 0.5 * (high - low))
+}
+
+#[inline(always)]
+fn lesser<T: PartialOrd>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn greater<T: PartialOrd>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn least_of<T: PartialOrd + Copy>(&[a, b, c, d, e, f, g, h]: &[T; 8]) -> T {
+    let (first, second) = (
+        lesser(lesser(a, b), lesser(c, d)),
+        lesser(lesser(e, f), lesser(g, h)),
+    );
+    lesser(first, second)
+}
+
+#[inline(always)]
+fn greatest_of<T: PartialOrd + Copy>(&[a, b, c, d, e, f, g, h]: &[T; 8]) -> T {
+    let first = greater(greater(a, b), greater(c, d));
+    let second = greater(greater(e, f), greater(g, h));
+    greater(first, second)
 }
 
 impl Beam {
@@ -156,6 +245,7 @@ impl Beam {
         turn: [[0.0; RAYS]; 2],
         time: [0.0; RAYS],
         pace: [0.0; RAYS],
+        advance: [0.0; RAYS],
         near: [0.0; RAYS],
         far: [0.0; RAYS],
         low: [0.0; 2],
@@ -166,7 +256,8 @@ impl Beam {
     };
 
     /// Sees the rays from coordinates in which all that can be met lies between -1 and 1.
-    /// `from` and `until` bound the ray parameters.
+    /// `from` and `until` bound the ray parameters; of rays that are not `alive` nothing is of
+    /// interest.
     ///
     /// The result says whether the rays run side by side; if not, the beam is of no use.
     #[inline(always)]
@@ -174,12 +265,12 @@ impl Beam {
         clippy::cast_possible_truncation,
         reason = "widened by more than the rounding"
     )]
-    pub(super) fn fill(
+    pub(super) fn fill<S: Simd>(
         &mut self,
-        rays: &Rays,
+        s: S,
+        (rays, alive): (&Rays, u64),
         map: &DAffine3,
-        from: &[f64; RAYS],
-        until: &[f64; RAYS],
+        (from, until): (&[f64; RAYS], &[f64; RAYS]),
         local: &mut Rays,
     ) -> bool {
         rays.transformed(map, local);
@@ -195,6 +286,7 @@ impl Beam {
             let advance = local.direction[main][lane] * sign;
             let (di, dj) = (local.direction[i][lane], local.direction[j][lane]);
             coherent &= advance > LEAST_ADVANCE * di.abs() && advance > LEAST_ADVANCE * dj.abs();
+            self.advance[lane] = advance;
             self.pace[lane] = advance.recip();
             self.slope[0][lane] = di * self.pace[lane];
             self.slope[1][lane] = dj * self.pace[lane];
@@ -204,7 +296,7 @@ impl Beam {
         if !coherent {
             return false;
         }
-        self.start = bounds(&begin).0.max(-1.0);
+        self.start = bounds(s, &begin).0.max(-1.0);
         for lane in 0..RAYS {
             let way = self.start - zeta[lane];
             self.time[lane] = way * self.pace[lane];
@@ -212,14 +304,17 @@ impl Beam {
             self.origin[1][lane] = local.origin[j][lane] + way * self.slope[1][lane];
             self.near[lane] = begin[lane].max(-1.0) as f32 - PADDING;
             self.far[lane] =
-                (self.start + (until[lane] - self.time[lane]) / self.pace[lane]) as f32;
+                (self.start + (until[lane] - self.time[lane]) * self.advance[lane]) as f32;
             self.far[lane] += self.far[lane].abs() * PADDING + PADDING;
+        }
+        for lane in Bits(!alive) {
+            self.end(lane);
         }
         self.least_near = self.start as f32 - PADDING;
         let mut narrow = true;
         for axis in 0..2 {
-            let (low, high) = bounds(&self.origin[axis]);
-            let (low_slope, high_slope) = bounds(&self.slope[axis]);
+            let (low, high) = bounds(s, &self.origin[axis]);
+            let (low_slope, high_slope) = bounds(s, &self.slope[axis]);
             narrow &= high - low < WIDEST && high_slope - low_slope < WIDEST;
             let (origin, slope) = (
                 f64::midpoint(low, high),
@@ -286,35 +381,58 @@ impl Beam {
         reason = "the bounds are padded for it"
     )]
     pub(super) fn bounds(&self) -> BeamBounds {
-        let radius = |low: &[f32; 2], high: &[f32; 2]| [0, 1].map(|k| 0.5 * (high[k] - low[k]));
-        BeamBounds {
+        let mut bounds = BeamBounds {
             main: self.main,
             across: self.across,
             sign: self.sign as f32,
             start: self.start as f32,
-            origin: self.middle_origin.map(|x| x as f32),
-            slope: self.middle_slope.map(|x| x as f32),
-            origin_radius: radius(&self.low, &self.high),
-            slope_radius: radius(&self.low_slope, &self.high_slope),
+            origin: [0.0; 2],
+            slope: [0.0; 2],
+            origin_radius: [0.0; 2],
+            slope_radius: [0.0; 2],
             least_near: self.least_near,
+        };
+        for axis in 0..2 {
+            bounds.origin[axis] = self.middle_origin[axis] as f32;
+            bounds.slope[axis] = self.middle_slope[axis] as f32;
+            bounds.origin_radius[axis] = 0.5 * (self.high[axis] - self.low[axis]);
+            bounds.slope_radius[axis] = 0.5 * (self.high_slope[axis] - self.low_slope[axis]);
         }
+        bounds
     }
 
-    /// The greatest `far` of the lanes whose bits are set.
+    /// Of the beam as a whole the rays of a group.
     #[inline(always)]
-    pub(super) fn farthest(&self, lanes: u64) -> f32 {
-        let mut far = [f32::NEG_INFINITY; 8];
-        for (part, bits) in self.far.as_chunks::<8>().0.iter().zip(lanes.to_le_bytes()) {
-            for k in 0..8 {
-                let value = if bits >> k & 1 == 1 {
-                    part[k]
-                } else {
-                    f32::NEG_INFINITY
-                };
-                far[k] = if value > far[k] { value } else { far[k] };
-            }
+    pub(super) fn part(&self, whole: &BeamBounds, group: usize) -> BeamBounds {
+        let mut part = *whole;
+        for axis in 0..2 {
+            let (middle, half) = spread(&self.offset[axis].as_chunks().0[group]);
+            part.origin[axis] += middle;
+            part.origin_radius[axis] = half + PADDING * (1.0 + part.origin[axis].abs());
+            let (middle, half) = spread(&self.turn[axis].as_chunks().0[group]);
+            part.slope[axis] += middle;
+            part.slope_radius[axis] = half + PADDING * (1.0 + part.slope[axis].abs());
         }
-        far.into_iter().fold(f32::NEG_INFINITY, f32::max)
+        part
+    }
+
+    /// The greatest `far` of all.
+    #[inline(always)]
+    pub(super) fn farthest<S: Simd>(&self, s: S) -> f32 {
+        let mut all = s.splat(f32::NEG_INFINITY);
+        for part in self.far.as_chunks().0 {
+            all = s.max(s.load(part), all);
+        }
+        let mut far = [0.0; LANES];
+        s.store(all, &mut far);
+        let (halves, _) = far.as_chunks();
+        greater(greatest_of(&halves[0]), greatest_of(&halves[1]))
+    }
+
+    /// Nothing of ray `lane` is of interest any more.
+    #[inline(always)]
+    pub(super) fn end(&mut self, lane: usize) {
+        self.far[lane] = f32::NEG_INFINITY;
     }
 
     /// Nothing beyond the ray parameter `until` is of interest any more of ray `lane`.
@@ -324,7 +442,7 @@ impl Beam {
         reason = "widened by more than the rounding"
     )]
     pub(super) fn shorten(&mut self, lane: usize, until: f64) {
-        let far = (self.start + (until - self.time[lane]) / self.pace[lane]) as f32;
+        let far = (self.start + (until - self.time[lane]) * self.advance[lane]) as f32;
         self.far[lane] = far + far.abs() * PADDING + PADDING;
     }
 
@@ -332,5 +450,55 @@ impl Beam {
     #[inline(always)]
     pub(super) fn time_at(&self, lane: usize, zeta: f64) -> f64 {
         self.time[lane] + (zeta - self.start) * self.pace[lane]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+    use crate::simd::Portable;
+
+    /// Whether a ray meets a box from its origin on.
+    fn meets(ray: &Ray, target: &Aabb) -> bool {
+        let (mut near, mut far) = (0.0_f64, f64::INFINITY);
+        for axis in 0..3 {
+            let inverse = ray.direction[axis].recip();
+            let a = (target.min[axis] - ray.origin[axis]) * inverse;
+            let b = (target.max[axis] - ray.origin[axis]) * inverse;
+            (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
+        }
+        near <= far
+    }
+
+    #[test]
+    fn rays_that_pass_by_a_box_do_not_meet_it() {
+        let mut random = Random(7);
+        let mut vector = |size: f64| random.vector() * size;
+        let (mut passed, mut missed) = (0, 0);
+        for _ in 0..4000 {
+            let corner = vector(1.0);
+            let target = Aabb::around([corner, corner + vector(0.7)]);
+            let (origin, direction) = (vector(4.0), vector(1.0));
+            let spread = vector(0.1).abs().max_element();
+            let rays: Vec<Ray> = (0..RAYS)
+                .map(|_| Ray {
+                    origin: origin + vector(spread),
+                    direction: direction + vector(spread),
+                })
+                .collect();
+            let mut packet = Rays::NONE;
+            packet.gather(&rays);
+            let met = rays.iter().any(|ray| meets(ray, &target));
+            if packet.pass_by(Portable, &target) {
+                assert!(!met, "{target:?} {rays:?}");
+                passed += 1;
+            }
+            missed += u32::from(!met);
+        }
+        assert!(
+            passed > 2 * missed / 3 && passed > 1000,
+            "{passed} of {missed}"
+        );
     }
 }

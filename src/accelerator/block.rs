@@ -212,16 +212,13 @@ impl Block {
         far: f32,
         found: &mut [(u32, f32); WIDTH],
     ) -> usize {
-        let mut lanes = [(false, 0.0); WIDTH];
-        for (k, lane) in lanes.iter_mut().enumerate() {
-            *lane = self.beam_lane(k, beam, far);
-        }
+        let lanes = self.beam_lanes(beam, far);
         let mut count = 0;
         for slot in 0..self.count {
-            let (beside, near) = lanes[slot as usize];
-            if beside {
+            if lanes.beside[slot as usize] != 0 {
                 continue;
             }
+            let near = lanes.near[slot as usize];
             let mut place = count;
             while place > 0 && found[place - 1].1 > near {
                 found[place] = found[place - 1];
@@ -231,6 +228,26 @@ impl Block {
             count += 1;
         }
         count
+    }
+
+    /// A bit for each cell that rays of the beam may meet before `far`.
+    #[inline(always)]
+    pub(super) fn meets_beam(&self, beam: &BeamBounds, far: f32) -> u32 {
+        let lanes = self.beam_lanes(beam, far);
+        (0..WIDTH).fold(0, |bits, k| bits | (1 - lanes.beside[k]) << k)
+    }
+
+    #[inline(always)]
+    fn beam_lanes(&self, beam: &BeamBounds, far: f32) -> BeamLanes {
+        let mut lanes = BeamLanes {
+            beside: [0; WIDTH],
+            near: [0.0; WIDTH],
+        };
+        // Without branches, for eight cells at once.
+        for k in 0..WIDTH {
+            self.beam_lane(k, beam, far, &mut lanes);
+        }
+        lanes
     }
 
     /// A cell as a beam sees it, but for what only its pieces know.
@@ -255,7 +272,7 @@ impl Block {
     /// As [`Self::lane`] for all rays of a beam: what may be different from ray to ray is kept
     /// as a distance from the middle.
     #[inline(always)]
-    fn beam_lane(&self, k: usize, beam: &BeamBounds, far: f32) -> (bool, f32) {
+    fn beam_lane(&self, k: usize, beam: &BeamBounds, far: f32, lanes: &mut BeamLanes) {
         let [i, j] = beam.across;
         let zeta = self.center[beam.main][k] * beam.sign;
         let way = zeta - beam.start;
@@ -274,12 +291,10 @@ impl Block {
         }
         let ([_, _, p3], [_, _, p3r]) = (p, pr);
         let ([_, _, d3], [_, _, d3r]) = (d, dr);
-        let ([h1, h2, h3], k4) = ([0, 1, 2].map(|r| self.bulge[r][k]), self.stray[3][k]);
-        let room = if k4 < 1.0 {
-            (1.0 - k4).recip()
-        } else {
-            f32::INFINITY
-        };
+        let [h1, h2, h3] = &self.bulge;
+        let (h1, h2, h3, k4) = (h1[k], h2[k], h3[k], self.stray[3][k]);
+        let room = (1.0 - k4).recip();
+        let room = if k4 < 1.0 { room } else { f32::INFINITY };
         let (inverse, least) = (d3.recip(), (d3.abs() - d3r).recip());
         // Not a number or negative where some ray may run along the cell.
         let least = if least > 0.0 { least } else { f32::INFINITY };
@@ -296,15 +311,18 @@ impl Block {
         let spread = (p3r + h3 * room + time.abs() * d3r) * least * GROWTH;
         let near = zeta + time - spread;
         let beside = beside | (near > far) | (zeta + time + spread < beam.least_near);
-        (
-            beside,
-            if near.is_nan() {
-                f32::NEG_INFINITY
-            } else {
-                near
-            },
-        )
+        lanes.beside[k] = u32::from(beside);
+        let is_known = near > f32::NEG_INFINITY;
+        lanes.near[k] = if is_known { near } else { f32::NEG_INFINITY };
     }
+}
+
+/// What eight cells say of a beam.
+#[repr(align(32))]
+struct BeamLanes {
+    /// One where all rays certainly miss the cell.
+    beside: [u32; WIDTH],
+    near: [f32; WIDTH],
 }
 
 /// What eight cells say of a ray.

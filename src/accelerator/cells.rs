@@ -2,14 +2,15 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, DVec4};
+use glam::{DVec2, DVec3, DVec4};
 use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
-use super::expansion::Expansion;
+use super::expansion::{Expand, Expansion};
 use super::tree::WIDTH;
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
 use crate::intersect::net::Degrees;
+use crate::simd::Instructions;
 
 /// Halvings of a piece at most; what is then still uneven is divided while rays are traced.
 const HALVINGS: u8 = 6;
@@ -41,6 +42,14 @@ pub(crate) struct Piece {
     /// The part of the patch's domain: start and length along u and v.
     pub(crate) u: (f64, f64),
     pub(crate) v: (f64, f64),
+}
+
+impl Piece {
+    /// The parameters of the patch for those of the piece, from 0 to 1.
+    #[inline(always)]
+    pub(crate) fn parameters(&self, local: DVec2) -> DVec2 {
+        DVec2::new(self.u.0 + self.u.1 * local.x, self.v.0 + self.v.1 * local.y)
+    }
 }
 
 /// A dyadic part of a piece.
@@ -191,6 +200,7 @@ impl Parts {
         });
         let cell = Cell::whole(number);
         let divider = Divider {
+            instructions: Instructions::best(),
             net: PieceNet {
                 degrees,
                 points: &self.pieces.nets[first..],
@@ -262,6 +272,7 @@ impl Pieces {
 
 /// Divides a piece into cells.
 struct Divider<'a> {
+    instructions: Instructions,
     net: PieceNet<'a>,
     /// From the units of the piece to the cluster.
     center: DVec3,
@@ -299,7 +310,7 @@ impl Divider<'_> {
         }
         let trims = trims.filter(|_| cover == Cover::Mixed);
         cell.is_trimmed = trims.is_some();
-        let local = Expansion::of(&self.net, &rect);
+        let local = self.instructions.run(Expand(&self.net, &rect));
         let (axis, halvings, trims) = match trims {
             _ if local.excess() > 1.0 && halvings > 0 => {
                 (usize::from(local.cut_v), halvings - 1, trims)

@@ -24,18 +24,18 @@ struct Jet<F> {
 
 /// Coordinate `r` of the cell at `x`, `y`: Horner's rule for value and derivatives.
 #[inline(always)]
-fn jet<S: Simd, C: PerLane<S, Lanes = S::F>, const M: usize, const N: usize>(
+fn jet<S: Simd, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,
     x: S::F,
     y: S::F,
 ) -> Jet<S::F> {
-    let (mut value, mut by_y) = line::<S, C, N>(s, cells, r, M - 1, y);
+    let (mut value, mut by_y) = line(s, cells, r, ORDER - 1, y);
     let mut by_x = s.splat(0.0);
-    for i in (0..M - 1).rev() {
-        let (next, next_by_y) = line::<S, C, N>(s, cells, r, i, y);
-        by_x = if i == M - 2 {
+    for i in (0..ORDER - 1).rev() {
+        let (next, next_by_y) = line(s, cells, r, i, y);
+        by_x = if i == ORDER - 2 {
             value
         } else {
             s.fma(by_x, x, value)
@@ -48,7 +48,7 @@ fn jet<S: Simd, C: PerLane<S, Lanes = S::F>, const M: usize, const N: usize>(
 
 /// What stands beside `x^i` at `y`, and its derivative.
 #[inline(always)]
-fn line<S: Simd, C: PerLane<S, Lanes = S::F>, const N: usize>(
+fn line<S: Simd, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,
@@ -56,9 +56,9 @@ fn line<S: Simd, C: PerLane<S, Lanes = S::F>, const N: usize>(
     y: S::F,
 ) -> (S::F, S::F) {
     let term = |j: usize| cells.terms[i * ORDER + j][r].lanes(s);
-    let (mut value, mut by_y) = (term(N - 1), s.splat(0.0));
-    for j in (0..N - 1).rev() {
-        by_y = if j == N - 2 {
+    let (mut value, mut by_y) = (term(ORDER - 1), s.splat(0.0));
+    for j in (0..ORDER - 1).rev() {
+        by_y = if j == ORDER - 2 {
             value
         } else {
             s.fma(by_y, y, value)
@@ -70,7 +70,7 @@ fn line<S: Simd, C: PerLane<S, Lanes = S::F>, const N: usize>(
 
 /// As [`jet`], the value alone.
 #[inline(always)]
-fn at<S: Simd, C: PerLane<S, Lanes = S::F>, const M: usize, const N: usize>(
+fn at<S: Simd, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,
@@ -78,13 +78,13 @@ fn at<S: Simd, C: PerLane<S, Lanes = S::F>, const M: usize, const N: usize>(
     y: S::F,
 ) -> S::F {
     let mut value = s.splat(0.0);
-    for i in (0..M).rev() {
+    for i in (0..ORDER).rev() {
         let term = |j: usize| cells.terms[i * ORDER + j][r].lanes(s);
-        let mut line = term(N - 1);
-        for j in (0..N - 1).rev() {
+        let mut line = term(ORDER - 1);
+        for j in (0..ORDER - 1).rev() {
             line = s.fma(line, y, term(j));
         }
-        value = if i == M - 1 {
+        value = if i == ORDER - 1 {
             line
         } else {
             s.fma(value, x, line)
@@ -102,27 +102,21 @@ pub(super) struct Distance<F> {
 }
 
 #[inline(always)]
-pub(super) fn distance<
-    S: Simd,
-    C: PerLane<S, Lanes = S::F>,
-    const M: usize,
-    const N: usize,
-    const RATIONAL: bool,
->(
+pub(super) fn distance<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     [x0, y0]: [S::F; 2],
     [g1, g2]: [S::F; 2],
     [x, y]: [S::F; 2],
 ) -> Distance<S::F> {
-    let a = jet::<S, C, M, N>(s, cells, 0, x, y);
-    let b = jet::<S, C, M, N>(s, cells, 1, x, y);
-    let c = jet::<S, C, M, N>(s, cells, 2, x, y);
+    let a = jet(s, cells, 0, x, y);
+    let b = jet(s, cells, 1, x, y);
+    let c = jet(s, cells, 2, x, y);
     let mut value = [s.fnma(g1, c.value, a.value), s.fnma(g2, c.value, b.value)];
     let mut by_x = [s.fnma(g1, c.by_x, a.by_x), s.fnma(g2, c.by_x, b.by_x)];
     let mut by_y = [s.fnma(g1, c.by_y, a.by_y), s.fnma(g2, c.by_y, b.by_y)];
     if RATIONAL {
-        let w = jet::<S, C, M, N>(s, cells, 3, x, y);
+        let w = jet(s, cells, 3, x, y);
         value = [s.fnma(x0, w.value, value[0]), s.fnma(y0, w.value, value[1])];
         by_x = [s.fnma(x0, w.by_x, by_x[0]), s.fnma(y0, w.by_x, by_x[1])];
         by_y = [s.fnma(x0, w.by_y, by_y[0]), s.fnma(y0, w.by_y, by_y[1])];
@@ -134,24 +128,18 @@ pub(super) fn distance<
 
 /// As [`distance`], without derivatives.
 #[inline(always)]
-pub(super) fn value<
-    S: Simd,
-    C: PerLane<S, Lanes = S::F>,
-    const M: usize,
-    const N: usize,
-    const RATIONAL: bool,
->(
+pub(super) fn value<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     [x0, y0]: [S::F; 2],
     [g1, g2]: [S::F; 2],
     [x, y]: [S::F; 2],
 ) -> [S::F; 2] {
-    let c = at::<S, C, M, N>(s, cells, 2, x, y);
-    let f1 = s.fnma(g1, c, at::<S, C, M, N>(s, cells, 0, x, y));
-    let f2 = s.fnma(g2, c, at::<S, C, M, N>(s, cells, 1, x, y));
+    let c = at(s, cells, 2, x, y);
+    let f1 = s.fnma(g1, c, at(s, cells, 0, x, y));
+    let f2 = s.fnma(g2, c, at(s, cells, 1, x, y));
     if RATIONAL {
-        let w = at::<S, C, M, N>(s, cells, 3, x, y);
+        let w = at(s, cells, 3, x, y);
         [s.fnma(x0, w, f1), s.fnma(y0, w, f2)]
     } else {
         [s.sub(f1, x0), s.sub(f2, y0)]

@@ -10,6 +10,7 @@ use kernel::MAX_DEGREE;
 
 use crate::intersect::net::Degrees;
 use crate::intersect::{PieceNet, Rect};
+use crate::simd::{Part, Simd, Task};
 
 /// Powers that are kept along one direction.
 pub(super) const ORDER: usize = 4;
@@ -53,29 +54,43 @@ pub(super) struct Expansion {
     pub(super) cut_v: bool,
 }
 
+/// Expands a part of a piece.
+pub(super) struct Expand<'a>(pub(super) &'a PieceNet<'a>, pub(super) &'a Rect);
+
+impl Task for Expand<'_> {
+    type Output = Expansion;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> Expansion {
+        Expansion::of(s, self.0, self.1)
+    }
+}
+
+/// [`Expand`] for degrees below `N`.
+struct WithRoom<'a, const N: usize>(&'a PieceNet<'a>, &'a Rect);
+
+impl<S: Simd, const N: usize> Part<S> for WithRoom<'_, N> {
+    type Output = Expansion;
+
+    #[inline(always)]
+    fn run(self, _: S) -> Expansion {
+        Expansion::with_room::<N>(self.0.points, self.0.degrees, self.1)
+    }
+}
+
 impl Expansion {
     /// Expands the part `rect` of a piece.
     #[inline(always)]
-    pub(super) fn of(piece: &PieceNet<'_>, rect: &Rect) -> Self {
+    pub(super) fn of<S: Simd>(s: S, piece: &PieceNet<'_>, rect: &Rect) -> Self {
         let Degrees { p, q } = piece.degrees;
         if p == 3 && q == 3 {
             // Known degrees unroll the loops.
             Self::with_room::<ORDER>(piece.points, Degrees { p: 3, q: 3 }, rect)
         } else if p.max(q) < ORDER {
-            Self::small(piece, rect)
+            s.apart(WithRoom::<ORDER>(piece, rect))
         } else {
-            Self::large(piece, rect)
+            s.apart(WithRoom::<{ MAX_DEGREE + 1 }>(piece, rect))
         }
-    }
-
-    #[inline(never)]
-    fn small(piece: &PieceNet<'_>, rect: &Rect) -> Self {
-        Self::with_room::<ORDER>(piece.points, piece.degrees, rect)
-    }
-
-    #[inline(never)]
-    fn large(piece: &PieceNet<'_>, rect: &Rect) -> Self {
-        Self::with_room::<{ MAX_DEGREE + 1 }>(piece.points, piece.degrees, rect)
     }
 
     /// As [`Self::of`], for degrees below `N`.
@@ -478,6 +493,7 @@ fn powers<const N: usize>((start, end): (f64, f64), degree: usize) -> [[f64; N];
 mod tests {
     use super::*;
     use crate::intersect::net::evaluate_at;
+    use crate::simd::Portable;
 
     fn net(degrees: Degrees) -> Vec<[f64; 4]> {
         (0..degrees.len())
@@ -504,7 +520,7 @@ mod tests {
                 u: (0.25, 0.5),
                 v: (0.5, 0.75),
             };
-            let e = Expansion::of(&piece, &rect);
+            let e = Expansion::of(Portable, &piece, &rect);
             assert!(e.stray[2] < 2.0, "{p} {q} {:?}", e.stray);
             for (x, y) in [(-1.0, 1.0), (0.3, -0.6), (1.0, 1.0), (0.0, 0.0_f64)] {
                 let [h, ..] = evaluate_at(&piece, 0.375 + 0.125 * x, 0.625 + 0.125 * y);

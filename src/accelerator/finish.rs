@@ -7,7 +7,7 @@ use super::cells::Piece;
 use super::expansion::ORDER;
 use super::tree::Tree;
 use crate::intersect::net::Degrees;
-use crate::simd::{PerLane, Simd, WIDE_LANES};
+use crate::simd::{Part, PerLane, Simd, WIDE_LANES};
 
 /// Roots of up to eight rays with one piece, in double precision.
 pub(super) struct Roots {
@@ -64,87 +64,107 @@ const LAST_INSIDE: f64 = 1e-6;
 /// Near a border of the piece: parameters decide there to which of two it belongs.
 const BORDER: f64 = 1e-8;
 
-/// Finishes roots from `u`, `v` with Newton's iteration on the net of a piece, or on one for
-/// each ray.
-#[inline(always)]
-pub(super) fn finish<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool>(
-    s: S,
-    net: (Degrees, &[[C; 4]]),
-    axes: [usize; 3],
-    lines: &Lines,
-    start: ([f64; WIDE_LANES], [f64; WIDE_LANES]),
-    used: u32,
-) -> Roots {
-    let [i, j, main] = axes;
-    let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
-    let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];
-    let (mut u, mut v) = (s.load_d(&start.0), s.load_d(&start.1));
-    let mut roots = Roots {
-        found: 0,
-        u: [0.0; WIDE_LANES],
-        v: [0.0; WIDE_LANES],
-        point: [[0.0; WIDE_LANES]; 3],
-        by_u: [[0.0; WIDE_LANES]; 3],
-        by_v: [[0.0; WIDE_LANES]; 3],
-    };
-    for step in 0..LAST_STEPS {
-        let [h, hu, hv] = if net.0.p.max(net.0.q) < ORDER {
-            homogeneous::<S, C, RATIONAL, ORDER>(s, net, u, v)
-        } else {
-            homogeneous::<S, C, RATIONAL, { MAX_DEGREE + 1 }>(s, net, u, v)
+/// Finishes roots with Newton's iteration on the net of a piece, or on one for each ray.
+pub(super) struct Finish<'a, C, const RATIONAL: bool> {
+    pub(super) net: (Degrees, &'a [[C; 4]]),
+    /// Both axes across and the main one.
+    pub(super) axes: [usize; 3],
+    pub(super) lines: &'a Lines,
+    /// Where the iteration starts, along u and v.
+    pub(super) start: [[f64; WIDE_LANES]; 2],
+    /// A bit for each root that is wanted.
+    pub(super) wanted: u32,
+}
+
+impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
+    for Finish<'_, C, RATIONAL>
+{
+    type Output = Roots;
+
+    #[inline(always)]
+    fn run(self, s: S) -> Roots {
+        let Self {
+            net,
+            axes,
+            lines,
+            start,
+            wanted,
+        } = self;
+        let [i, j, main] = axes;
+        let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
+        let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];
+        let (mut u, mut v) = (s.load_d(&start[0]), s.load_d(&start[1]));
+        let mut roots = Roots {
+            found: 0,
+            u: [0.0; WIDE_LANES],
+            v: [0.0; WIDE_LANES],
+            point: [[0.0; WIDE_LANES]; 3],
+            by_u: [[0.0; WIDE_LANES]; 3],
+            by_v: [[0.0; WIDE_LANES]; 3],
         };
-        let (mut f1, mut f2) = (
-            distance::<S, RATIONAL>(s, &h, [i, main], slope[0], constant[0]),
-            distance::<S, RATIONAL>(s, &h, [j, main], slope[1], constant[1]),
-        );
-        if !RATIONAL {
-            f1 = s.sub_d(f1, constant[0]);
-            f2 = s.sub_d(f2, constant[1]);
-        }
-        let f1u = distance::<S, RATIONAL>(s, &hu, [i, main], slope[0], constant[0]);
-        let f1v = distance::<S, RATIONAL>(s, &hv, [i, main], slope[0], constant[0]);
-        let f2u = distance::<S, RATIONAL>(s, &hu, [j, main], slope[1], constant[1]);
-        let f2v = distance::<S, RATIONAL>(s, &hv, [j, main], slope[1], constant[1]);
-        let determinant = s.fnma_d(f1v, f2u, s.mul_d(f1u, f2v));
-        let scale = s.div_d(s.splat_d(1.0), determinant);
-        let du = s.mul_d(s.fnma_d(f1v, f2, s.mul_d(f2v, f1)), scale);
-        let dv = s.mul_d(s.fnma_d(f2u, f1, s.mul_d(f1u, f2)), scale);
-        u = s.sub_d(u, du);
-        v = s.sub_d(v, dv);
-        let (half, inside) = (s.splat_d(0.5), s.splat_d(0.5 - BORDER));
-        let (last, last_inside) = (s.splat_d(LAST), s.splat_d(LAST_INSIDE));
-        let (size_u, size_v) = (s.abs_d(du), s.abs_d(dv));
-        let done = s.lt_d(size_u, last) & s.lt_d(size_v, last);
-        let nearly = s.lt_d(size_u, last_inside) & s.lt_d(size_v, last_inside);
-        let within =
-            s.lt_d(s.abs_d(s.sub_d(u, half)), inside) & s.lt_d(s.abs_d(s.sub_d(v, half)), inside);
-        let small = done | nearly & within;
-        if small & used == used || step == LAST_STEPS - 1 {
-            roots.found = small & used;
-            s.store_d(u, &mut roots.u);
-            s.store_d(v, &mut roots.v);
-            let weight = if RATIONAL {
-                s.div_d(s.splat_d(1.0), h[3])
+        for step in 0..LAST_STEPS {
+            let cubic = Degrees { p: 3, q: 3 };
+            let [h, hu, hv] = if net.0 == cubic {
+                // As below, with a number of turns that is known.
+                homogeneous::<S, C, RATIONAL, ORDER>(s, (cubic, net.1), u, v)
+            } else if net.0.p.max(net.0.q) < ORDER {
+                homogeneous::<S, C, RATIONAL, ORDER>(s, net, u, v)
             } else {
-                s.splat_d(1.0)
+                homogeneous::<S, C, RATIONAL, { MAX_DEGREE + 1 }>(s, net, u, v)
             };
-            for axis in 0..3 {
-                let (mut x, mut xu, mut xv) = (h[axis], hu[axis], hv[axis]);
-                if RATIONAL {
-                    x = s.mul_d(x, weight);
-                    xu = s.mul_d(s.fnma_d(x, hu[3], xu), weight);
-                    xv = s.mul_d(s.fnma_d(x, hv[3], xv), weight);
-                }
-                // The last step moves the point along the tangent plane.
-                x = s.fnma_d(xu, du, s.fnma_d(xv, dv, x));
-                s.store_d(x, &mut roots.point[axis]);
-                s.store_d(xu, &mut roots.by_u[axis]);
-                s.store_d(xv, &mut roots.by_v[axis]);
+            let (mut f1, mut f2) = (
+                distance::<S, RATIONAL>(s, &h, [i, main], slope[0], constant[0]),
+                distance::<S, RATIONAL>(s, &h, [j, main], slope[1], constant[1]),
+            );
+            if !RATIONAL {
+                f1 = s.sub_d(f1, constant[0]);
+                f2 = s.sub_d(f2, constant[1]);
             }
-            break;
+            let f1u = distance::<S, RATIONAL>(s, &hu, [i, main], slope[0], constant[0]);
+            let f1v = distance::<S, RATIONAL>(s, &hv, [i, main], slope[0], constant[0]);
+            let f2u = distance::<S, RATIONAL>(s, &hu, [j, main], slope[1], constant[1]);
+            let f2v = distance::<S, RATIONAL>(s, &hv, [j, main], slope[1], constant[1]);
+            let determinant = s.fnma_d(f1v, f2u, s.mul_d(f1u, f2v));
+            let scale = s.div_d(s.splat_d(1.0), determinant);
+            let du = s.mul_d(s.fnma_d(f1v, f2, s.mul_d(f2v, f1)), scale);
+            let dv = s.mul_d(s.fnma_d(f2u, f1, s.mul_d(f1u, f2)), scale);
+            u = s.sub_d(u, du);
+            v = s.sub_d(v, dv);
+            let (half, inside) = (s.splat_d(0.5), s.splat_d(0.5 - BORDER));
+            let (last, last_inside) = (s.splat_d(LAST), s.splat_d(LAST_INSIDE));
+            let (size_u, size_v) = (s.abs_d(du), s.abs_d(dv));
+            let done = s.lt_d(size_u, last) & s.lt_d(size_v, last);
+            let nearly = s.lt_d(size_u, last_inside) & s.lt_d(size_v, last_inside);
+            let within = s.lt_d(s.abs_d(s.sub_d(u, half)), inside)
+                & s.lt_d(s.abs_d(s.sub_d(v, half)), inside);
+            let small = done | nearly & within;
+            if small & wanted == wanted || step == LAST_STEPS - 1 {
+                roots.found = small & wanted;
+                s.store_d(u, &mut roots.u);
+                s.store_d(v, &mut roots.v);
+                let weight = if RATIONAL {
+                    s.div_d(s.splat_d(1.0), h[3])
+                } else {
+                    s.splat_d(1.0)
+                };
+                for axis in 0..3 {
+                    let (mut x, mut xu, mut xv) = (h[axis], hu[axis], hv[axis]);
+                    if RATIONAL {
+                        x = s.mul_d(x, weight);
+                        xu = s.mul_d(s.fnma_d(x, hu[3], xu), weight);
+                        xv = s.mul_d(s.fnma_d(x, hv[3], xv), weight);
+                    }
+                    // The last step moves the point along the tangent plane.
+                    x = s.fnma_d(xu, du, s.fnma_d(xv, dv, x));
+                    s.store_d(x, &mut roots.point[axis]);
+                    s.store_d(xu, &mut roots.by_u[axis]);
+                    s.store_d(xv, &mut roots.by_v[axis]);
+                }
+                break;
+            }
         }
+        roots
     }
-    roots
 }
 
 /// How far a homogeneous point, or a derivative, is from the ray along one axis across; for
@@ -177,6 +197,7 @@ where
     S: Simd,
     C: PerLane<S, Lanes = S::D>,
 {
+    let points = &points[..(p + 1) * (q + 1)];
     let zero = s.splat_d(0.0);
     let (mut bu, mut du) = ([zero; ORDERS], [zero; ORDERS]);
     let (mut bv, mut dv) = ([zero; ORDERS], [zero; ORDERS]);

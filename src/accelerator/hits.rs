@@ -127,8 +127,8 @@ impl Accelerator<'_> {
         match candidate.kind {
             CandidateKind::Surface { piece, u, v, .. } => {
                 let piece = &cluster.pieces.pieces[piece as usize];
-                let place = evaluate_piece(cluster, piece, DVec2::new(u, v));
-                self.surface_hit(candidate, &place)
+                let place = self.place(instance, piece, DVec2::new(u, v));
+                self.placed_hit(candidate, place)
             }
             CandidateKind::Triangle { index, barycentric } => {
                 let triangle = &cluster.triangles[index as usize];
@@ -144,9 +144,35 @@ impl Accelerator<'_> {
         }
     }
 
-    /// Completes a candidate on a surface from point and derivatives in the cluster.
-    #[inline]
-    pub(super) fn surface_hit(&self, candidate: &Candidate, [point, du, dv]: &[DVec3; 3]) -> Hit {
+    /// Point and normal in the world of a place on a piece; a normal of zero where there is none.
+    fn place(&self, instance: &Instance, piece: &Piece, local: DVec2) -> [DVec3; 2] {
+        let cluster = &self.clusters[instance.cluster as usize];
+        let [point, du, dv] = evaluate_piece(cluster, piece, local);
+        let world = &instance.world_from_cluster;
+        let (du, dv) = (world.transform_vector3(du), world.transform_vector3(dv));
+        let size =
+            |degree: usize, extent: f64| degree as f64 * piece.radius * instance.stretch / extent;
+        let sizes = [
+            size(piece.degrees.p, piece.u.1),
+            size(piece.degrees.q, piece.v.1),
+        ];
+        let normal = kernel::regular_normal([du, dv], sizes).or_else(|| {
+            let item = &cluster.items[piece.item as usize];
+            let ItemShape::Patch(patch) = item.shape else {
+                return None;
+            };
+            let map = *world * item.cluster_from_object;
+            patch
+                .surface
+                .transformed(&map)
+                .normal(piece.parameters(local))
+        });
+        [world.transform_point3(point), normal.unwrap_or(DVec3::ZERO)]
+    }
+
+    /// Completes a candidate on a surface from point and normal in the world.
+    #[inline(always)]
+    pub(super) fn placed_hit(&self, candidate: &Candidate, [point, normal]: [DVec3; 2]) -> Hit {
         let CandidateKind::Surface {
             piece,
             u,
@@ -154,42 +180,18 @@ impl Accelerator<'_> {
             tangential,
         } = candidate.kind
         else {
-            unreachable!("only roots on surfaces have derivatives");
+            unreachable!("only roots on surfaces have places");
         };
         let instance = &self.instances[candidate.instance as usize];
         let cluster = &self.clusters[instance.cluster as usize];
         let piece = &cluster.pieces.pieces[piece as usize];
-        let local = DVec2::new(u, v);
-        let world = &instance.world_from_cluster;
-        let (du, dv) = (world.transform_vector3(*du), world.transform_vector3(*dv));
-        let item = &cluster.items[piece.item as usize];
-        let uv = DVec2::new(
-            piece.u.0 + piece.u.1 * local.x,
-            piece.v.0 + piece.v.1 * local.y,
-        );
-        let stretch = instance.stretch;
-        let size = |degree: usize, extent: f64| degree as f64 * piece.radius * stretch / extent;
-        let sizes = [
-            size(piece.degrees.p, piece.u.1),
-            size(piece.degrees.q, piece.v.1),
-        ];
-        let normal = kernel::regular_normal([du, dv], sizes).or_else(|| {
-            let ItemShape::Patch(patch) = item.shape else {
-                return None;
-            };
-            let placed = patch
-                .surface
-                .transformed(&(*world * item.cluster_from_object));
-            placed.normal(uv)
-        });
-        let point = world.transform_point3(*point);
-        let size = piece.radius * stretch + point.abs().max_element();
+        let size = piece.radius * instance.stretch + point.abs().max_element();
         Hit {
             t: candidate.t,
-            uv,
+            uv: piece.parameters(DVec2::new(u, v)),
             point,
-            normal: normal.unwrap_or(DVec3::ZERO),
-            shape: instance.before.patches + item.offset,
+            normal,
+            shape: instance.before.patches + cluster.items[piece.item as usize].offset,
             tangential,
             filled: false,
             error: POINT_ERROR * size,

@@ -4,7 +4,7 @@
 use super::approach::Approach;
 use super::distance::{Cells, Distance, Matrix, distance, value};
 use super::windows::{Batch, Waiting};
-use crate::simd::{LANES, PerLane, Simd};
+use crate::simd::{LANES, Part, PerLane, Simd};
 
 /// Uniqueness is proven below one; less bounds the number of steps.
 const SURE: f32 = 0.9;
@@ -265,13 +265,7 @@ fn narrowed<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
 
 /// Tests rays `16 group ..` whose bits are set in `lanes` against their cells.
 #[inline(always)]
-pub(super) fn meet<
-    S: Simd,
-    C: PerLane<S, Lanes = S::F>,
-    const M: usize,
-    const N: usize,
-    const RATIONAL: bool,
->(
+pub(super) fn meet<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     approach: &Approach<S::F>,
@@ -292,7 +286,12 @@ pub(super) fn meet<
     }
     let seen = Seen { place, tilt, error };
     let window = Window::around(s, place, radius, s.splat(1.0 + MARGIN));
-    let verdict = look::<S, C, M, N, RATIONAL>(s, cells, &seen, &window, lanes);
+    let verdict = s.apart(Look::<S, C, RATIONAL> {
+        cells,
+        seen: &seen,
+        window: &window,
+        lanes,
+    });
     if verdict.open != 0 {
         waiting.begin(s, group, &seen, &verdict);
     }
@@ -301,13 +300,7 @@ pub(super) fn meet<
 
 /// Looks into parts of cells.
 #[inline(always)]
-pub(super) fn again<
-    S: Simd,
-    C: PerLane<S, Lanes = S::F>,
-    const M: usize,
-    const N: usize,
-    const RATIONAL: bool,
->(
+pub(super) fn again<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     batch: &Batch,
@@ -315,73 +308,80 @@ pub(super) fn again<
     let (low, high) = batch.range(s);
     let window = Window::new(s, low, high);
     let lanes = (1 << batch.count) - 1;
-    look::<S, C, M, N, RATIONAL>(s, cells, &batch.seen(s), &window, lanes)
+    s.apart(Look::<S, C, RATIONAL> {
+        cells,
+        seen: &batch.seen(s),
+        window: &window,
+        lanes,
+    })
 }
 
 /// Looks for roots in windows, one of each ray whose bit is set.
-#[inline(always)]
-fn look<
-    S: Simd,
-    C: PerLane<S, Lanes = S::F>,
-    const M: usize,
-    const N: usize,
-    const RATIONAL: bool,
->(
-    s: S,
-    cells: &Cells<C>,
-    seen: &Seen<S::F>,
-    window: &Window<S::F>,
+struct Look<'a, S: Simd, C, const RATIONAL: bool> {
+    cells: &'a Cells<C>,
+    seen: &'a Seen<S::F>,
+    window: &'a Window<S::F>,
     lanes: u32,
-) -> Verdict {
-    let &Seen { place, tilt, error } = seen;
-    let mut verdict = Verdict::NONE;
-    let distance = distance::<S, C, M, N, RATIONAL>(s, cells, place, tilt, window.middle);
-    let inverse = Matrix::inverse(s, &distance);
-    let (unique, contraction) =
-        contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, &inverse);
-    // Errors along the tilt grow no more than it shrinks.
-    let [any, along] = error;
-    let [a, b, c, d] = inverse.abs(s).0;
-    let [g1, g2] = inverse.times(s, tilt);
-    let tilted = s.mul(along, s.max(s.abs(g1), s.abs(g2)));
-    let grown = s.fma(any, s.max(s.add(a, b), s.add(c, d)), tilted);
-    let amplified = s.mul(grown, s.add(s.splat(1.0), contraction));
-    let known = s.bits(s.lt(amplified, s.splat(BLURRED)));
-    // Of a flat cell seen from its edge the parts are seen no better.
-    let total = s.fma(along, s.max(s.abs(tilt[0]), s.abs(tilt[1])), any);
-    let sharp = s.bits(s.lt(total, s.splat(BLURRED)));
-    verdict.blurred = lanes & (unique & !known | cells.flat & !sharp);
-    let active = lanes & unique & known;
-    let middle = Middle { distance, inverse };
-    verdict.open = lanes & !active & !verdict.blurred;
-    if active != 0 {
-        verdict.open |= iterate::<S, C, M, N, RATIONAL>(
-            s,
-            (cells, seen),
-            (window, &middle),
-            (contraction, amplified),
-            active,
-            &mut verdict,
-        );
+}
+
+impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
+    for Look<'_, S, C, RATIONAL>
+{
+    type Output = Verdict;
+
+    #[inline(always)]
+    fn run(self, s: S) -> Verdict {
+        let Self {
+            cells,
+            seen,
+            window,
+            lanes,
+        } = self;
+        let &Seen { place, tilt, error } = seen;
+        let mut verdict = Verdict::NONE;
+        let distance = distance::<S, C, RATIONAL>(s, cells, place, tilt, window.middle);
+        let inverse = Matrix::inverse(s, &distance);
+        let (unique, contraction) =
+            contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, &inverse);
+        // Errors along the tilt grow no more than it shrinks.
+        let [any, along] = error;
+        let [a, b, c, d] = inverse.abs(s).0;
+        let [g1, g2] = inverse.times(s, tilt);
+        let tilted = s.mul(along, s.max(s.abs(g1), s.abs(g2)));
+        let grown = s.fma(any, s.max(s.add(a, b), s.add(c, d)), tilted);
+        let amplified = s.mul(grown, s.add(s.splat(1.0), contraction));
+        let known = s.bits(s.lt(amplified, s.splat(BLURRED)));
+        // Of a flat cell seen from its edge the parts are seen no better.
+        let total = s.fma(along, s.max(s.abs(tilt[0]), s.abs(tilt[1])), any);
+        let sharp = s.bits(s.lt(total, s.splat(BLURRED)));
+        verdict.blurred = lanes & (unique & !known | cells.flat & !sharp);
+        let active = lanes & unique & known;
+        let middle = Middle { distance, inverse };
+        verdict.open = lanes & !active & !verdict.blurred;
+        if active != 0 {
+            verdict.open |= iterate::<S, C, RATIONAL>(
+                s,
+                (cells, seen),
+                (window, &middle),
+                (contraction, amplified),
+                active,
+                &mut verdict,
+            );
+        }
+        if verdict.open | verdict.blurred != 0 {
+            let left =
+                narrowed::<S, C, RATIONAL>(s, cells, seen, window, &middle, &mut verdict.rest);
+            verdict.open &= left;
+            verdict.blurred &= left;
+        }
+        verdict
     }
-    if verdict.open | verdict.blurred != 0 {
-        let left = narrowed::<S, C, RATIONAL>(s, cells, seen, window, &middle, &mut verdict.rest);
-        verdict.open &= left;
-        verdict.blurred &= left;
-    }
-    verdict
 }
 
 /// Newton's iteration for the rays `active`, which have one root each at most; those that did
 /// not come to an end come back.
 #[inline(always)]
-fn iterate<
-    S: Simd,
-    C: PerLane<S, Lanes = S::F>,
-    const M: usize,
-    const N: usize,
-    const RATIONAL: bool,
->(
+fn iterate<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     (cells, &Seen { place, tilt, .. }): (&Cells<C>, &Seen<S::F>),
     (
@@ -428,7 +428,7 @@ fn iterate<
         let close = s.le(s.max(s.abs(leap[0]), s.abs(leap[1])), s.splat(CLOSE));
         let arrived = active & s.bits(close);
         if arrived != 0 {
-            let rest = newest.times(s, value::<S, C, M, N, RATIONAL>(s, cells, place, tilt, x));
+            let rest = newest.times(s, value::<S, C, RATIONAL>(s, cells, place, tilt, x));
             let last = [s.sub(x[0], rest[0]), s.sub(x[1], rest[1])];
             let limit = s.add(border, amplified);
             let inside = s.bits(s.le(s.max(s.abs(last[0]), s.abs(last[1])), limit));
@@ -440,7 +440,7 @@ fn iterate<
                 break;
             }
         }
-        now = distance::<S, C, M, N, RATIONAL>(s, cells, place, tilt, x);
+        now = distance::<S, C, RATIONAL>(s, cells, place, tilt, x);
     }
     active
 }

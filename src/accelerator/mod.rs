@@ -18,6 +18,7 @@ mod leaf;
 mod meetings;
 mod model;
 mod packet;
+mod places;
 mod room;
 mod seal;
 mod stream;

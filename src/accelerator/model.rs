@@ -6,6 +6,7 @@ use super::Cluster;
 use super::cells::Cell;
 use super::distance::Cells;
 use super::expansion::{Expansion, TERMS};
+use crate::simd::{Part, Simd};
 
 /// Cells that a thread keeps; a power of two.
 const KEPT: usize = 2048;
@@ -57,10 +58,10 @@ impl Model {
         clippy::cast_possible_truncation,
         reason = "bounds grow by more than the rounding"
     )]
-    fn fill(&mut self, cluster: &Cluster<'_>, cell: &Cell) {
+    fn fill<S: Simd>(&mut self, s: S, cluster: &Cluster<'_>, cell: &Cell) {
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         let rect = cell.rect();
-        let local = Expansion::of(&cluster.pieces.net(piece), &rect);
+        let local = Expansion::of(s, &cluster.pieces.net(piece), &rect);
         let size = piece.radius * cluster.tree.scale();
         self.center = cluster
             .tree
@@ -91,6 +92,22 @@ impl Model {
     }
 }
 
+/// Makes a cell ready.
+struct Fill<'a> {
+    model: &'a mut Model,
+    cluster: &'a Cluster<'a>,
+    cell: &'a Cell,
+}
+
+impl<S: Simd> Part<S> for Fill<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, s: S) {
+        self.model.fill(s, self.cluster, self.cell);
+    }
+}
+
 /// The cells at hand, each at a place that follows from its number.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Models {
@@ -102,7 +119,13 @@ pub(super) struct Models {
 impl Models {
     /// The model of a cell of cluster number `number`.
     #[inline(always)]
-    pub(super) fn of(&mut self, number: u32, cluster: &Cluster<'_>, cell: &Cell) -> &Model {
+    pub(super) fn of<S: Simd>(
+        &mut self,
+        s: S,
+        number: u32,
+        cluster: &Cluster<'_>,
+        cell: &Cell,
+    ) -> &Model {
         if self.models.is_empty() {
             self.models.resize(KEPT, Model::NONE);
             self.tags.resize(KEPT, (u32::MAX, u64::MAX));
@@ -113,7 +136,11 @@ impl Models {
         let place = (mixed >> 40) as usize % KEPT;
         let model = &mut self.models[place];
         if self.tags[place] != tag {
-            model.fill(cluster, cell);
+            s.apart(Fill {
+                model,
+                cluster,
+                cell,
+            });
             self.tags[place] = tag;
         }
         model

@@ -7,12 +7,14 @@ use kernel::Ray;
 
 use super::approach::{self, Approach, View};
 use super::beam::{Beam, BeamBounds, RAYS};
+use super::block::Block;
 use super::cells::Cell;
 use super::distance::Cells;
-use super::finish::{self, Lines, Roots};
+use super::finish::{self, Finish, Lines, Roots};
 use super::leaf::Bits;
 use super::model::Model;
-use super::room::{Found, PacketRoom};
+use super::room::PacketRoom;
+use super::stream::Stream;
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
 use super::tree::{IS_LEAF, WIDTH};
 use super::windows::{Batch, Company, group_of, look};
@@ -50,11 +52,13 @@ impl Accelerator<'_> {
             hits.resize(first + rays.len(), None);
             let hits = &mut hits[first..];
             for lane in Bits(workspace.packet.met) {
-                let found = &workspace.packet.found[lane];
-                hits[lane] = Some(match &found.place {
-                    Some(place) => self.surface_hit(&found.candidate, place),
-                    None => self.work_out(&rays[lane], &found.candidate),
-                });
+                let candidate = &workspace.packet.found[lane];
+                // Each in its own place: a hit is long to copy.
+                if let Some(place) = workspace.packet.places.of(lane) {
+                    hits[lane] = Some(self.placed_hit(candidate, place));
+                } else {
+                    hits[lane] = Some(self.work_out(&rays[lane], candidate));
+                }
             }
             if !self.seals.is_empty() {
                 for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
@@ -117,7 +121,7 @@ impl Task for Trace<'_, '_> {
         let Workspace {
             packet, scratch, ..
         } = workspace;
-        packet.found.resize(RAYS, Found::NONE);
+        packet.places.clear();
         packet.met = 0;
         let mut alive = 0_u64;
         for lane in 0..RAYS {
@@ -131,6 +135,10 @@ impl Task for Trace<'_, '_> {
             alive |= u64::from(is_open) << lane;
         }
         alive &= u64::MAX >> (RAYS - rays.len());
+        let is_ahead = packet.from.iter().all(|&from| from >= 0.0);
+        if is_ahead && packet.rays.pass_by(s, &accelerator.bounds()) {
+            return;
+        }
         let mut tracer = Tracer {
             s,
             accelerator,
@@ -142,7 +150,12 @@ impl Task for Trace<'_, '_> {
             instance: 0,
         };
         if !tracer.instances() {
-            tracer.stream();
+            s.apart(Stream(&mut tracer));
+        }
+        if !any {
+            packet
+                .places
+                .complete(s, &packet.found, &accelerator.instances);
         }
     }
 }
@@ -175,10 +188,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let map = top.map();
         let packet = &mut *self.packet;
         let coherent = packet.top_beam.fill(
-            &packet.rays,
+            self.s,
+            (&packet.rays, self.alive),
             &map,
-            &packet.from,
-            &packet.until,
+            (&packet.from, &packet.until),
             &mut packet.local,
         );
         if !coherent {
@@ -187,7 +200,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         packet.top_stack.clear();
         packet.top_stack.push((0, f32::NEG_INFINITY));
         while let Some((child, near)) = self.packet.top_stack.pop() {
-            let far = self.packet.top_beam.farthest(self.alive);
+            let far = self.packet.top_beam.farthest(self.s);
             if near > far {
                 continue;
             }
@@ -212,8 +225,11 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
             // What was found bounds the rest.
             let packet = &mut *self.packet;
-            for lane in 0..RAYS {
+            for lane in Bits(packet.met) {
                 packet.top_beam.shorten(lane, packet.until[lane]);
+            }
+            for lane in Bits(!self.alive) {
+                packet.top_beam.end(lane);
             }
         }
         true
@@ -237,19 +253,23 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let packet = &mut *self.packet;
         let map = cluster.tree.map() * instance.cluster_from_world;
         let coherent = packet.beam.fill(
-            &packet.rays,
+            self.s,
+            (&packet.rays, self.alive),
             &map,
-            &packet.from,
-            &packet.until,
+            (&packet.from, &packet.until),
             &mut packet.local,
         );
         if !coherent {
             return false;
         }
-        let bounds = packet.beam.bounds();
+        let whole = packet.beam.bounds();
+        let mut parts = [whole; RAYS / LANES];
+        for (group, part) in parts.iter_mut().enumerate() {
+            *part = packet.beam.part(&whole, group);
+        }
         packet.stack.clear();
         packet.stack.push((0, f32::NEG_INFINITY));
-        let mut far = packet.beam.farthest(self.alive);
+        let mut far = packet.beam.farthest(self.s);
         while let Some((child, near)) = self.packet.stack.pop() {
             if near > far {
                 continue;
@@ -260,11 +280,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 push(&mut self.packet.stack, &node.child, &near, mask);
                 continue;
             }
-            self.block(cluster, (child & !IS_LEAF) as usize, &bounds, far);
+            let block = &cluster.blocks[(child & !IS_LEAF) as usize];
+            self.block(cluster, block, (&whole, &parts), far);
             if self.alive == 0 {
                 break;
             }
-            far = self.packet.beam.farthest(self.alive);
+            far = self.packet.beam.farthest(self.s);
         }
         true
     }
@@ -294,17 +315,32 @@ impl<S: Simd> Tracer<'_, '_, S> {
     }
 
     #[inline(always)]
-    fn block(&mut self, cluster: &Cluster<'_>, number: usize, bounds: &BeamBounds, far: f32) {
-        let block = &cluster.blocks[number];
+    fn block(
+        &mut self,
+        cluster: &Cluster<'_>,
+        block: &Block,
+        (whole, parts): (&BeamBounds, &[BeamBounds; RAYS / LANES]),
+        far: f32,
+    ) {
         let mut found = [(0, 0.0); WIDTH];
-        let count = block.meet_beam(bounds, far, &mut found);
+        let count = block.meet_beam(whole, far, &mut found);
+        let mut near = [u32::MAX; RAYS / LANES];
+        // Groups of rays tell what few of several cells they come to.
+        if count > 1 {
+            for (near, part) in near.iter_mut().zip(parts) {
+                *near = block.meets_beam(part, far);
+            }
+        }
         for &(slot, _) in &found[..count] {
+            if near.iter().all(|near| near >> slot & 1 == 0) {
+                continue;
+            }
             let cell = block.cells[slot as usize];
             let rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
             let view = block.view(slot as usize, &self.packet.beam);
             let mut lanes = 0;
-            for group in 0..RAYS / LANES {
-                if group_of(self.alive, group) != 0 {
+            for (group, near) in near.iter().enumerate() {
+                if near >> slot & 1 == 1 && group_of(self.alive, group) != 0 {
                     let pass = approach::pass(self.s, &view, &self.packet.beam, group, rational);
                     lanes |= u64::from(pass & 0xffff) << (group * LANES);
                 }
@@ -329,7 +365,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             blurred,
             ..
         } = &mut *self.packet;
-        let model = models.of(number, cluster, cell);
+        let model = models.of(self.s, number, cluster, cell);
         waiting.clear();
         (roots.count, blurred.lanes) = (0, 0);
         let mut company = OneCell {
@@ -343,9 +379,9 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 blurred.add(lane, [-1.0; 2], [1.0; 2]);
             }
         } else if piece.is_rational {
-            look::<S, _, 4, 4, true>(self.s, &mut company, lanes, (waiting, roots, blurred));
+            look::<S, _, true>(self.s, &mut company, lanes, (waiting, roots, blurred));
         } else {
-            look::<S, _, 4, 4, false>(self.s, &mut company, lanes, (waiting, roots, blurred));
+            look::<S, _, false>(self.s, &mut company, lanes, (waiting, roots, blurred));
         }
         let part = (model.middle, model.half);
         let mut start = 0;
@@ -372,12 +408,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let used = (met.count - first).min(WIDE_LANES);
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         let mut lanes = [met.lanes[first]; WIDE_LANES];
-        let (mut u, mut v) = ([0.0; WIDE_LANES], [0.0; WIDE_LANES]);
+        let mut start = [[0.0; WIDE_LANES]; 2];
         for k in 0..WIDE_LANES {
             let from = first + k.min(used - 1);
             lanes[k] = met.lanes[from];
-            u[k] = middle[0] + half[0] * f64::from(met.x[from]);
-            v[k] = middle[1] + half[1] * f64::from(met.y[from]);
+            start[0][k] = middle[0] + half[0] * f64::from(met.x[from]);
+            start[1][k] = middle[1] + half[1] * f64::from(met.y[from]);
         }
         let beam = &self.packet.beam;
         let (center, radius) = finish::ball(piece, &cluster.tree);
@@ -386,10 +422,23 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let wanted = (1_u32 << used) - 1;
         let net = cluster.pieces.net(piece);
         let net = (net.degrees, net.points);
+        let lines = &lines;
         let roots = if piece.is_rational {
-            finish::finish::<S, f64, true>(self.s, net, axes, &lines, (u, v), wanted)
+            self.s.apart(Finish::<_, true> {
+                net,
+                axes,
+                lines,
+                start,
+                wanted,
+            })
         } else {
-            finish::finish::<S, f64, false>(self.s, net, axes, &lines, (u, v), wanted)
+            self.s.apart(Finish::<_, false> {
+                net,
+                axes,
+                lines,
+                start,
+                wanted,
+            })
         };
         let offset = center[beam.main] * beam.sign;
         let pace = radius * beam.sign;
@@ -431,8 +480,8 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let part = |x: &[[f64; WIDE_LANES]; 3]| turn(DVec3::new(x[0][k], x[1][k], x[2][k]));
         let place = [
             piece.center + part(&roots.point) * piece.radius,
-            part(&roots.by_u) * (piece.radius / piece.u.1),
-            part(&roots.by_v) * (piece.radius / piece.v.1),
+            part(&roots.by_u),
+            part(&roots.by_v),
         ];
         let candidate = Candidate {
             t,
@@ -451,14 +500,19 @@ impl<S: Simd> Tracer<'_, '_, S> {
     #[inline(always)]
     fn take(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
         self.keep(lane, candidate, place);
-        self.packet.beam.shorten(lane, candidate.t);
+        if self.any {
+            self.packet.beam.end(lane);
+        } else {
+            self.packet.beam.shorten(lane, candidate.t);
+        }
     }
 
     /// As [`Self::take`], before the beam of the cluster is there.
     #[inline(always)]
     fn keep(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
         let packet = &mut *self.packet;
-        packet.found[lane] = Found { candidate, place };
+        packet.found[lane] = candidate;
+        packet.places.set(lane, place);
         packet.met |= 1 << lane;
         packet.until[lane] = candidate.t;
         if self.any {

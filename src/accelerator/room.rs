@@ -1,13 +1,12 @@
 //! What packets of rays remember.
 
-use glam::{DVec2, DVec3};
-
 use super::beam::{Beam, RAYS, Rays};
 use super::expansion::TERMS;
 use super::leaf::Rest;
 use super::meetings::Meetings;
 use super::model::Models;
-use super::trace::{Candidate, CandidateKind};
+use super::places::Places;
+use super::trace::Candidate;
 use super::walk::Walker;
 use super::windows::Waiting;
 use crate::intersect::Rect;
@@ -29,8 +28,9 @@ pub(super) struct PacketRoom {
     pub(super) local: Box<Rays>,
     pub(super) from: [f64; RAYS],
     pub(super) until: [f64; RAYS],
-    /// Of use where a bit of `met` is set.
-    pub(super) found: Vec<Found>,
+    /// The nearest root of each ray so far; of use where a bit of `met` is set.
+    pub(super) found: Box<[Candidate; RAYS]>,
+    pub(super) places: Box<Places>,
     pub(super) met: u64,
     pub(super) stack: Vec<(u32, f32)>,
     pub(super) top_stack: Vec<(u32, f32)>,
@@ -53,7 +53,8 @@ impl Default for PacketRoom {
             local: Box::new(Rays::NONE),
             from: [0.0; RAYS],
             until: [0.0; RAYS],
-            found: Vec::new(),
+            found: Box::new([Candidate::NONE; RAYS]),
+            places: Box::new(Places::NONE),
             met: 0,
             stack: Vec::new(),
             top_stack: Vec::new(),
@@ -63,28 +64,6 @@ impl Default for PacketRoom {
             nets: Box::new([[[0.0; WIDE_LANES]; 4]; TERMS]),
         }
     }
-}
-
-/// The nearest root of a ray so far.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
-    pub(super) candidate: Candidate,
-    /// Point and derivatives by the parameters of the piece in the cluster, where known.
-    pub(super) place: Option<[DVec3; 3]>,
-}
-
-impl Found {
-    pub(super) const NONE: Self = Self {
-        candidate: Candidate {
-            t: f64::INFINITY,
-            instance: 0,
-            kind: CandidateKind::Triangle {
-                index: 0,
-                barycentric: DVec2::ZERO,
-            },
-        },
-        place: None,
-    };
 }
 
 /// Roots in a cell that are kept at most: some have several.

@@ -7,19 +7,30 @@ use super::Cluster;
 use super::beam::RAYS;
 use super::cells::Piece;
 use super::expansion::ORDER;
-use super::finish::{self, Lines, Roots, finish};
+use super::finish::{self, Finish, Lines, Roots};
 use super::leaf::Bits;
 use super::packet::Tracer;
 use super::room::PacketRoom;
 use super::tree::Course;
 use super::walk::{Stop, Walker};
 use super::windows::look;
-use crate::simd::{Simd, WIDE_LANES};
+use crate::simd::{Part, Simd, WIDE_LANES};
+
+/// Follows the rays that are left to their ends.
+pub(super) struct Stream<'t, 'a, 'b, S>(pub(super) &'t mut Tracer<'a, 'b, S>);
+
+impl<S: Simd> Part<S> for Stream<'_, '_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: S) {
+        self.0.stream();
+    }
+}
 
 impl<'a, S: Simd> Tracer<'a, '_, S> {
-    /// Follows the rays that are left to their ends.
     #[inline(always)]
-    pub(super) fn stream(&mut self) {
+    fn stream(&mut self) {
         self.packet.walkers.resize_with(RAYS, Walker::default);
         for lane in Bits(self.alive) {
             self.packet.walkers[lane].begin(self.accelerator, &self.rays[lane]);
@@ -56,7 +67,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                 match stop {
                     Stop::Cell(slot) => {
                         let cell = &cluster.blocks[walker.block].cells[slot];
-                        let model = models.of(instance.cluster, cluster, cell);
+                        let model = models.of(self.s, instance.cluster, cluster, cell);
                         let is_rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
                         let ray = (lane, &walker.course, &range);
                         meetings.put(ray, (number, cell, is_rational), model);
@@ -94,9 +105,9 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         let framed = all & !meetings.frameless;
         let rooms = (&mut **waiting, &mut **roots, &mut **blurred);
         if meetings.is_rational {
-            look::<S, _, 4, 4, true>(self.s, &mut **meetings, framed, rooms);
+            look::<S, _, true>(self.s, &mut **meetings, framed, rooms);
         } else {
-            look::<S, _, 4, 4, false>(self.s, &mut **meetings, framed, rooms);
+            look::<S, _, false>(self.s, &mut **meetings, framed, rooms);
         }
         let mut start = 0;
         while start < self.packet.roots.count {
@@ -156,25 +167,42 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
             },
             axes: [[0; 3]; WIDE_LANES],
             way: [0.0; WIDE_LANES],
-            start: ([0.0; WIDE_LANES], [0.0; WIDE_LANES]),
+            start: [[0.0; WIDE_LANES]; 2],
         };
         for k in 0..used {
             self.prepare(first + k, k, &mut batch);
         }
         let wanted = (1 << used) - 1;
+        let (lines, start) = (&batch.lines, batch.start);
         let roots = if is_low {
-            let points = &self.packet.nets[..degrees.len()];
-            let (net, axes, start) = ((degrees, points), [0, 1, 2], batch.start);
+            let net = (degrees, &self.packet.nets[..degrees.len()]);
+            let axes = [0, 1, 2];
             if is_rational {
-                finish::<S, _, true>(self.s, net, axes, &batch.lines, start, wanted)
+                self.s.apart(Finish::<_, true> {
+                    net,
+                    axes,
+                    lines,
+                    start,
+                    wanted,
+                })
             } else {
-                finish::<S, _, false>(self.s, net, axes, &batch.lines, start, wanted)
+                self.s.apart(Finish::<_, false> {
+                    net,
+                    axes,
+                    lines,
+                    start,
+                    wanted,
+                })
             }
         } else {
             let cluster = self.enter(usize::from(self.packet.roots.lanes[first]));
-            let points = cluster.pieces.net(self.piece(first)).points;
-            let (net, start) = ((degrees, points), batch.start);
-            finish::<S, _, true>(self.s, net, batch.axes[0], &batch.lines, start, wanted)
+            self.s.apart(Finish::<_, true> {
+                net: (degrees, cluster.pieces.net(self.piece(first)).points),
+                axes: batch.axes[0],
+                lines,
+                start,
+                wanted,
+            })
         };
         for k in 0..used {
             self.finished(first + k, (&roots, k), &batch, is_low);
@@ -196,8 +224,8 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
             ..
         } = &mut *self.packet;
         let (middle, half) = meetings.part[meeting];
-        batch.start.0[k] = middle[0] + half[0] * x;
-        batch.start.1[k] = middle[1] + half[1] * y;
+        batch.start[0][k] = middle[0] + half[0] * x;
+        batch.start[1][k] = middle[1] + half[1] * y;
         let piece = &cluster.pieces.pieces[meetings.cell[meeting].piece as usize];
         let (center, radius) = finish::ball(piece, &cluster.tree);
         let Course {
@@ -262,5 +290,5 @@ struct Batch {
     axes: [[usize; 3]; WIDE_LANES],
     /// From the origin of the ray to where it is nearest to the middle of the piece.
     way: [f64; WIDE_LANES],
-    start: ([f64; WIDE_LANES], [f64; WIDE_LANES]),
+    start: [[f64; WIDE_LANES]; 2],
 }

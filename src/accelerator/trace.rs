@@ -40,6 +40,18 @@ pub(super) enum CandidateKind {
     },
 }
 
+impl Candidate {
+    /// Of a ray that met nothing.
+    pub(super) const NONE: Self = Self {
+        t: f64::INFINITY,
+        instance: 0,
+        kind: CandidateKind::Triangle {
+            index: 0,
+            barycentric: DVec2::ZERO,
+        },
+    };
+}
+
 impl Accelerator<'_> {
     /// The first hit with `t` in `range`, or nothing.
     pub fn nearest(&self, ray: &Ray, range: Range<f64>, workspace: &mut Workspace) -> Option<Hit> {
@@ -148,10 +160,7 @@ pub(super) type Rooms<'a> = (
 
 /// Whether a point of a piece belongs to its face.
 pub(super) fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
-    let uv = DVec2::new(
-        piece.u.0 + piece.u.1 * local.x,
-        piece.v.0 + piece.v.1 * local.y,
-    );
+    let uv = piece.parameters(local);
     let region = cluster.items[piece.item as usize].region;
     region.is_none_or(|k| cluster.regions[k as usize].contains(uv))
 }

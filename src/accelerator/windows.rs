@@ -240,7 +240,7 @@ pub(super) fn group_of(lanes: u64, group: usize) -> u32 {
 /// Looks for the roots of rays in their cells, and into parts of these for rays for which it is
 /// not clear; what single precision does not do for is left to the last of the rooms.
 #[inline(always)]
-pub(super) fn look<S: Simd, C: Company<S>, const M: usize, const N: usize, const RATIONAL: bool>(
+pub(super) fn look<S: Simd, C: Company<S>, const RATIONAL: bool>(
     s: S,
     company: &mut C,
     lanes: u64,
@@ -252,14 +252,8 @@ pub(super) fn look<S: Simd, C: Company<S>, const M: usize, const N: usize, const
             continue;
         }
         let approach = company.approach::<RATIONAL>(s, group);
-        let verdict = leaf::meet::<S, _, M, N, RATIONAL>(
-            s,
-            company.cells(group),
-            &approach,
-            group,
-            part,
-            waiting,
-        );
+        let verdict =
+            leaf::meet::<S, _, RATIONAL>(s, company.cells(group), &approach, group, part, waiting);
         for k in Bits(u64::from(verdict.blurred)) {
             blurred.add_rest(group * LANES + k, &verdict.rest, k);
         }
@@ -269,7 +263,7 @@ pub(super) fn look<S: Simd, C: Company<S>, const M: usize, const N: usize, const
         }
     }
     while let Some(batch) = waiting.take() {
-        let verdict = leaf::again::<S, _, M, N, RATIONAL>(s, company.cells_of(&batch), &batch);
+        let verdict = leaf::again::<S, _, RATIONAL>(s, company.cells_of(&batch), &batch);
         waiting.go_on(&batch, &verdict, blurred);
         waiting.give_up(blurred);
         for k in Bits(u64::from(verdict.blurred)) {

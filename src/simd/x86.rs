@@ -5,7 +5,7 @@ use core::arch::x86_64::{__m256, __m256d, __m512, __m512d};
 use pulp::NullaryFnOnce;
 use pulp::x86::{V3, V4};
 
-use super::{LANES, Simd, Task, WIDE_LANES};
+use super::{LANES, Part, Simd, Task, WIDE_LANES};
 
 /// "Less than", false for what is not a number.
 const LESS: i32 = 17;
@@ -25,10 +25,27 @@ impl<S: Simd, T: Task> NullaryFnOnce for Call<S, T> {
     }
 }
 
+/// A part of a task with its instructions.
+struct Apart<S, P>(S, P);
+
+impl<S, P: Part<S>> NullaryFnOnce for Apart<S, P> {
+    type Output = P::Output;
+
+    #[inline(always)]
+    fn call(self) -> P::Output {
+        self.1.run(self.0)
+    }
+}
+
 impl Simd for V4 {
     type F = __m512;
     type M = u16;
     type D = __m512d;
+
+    #[inline(always)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        self.vectorize(Apart(self, part))
+    }
 
     #[inline(always)]
     fn splat(self, x: f32) -> __m512 {
@@ -104,6 +121,18 @@ impl Simd for V4 {
         *to = pulp::cast(x);
     }
     #[inline(always)]
+    fn add_d(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_add_pd(a, b)
+    }
+    #[inline(always)]
+    fn min_d(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_min_pd(a, b)
+    }
+    #[inline(always)]
+    fn max_d(self, a: __m512d, b: __m512d) -> __m512d {
+        self.avx512f._mm512_max_pd(a, b)
+    }
+    #[inline(always)]
     fn sub_d(self, a: __m512d, b: __m512d) -> __m512d {
         self.avx512f._mm512_sub_pd(a, b)
     }
@@ -128,6 +157,10 @@ impl Simd for V4 {
         self.avx512f._mm512_abs_pd(a)
     }
     #[inline(always)]
+    fn sqrt_d(self, a: __m512d) -> __m512d {
+        self.avx512f._mm512_sqrt_pd(a)
+    }
+    #[inline(always)]
     fn lt_d(self, a: __m512d, b: __m512d) -> u32 {
         u32::from(self.avx512f._mm512_cmp_pd_mask::<LESS>(a, b))
     }
@@ -137,6 +170,11 @@ impl Simd for V3 {
     type F = [__m256; 2];
     type M = [__m256; 2];
     type D = [__m256d; 2];
+
+    #[inline(always)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        self.vectorize(Apart(self, part))
+    }
 
     #[inline(always)]
     fn splat(self, x: f32) -> Self::F {
@@ -248,6 +286,27 @@ impl Simd for V3 {
         *to = pulp::cast(x);
     }
     #[inline(always)]
+    fn add_d(self, a: Self::D, b: Self::D) -> Self::D {
+        [
+            self.avx._mm256_add_pd(a[0], b[0]),
+            self.avx._mm256_add_pd(a[1], b[1]),
+        ]
+    }
+    #[inline(always)]
+    fn min_d(self, a: Self::D, b: Self::D) -> Self::D {
+        [
+            self.avx._mm256_min_pd(a[0], b[0]),
+            self.avx._mm256_min_pd(a[1], b[1]),
+        ]
+    }
+    #[inline(always)]
+    fn max_d(self, a: Self::D, b: Self::D) -> Self::D {
+        [
+            self.avx._mm256_max_pd(a[0], b[0]),
+            self.avx._mm256_max_pd(a[1], b[1]),
+        ]
+    }
+    #[inline(always)]
     fn sub_d(self, a: Self::D, b: Self::D) -> Self::D {
         [
             self.avx._mm256_sub_pd(a[0], b[0]),
@@ -289,6 +348,10 @@ impl Simd for V3 {
             self.avx._mm256_andnot_pd(sign, a[0]),
             self.avx._mm256_andnot_pd(sign, a[1]),
         ]
+    }
+    #[inline(always)]
+    fn sqrt_d(self, a: Self::D) -> Self::D {
+        [self.avx._mm256_sqrt_pd(a[0]), self.avx._mm256_sqrt_pd(a[1])]
     }
     #[inline(always)]
     fn lt_d(self, a: Self::D, b: Self::D) -> u32 {
