@@ -107,8 +107,9 @@ impl View {
                 rays.clear();
                 for part in 0..4 {
                     let (x, y) = (x + i + part % 2 * 4, y + j + part / 2 * 4);
-                    for row in rows.iter().skip(y).take(4) {
-                        rays.extend(columns.iter().skip(x).take(4).map(|column| Ray {
+                    let columns = &columns[x.min(width)..width.min(x + 4)];
+                    for row in &rows[y.min(height)..height.min(y + 4)] {
+                        rays.extend(columns.iter().map(|column| Ray {
                             origin: self.eye,
                             direction: *row + *column,
                         }));

@@ -1,5 +1,7 @@
 //! Rays that run side by side, as one beam.
 
+use std::ops::Range;
+
 use glam::{DAffine3, DVec3};
 use kernel::{Aabb, Ray};
 
@@ -116,53 +118,6 @@ impl Rays {
         usable
     }
 
-    /// Whether none comes to a box from its origin on, by bounds of their places and slopes along
-    /// the axis along which they advance most.
-    #[inline(always)]
-    pub(super) fn pass_by<S: Simd>(&self, s: S, target: &Aabb) -> bool {
-        let first = DVec3::new(
-            self.direction[0][0],
-            self.direction[1][0],
-            self.direction[2][0],
-        );
-        let main = first.abs().max_position();
-        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
-        let (mut least, mut most) = ([0.0; 3], [0.0; 3]);
-        for axis in 0..3 {
-            (low[axis], high[axis]) = bounds(s, &self.origin[axis]);
-            (least[axis], most[axis]) = bounds(s, &self.direction[axis]);
-        }
-        let (slow, fast) = if first[main] > 0.0 {
-            (least[main], most[main])
-        } else {
-            (-most[main], -least[main])
-        };
-        if slow.is_nan() || slow <= 0.0 {
-            return false;
-        }
-        // The way along the main axis to either side of the box, none back.
-        let (near, far) = if first[main] > 0.0 {
-            (target.min[main] - high[main], target.max[main] - low[main])
-        } else {
-            (low[main] - target.max[main], high[main] - target.min[main])
-        };
-        let (near, far) = (near.max(0.0), far.max(0.0));
-        let reach = low[main].abs().max(high[main].abs()) + far;
-        let (pace, slowest) = (fast.recip(), slow.recip());
-        let mut apart = false;
-        for axis in 0..3 {
-            let fall = least[axis] * if least[axis] < 0.0 { slowest } else { pace };
-            let rise = most[axis] * if most[axis] < 0.0 { pace } else { slowest };
-            let lowest = low[axis] + fall * if fall < 0.0 { far } else { near };
-            let highest = high[axis] + rise * if rise < 0.0 { near } else { far };
-            let size = low[axis].abs().max(high[axis].abs());
-            let room = PASSING * (size + reach * (1.0 + fall.abs().max(rise.abs())));
-            apart |= axis != main
-                && (lowest - room > target.max[axis] || highest + room < target.min[axis]);
-        }
-        apart
-    }
-
     /// The rays in other coordinates.
     #[inline(always)]
     fn transformed(&self, map: &DAffine3, into: &mut Self) {
@@ -229,6 +184,76 @@ fn greatest_of<T: PartialOrd + Copy>(&[a, b, c, d, e, f, g, h]: &[T; 8]) -> T {
     let first = greater(greater(a, b), greater(c, d));
     let second = greater(greater(e, f), greater(g, h));
     greater(first, second)
+}
+
+/// Bounds of the coordinates of rays.
+pub(super) struct Hull {
+    /// Least and greatest: of origins, of where ranges begin, of directions.
+    low: [f64; WIDE_LANES],
+    high: [f64; WIDE_LANES],
+}
+
+impl Hull {
+    /// Where directions stand, behind origins and beginnings.
+    const DIRECTION: usize = 4;
+
+    #[inline(always)]
+    pub(super) fn of<S: Simd>(s: S, rays: &[Ray], ranges: &[Range<f64>]) -> Self {
+        let (mut least, mut most) = (s.splat_d(f64::INFINITY), s.splat_d(f64::NEG_INFINITY));
+        for (ray, range) in rays.iter().zip(ranges) {
+            let (o, d) = (ray.origin, ray.direction);
+            let all = s.load_d(&[o.x, o.y, o.z, range.start, d.x, d.y, d.z, d.z]);
+            (least, most) = (s.min_d(all, least), s.max_d(all, most));
+        }
+        let mut hull = Self {
+            low: [0.0; WIDE_LANES],
+            high: [0.0; WIDE_LANES],
+        };
+        s.store_d(least, &mut hull.low);
+        s.store_d(most, &mut hull.high);
+        hull
+    }
+
+    /// Whether no ray comes to a box, as far as this tells along the axis along which they advance
+    /// most.
+    #[inline(always)]
+    pub(super) fn passes_by(&self, target: &Aabb) -> bool {
+        let (least, most) = (&self.low[Self::DIRECTION..], &self.high[Self::DIRECTION..]);
+        let (mut main, mut slow) = (0, 0.0);
+        for axis in 0..3 {
+            let advance = greater(least[axis], -most[axis]);
+            if advance > slow {
+                (main, slow) = (axis, advance);
+            }
+        }
+        // They may run to both sides, or back.
+        if slow <= 0.0 || self.low[3] < 0.0 {
+            return false;
+        }
+        let (low, high) = (&self.low, &self.high);
+        let fast = greater(most[main], -least[main]);
+        // The way along the main axis to either side of the box, none back.
+        let (near, far) = if least[main] > 0.0 {
+            (target.min[main] - high[main], target.max[main] - low[main])
+        } else {
+            (low[main] - target.max[main], high[main] - target.min[main])
+        };
+        let (near, far) = (near.max(0.0), far.max(0.0));
+        let reach = low[main].abs().max(high[main].abs()) + far;
+        let (pace, slowest) = (fast.recip(), slow.recip());
+        let mut apart = false;
+        for axis in 0..3 {
+            let fall = least[axis] * if least[axis] < 0.0 { slowest } else { pace };
+            let rise = most[axis] * if most[axis] < 0.0 { pace } else { slowest };
+            let lowest = low[axis] + fall * if fall < 0.0 { far } else { near };
+            let highest = high[axis] + rise * if rise < 0.0 { near } else { far };
+            let size = low[axis].abs().max(high[axis].abs());
+            let room = PASSING * (size + reach * (1.0 + fall.abs().max(rise.abs())));
+            apart |= axis != main
+                && (lowest - room > target.max[axis] || highest + room < target.min[axis]);
+        }
+        apart
+    }
 }
 
 impl Beam {
@@ -487,10 +512,9 @@ mod tests {
                     direction: direction + vector(spread),
                 })
                 .collect();
-            let mut packet = Rays::NONE;
-            packet.gather(&rays);
+            let ranges = vec![0.0..f64::INFINITY; rays.len()];
             let met = rays.iter().any(|ray| meets(ray, &target));
-            if packet.pass_by(Portable, &target) {
+            if Hull::of(Portable, &rays, &ranges).passes_by(&target) {
                 assert!(!met, "{target:?} {rays:?}");
                 passed += 1;
             }

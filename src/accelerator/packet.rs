@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use kernel::Ray;
 
 use super::approach::{self, Approach, View};
-use super::beam::{Beam, BeamBounds, RAYS};
+use super::beam::{Beam, BeamBounds, Hull, RAYS};
 use super::block::Block;
 use super::cells::Cell;
 use super::distance::Cells;
@@ -121,8 +121,11 @@ impl Task for Trace<'_, '_> {
         let Workspace {
             packet, scratch, ..
         } = workspace;
-        packet.places.clear();
         packet.met = 0;
+        if Hull::of(s, rays, ranges).passes_by(&accelerator.bounds()) {
+            return;
+        }
+        packet.places.clear();
         let mut alive = 0_u64;
         for lane in 0..RAYS {
             let range = &ranges[lane.min(rays.len() - 1)];
@@ -135,10 +138,6 @@ impl Task for Trace<'_, '_> {
             alive |= u64::from(is_open) << lane;
         }
         alive &= u64::MAX >> (RAYS - rays.len());
-        let is_ahead = packet.from.iter().all(|&from| from >= 0.0);
-        if is_ahead && packet.rays.pass_by(s, &accelerator.bounds()) {
-            return;
-        }
         let mut tracer = Tracer {
             s,
             accelerator,
