@@ -325,6 +325,14 @@ const COUNTS: Counts = {
     counts
 };
 
+/// Adds the sizes of a term, so many times.
+#[inline(always)]
+fn add(sum: &mut [f64; 4], term: &[f64; 4], count: f64) {
+    for r in 0..4 {
+        sum[r] += term[r].abs() * count;
+    }
+}
+
 impl Sums {
     /// Adds the terms that are kept; `own` takes them in the frame.
     #[inline(always)]
@@ -338,8 +346,7 @@ impl Sums {
                 *entry = row[axis];
             }
         }
-        // Values, derivatives and both cuts, each for the four coordinates.
-        let mut sums = [[0.0; 4]; 4];
+        let mut values = [0.0; 4];
         for t in 0..TERMS {
             let weight = terms[t][3] * frame.inverse_weight;
             let mut relative = [0.0; 4];
@@ -353,23 +360,28 @@ impl Sums {
                     + columns[3][r] * relative[3];
             }
             if t > 0 {
-                for r in 0..4 {
-                    sums[0][r] += relative[r].abs();
-                }
-            }
-            for r in 0..4 {
-                let size = own[t][r].abs();
-                sums[1][r] += size * COUNTS.derivative[t];
-                sums[2][r] += size * COUNTS.cut[0][t];
-                sums[3][r] += size * COUNTS.cut[1][t];
-                self.second[0][r] += size * COUNTS.second[0][t];
-                self.second[1][r] += size * COUNTS.second[1][t];
-                self.second[2][r] += size * COUNTS.second[2][t];
-                self.half[r] += size * COUNTS.half[t];
-                self.bulge[r] += own[t][r] * COUNTS.bulge[t];
+                add(&mut values, &relative, 1.0);
             }
         }
-        let [x, y, z, weight] = sums[0];
+        // Few sums at a time stay in registers.
+        let (mut derivatives, mut cuts) = ([0.0; 4], [[0.0; 4]; 2]);
+        for (t, own) in own.iter().enumerate() {
+            add(&mut derivatives, own, COUNTS.derivative[t]);
+            add(&mut cuts[0], own, COUNTS.cut[0][t]);
+            add(&mut cuts[1], own, COUNTS.cut[1][t]);
+        }
+        for (t, own) in own.iter().enumerate() {
+            add(&mut self.half, own, COUNTS.half[t]);
+            for r in 0..4 {
+                self.bulge[r] += own[r] * COUNTS.bulge[t];
+            }
+        }
+        for (t, own) in own.iter().enumerate() {
+            for (second, counts) in self.second.iter_mut().zip(&COUNTS.second) {
+                add(second, own, counts[t]);
+            }
+        }
+        let [x, y, z, weight] = values;
         self.half_size = [x, y, z];
         self.weight = weight;
         // The derivatives of the weight are not expected.
@@ -377,9 +389,9 @@ impl Sums {
         for r in 0..4 {
             let (x, y) = (own[ORDER][r], own[1][r]);
             self.linear[r] = (x - expected[0][r]).abs() + (y - expected[1][r]).abs() + LINEAR;
-            self.stray[r] = sums[1][r] + self.linear[r];
-            self.cut[0][r] = sums[2][r] * GROWTH[0][r];
-            self.cut[1][r] = sums[3][r] * GROWTH[1][r];
+            self.stray[r] = derivatives[r] + self.linear[r];
+            self.cut[0][r] = cuts[0][r] * GROWTH[0][r];
+            self.cut[1][r] = cuts[1][r] * GROWTH[1][r];
         }
     }
 
