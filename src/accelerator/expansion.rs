@@ -372,8 +372,8 @@ impl Sums {
         }
         for (t, own) in own.iter().enumerate() {
             add(&mut self.half, own, COUNTS.half[t]);
-            for r in 0..4 {
-                self.bulge[r] += own[r] * COUNTS.bulge[t];
+            for (sum, own) in self.bulge.iter_mut().zip(own) {
+                *sum += own * COUNTS.bulge[t];
             }
         }
         for (t, own) in own.iter().enumerate() {
