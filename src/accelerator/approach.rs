@@ -2,7 +2,9 @@
 //! what part of it their roots are.
 
 use super::beam::{Beam, RAYS};
+use super::distance::Cells;
 use super::model::Model;
+use super::windows::{Batch, Company};
 use crate::simd::{LANES, Simd};
 
 /// Rounding errors of positions and values in single precision, several wide.
@@ -283,4 +285,30 @@ pub(super) fn reach<S: Simd, const RATIONAL: bool>(
 #[inline(always)]
 fn blur_of<S: Simd>(s: S, blur: S::F) -> S::F {
     s.fma(blur, s.splat(ROUNDING), s.splat(1.0))
+}
+
+/// The rays of a beam at one cell.
+pub(super) struct OneCell<'a> {
+    pub(super) model: &'a Model,
+    pub(super) view: View,
+    pub(super) beam: &'a Beam,
+}
+
+impl<S: Simd> Company<S> for OneCell<'_> {
+    type Number = f32;
+
+    #[inline(always)]
+    fn approach<const RATIONAL: bool>(&self, s: S, group: usize) -> Approach<S::F> {
+        approach::<S, RATIONAL>(s, &self.view, self.beam, group)
+    }
+
+    #[inline(always)]
+    fn cells(&self, _: usize) -> &Cells<f32> {
+        &self.model.cell
+    }
+
+    #[inline(always)]
+    fn cells_of(&mut self, _: &Batch) -> &Cells<f32> {
+        &self.model.cell
+    }
 }

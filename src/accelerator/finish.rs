@@ -64,8 +64,8 @@ const LAST_INSIDE: f64 = 1e-6;
 /// Near a border of the piece: parameters decide there to which of two it belongs.
 const BORDER: f64 = 1e-8;
 
-/// Finishes roots with Newton's iteration on the net of a piece, or on one for each ray.
-pub(super) struct Finish<'a, C, const RATIONAL: bool> {
+/// Roots to be finished with Newton's iteration on the net of a piece, or on one for each ray.
+pub(super) struct Finish<'a, C> {
     pub(super) net: (Degrees, &'a [[C; 4]]),
     /// Both axes across and the main one.
     pub(super) axes: [usize; 3],
@@ -76,20 +76,38 @@ pub(super) struct Finish<'a, C, const RATIONAL: bool> {
     pub(super) wanted: u32,
 }
 
+impl<C> Finish<'_, C> {
+    /// Finishes them; with weights, if there are any.
+    #[inline(always)]
+    pub(super) fn roots<S: Simd>(self, s: S, is_rational: bool) -> Roots
+    where
+        C: PerLane<S, Lanes = S::D>,
+    {
+        if is_rational {
+            s.apart(Weighted::<_, true>(self))
+        } else {
+            s.apart(Weighted::<_, false>(self))
+        }
+    }
+}
+
+/// [`Finish`] with weights, or without.
+struct Weighted<'a, C, const RATIONAL: bool>(Finish<'a, C>);
+
 impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
-    for Finish<'_, C, RATIONAL>
+    for Weighted<'_, C, RATIONAL>
 {
     type Output = Roots;
 
     #[inline(always)]
     fn run(self, s: S) -> Roots {
-        let Self {
+        let Finish {
             net,
             axes,
             lines,
             start,
             wanted,
-        } = self;
+        } = self.0;
         let [i, j, main] = axes;
         let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
         let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];

@@ -5,19 +5,17 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::Ray;
 
-use super::approach::{self, Approach, View};
-use super::beam::{Beam, BeamBounds, Hull, RAYS};
+use super::approach::{self, OneCell, View};
+use super::beam::{BeamBounds, Hull, RAYS};
 use super::block::Block;
 use super::cells::Cell;
-use super::distance::Cells;
 use super::finish::{self, Finish, Lines, Roots};
 use super::leaf::Bits;
-use super::model::Model;
 use super::room::PacketRoom;
 use super::stream::Stream;
 use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
 use super::tree::{IS_LEAF, WIDTH};
-use super::windows::{Batch, Company, group_of, look};
+use super::windows::{group_of, look};
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::newton::Newton;
 use crate::intersect::triangle::Sheared;
@@ -421,24 +419,14 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let wanted = (1_u32 << used) - 1;
         let net = cluster.pieces.net(piece);
         let net = (net.degrees, net.points);
-        let lines = &lines;
-        let roots = if piece.is_rational {
-            self.s.apart(Finish::<_, true> {
-                net,
-                axes,
-                lines,
-                start,
-                wanted,
-            })
-        } else {
-            self.s.apart(Finish::<_, false> {
-                net,
-                axes,
-                lines,
-                start,
-                wanted,
-            })
+        let finish = Finish {
+            net,
+            axes,
+            lines: &lines,
+            start,
+            wanted,
         };
+        let roots = finish.roots(self.s, piece.is_rational);
         let offset = center[beam.main] * beam.sign;
         let pace = radius * beam.sign;
         for (k, &lane) in lanes[..used].iter().enumerate() {
@@ -584,31 +572,5 @@ fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH
             place -= 1;
         }
         stack[place] = entry;
-    }
-}
-
-/// The rays of a beam at one cell.
-struct OneCell<'a> {
-    model: &'a Model,
-    view: View,
-    beam: &'a Beam,
-}
-
-impl<S: Simd> Company<S> for OneCell<'_> {
-    type Number = f32;
-
-    #[inline(always)]
-    fn approach<const RATIONAL: bool>(&self, s: S, group: usize) -> Approach<S::F> {
-        approach::approach::<S, RATIONAL>(s, &self.view, self.beam, group)
-    }
-
-    #[inline(always)]
-    fn cells(&self, _: usize) -> &Cells<f32> {
-        &self.model.cell
-    }
-
-    #[inline(always)]
-    fn cells_of(&mut self, _: &Batch) -> &Cells<f32> {
-        &self.model.cell
     }
 }

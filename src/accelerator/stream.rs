@@ -175,34 +175,24 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         let wanted = (1 << used) - 1;
         let (lines, start) = (&batch.lines, batch.start);
         let roots = if is_low {
-            let net = (degrees, &self.packet.nets[..degrees.len()]);
-            let axes = [0, 1, 2];
-            if is_rational {
-                self.s.apart(Finish::<_, true> {
-                    net,
-                    axes,
-                    lines,
-                    start,
-                    wanted,
-                })
-            } else {
-                self.s.apart(Finish::<_, false> {
-                    net,
-                    axes,
-                    lines,
-                    start,
-                    wanted,
-                })
-            }
+            let finish = Finish {
+                net: (degrees, &self.packet.nets[..degrees.len()]),
+                axes: [0, 1, 2],
+                lines,
+                start,
+                wanted,
+            };
+            finish.roots(self.s, is_rational)
         } else {
             let cluster = self.enter(usize::from(self.packet.roots.lanes[first]));
-            self.s.apart(Finish::<_, true> {
+            let finish = Finish {
                 net: (degrees, cluster.pieces.net(self.piece(first)).points),
                 axes: batch.axes[0],
                 lines,
                 start,
                 wanted,
-            })
+            };
+            finish.roots(self.s, true)
         };
         for k in 0..used {
             self.finished(first + k, (&roots, k), &batch, is_low);
