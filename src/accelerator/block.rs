@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::approach::View;
 use super::beam::{Beam, BeamBounds};
-use super::cells::{Cell, NewCell};
+use super::cells::{Cell, CellFrame};
 use super::room::part_of;
 use super::tree::{LocalRay, Tree, WIDTH};
 use crate::intersect::Rect;
@@ -49,36 +49,43 @@ pub(crate) struct Encounter {
 }
 
 impl Block {
+    /// Without cells.
+    pub(crate) const EMPTY: Self = Self {
+        center: [[0.0; WIDTH]; 3],
+        rows: [[[0.0; WIDTH]; 3]; 3],
+        bulge: [[f32::INFINITY; WIDTH]; 3],
+        stray: [[f32::INFINITY; WIDTH]; 4],
+        cells: [Cell::NONE; WIDTH],
+        count: 0,
+    };
+
     /// Puts the cells of a leaf side by side.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "tests allow for the rounding"
     )]
-    pub(crate) fn new(cells: &[NewCell], tree: &Tree) -> Self {
-        let mut block = Self {
-            center: [[0.0; WIDTH]; 3],
-            rows: [[[0.0; WIDTH]; 3]; 3],
-            bulge: [[f32::INFINITY; WIDTH]; 3],
-            stray: [[f32::INFINITY; WIDTH]; 4],
-            cells: [Cell::whole(0); WIDTH],
-            count: u32::try_from(cells.len()).expect("a leaf has at most eight cells"),
-        };
-        for (slot, new) in cells.iter().enumerate() {
-            let center = tree.to_local(new.frame.center);
+    pub(crate) fn new<'a>(
+        cells: impl Iterator<Item = (&'a Cell, &'a CellFrame)>,
+        tree: &Tree,
+    ) -> Self {
+        let mut block = Self::EMPTY;
+        for (slot, (cell, frame)) in cells.enumerate() {
+            block.count += 1;
+            let center = tree.to_local(frame.center);
             for axis in 0..3 {
                 block.center[axis][slot] = center[axis] as f32;
                 for row in 0..3 {
-                    let value = new.frame.rows[row][axis] / tree.scale();
+                    let value = frame.rows[row][axis] / tree.scale();
                     block.rows[row][axis][slot] = value as f32;
                 }
             }
-            for (bulge, value) in block.bulge.iter_mut().zip(new.frame.half) {
+            for (bulge, value) in block.bulge.iter_mut().zip(frame.half) {
                 bulge[slot] = value as f32 * GROWTH + FRAME_ERROR;
             }
-            for (stray, value) in block.stray.iter_mut().zip(new.frame.stray) {
+            for (stray, value) in block.stray.iter_mut().zip(frame.stray) {
                 stray[slot] = value as f32 * GROWTH + FRAME_ERROR;
             }
-            block.cells[slot] = new.cell;
+            block.cells[slot] = *cell;
         }
         block
     }

@@ -8,7 +8,7 @@ use kernel::{Aabb, Child, NodeId, Scene, Surface, TrimRegion};
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::cells::{Parts, Pieces};
+use super::cells::{GROUP, Halvings, Parts};
 use super::tree::Tree;
 use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
 use crate::intersect::Method;
@@ -16,6 +16,9 @@ use crate::simd::Instructions;
 
 /// Patches that one thread divides in one go.
 const PATCHES_OF_A_TASK: usize = 64;
+
+/// Tasks of which the results wait to be put together.
+const TASKS_AT_ONCE: usize = 64;
 
 /// Triangles that are not divided further.
 const TRIANGLES_OF_A_LEAF: usize = 4;
@@ -182,10 +185,12 @@ impl Plan {
             });
         });
         let all = divided(scene, &placed, &regions);
-        let (tree, order) = Tree::build(&all.boxes(), 1);
+        let groups = &all.groups;
+        let (tree, order) = Tree::pack(&all.boxes(), |group| groups[group].len(), GROUP);
         let block = |leaf: usize| {
-            let group = order[tree.leaf(leaf).start] as usize;
-            Block::new(&all.cells[all.groups[group].clone()], &tree)
+            let groups = order[tree.leaf(leaf)].iter().map(|&k| &groups[k as usize]);
+            let cells = groups.flat_map(|group| &all.cells[group.clone()]);
+            Block::new(cells.map(|new| (&new.cell, &new.frame)), &tree)
         };
         let blocks = (0..tree.leaf_count()).into_par_iter().map(block).collect();
         let (pieces, cell_count) = (all.pieces, all.cells.len());
@@ -244,9 +249,9 @@ type Placed<'a> = (u32, &'a Surface, DAffine3, Option<usize>);
 
 /// The pieces and cells of all patches of a cluster.
 fn divided(scene: &Scene, placed: &[Placed<'_>], regions: &[TrimRegion]) -> Parts {
-    let halvings = Pieces::halvings(scene.patches().len());
+    let halvings = Halvings::of(scene.patches().len());
     // Many patches at a time, so that little memory is asked for often.
-    let tasks = placed.par_chunks(PATCHES_OF_A_TASK).map(|placed| {
+    let task = |placed: &[Placed<'_>]| {
         let mut parts = Parts::default();
         for (number, surface, cluster_from_object, region) in placed {
             let trims = region.map(|k| &regions[k]);
@@ -255,11 +260,14 @@ fn divided(scene: &Scene, placed: &[Placed<'_>], regions: &[TrimRegion]) -> Part
             }
         }
         parts
-    });
-    let tasks: Vec<_> = tasks.collect();
+    };
     let mut all = Parts::default();
-    for parts in tasks {
-        all.append(parts);
+    // What tasks used is used again by those that come later.
+    for placed in placed.chunks(TASKS_AT_ONCE * PATCHES_OF_A_TASK) {
+        let tasks = placed.par_chunks(PATCHES_OF_A_TASK).map(task);
+        for parts in tasks.collect::<Vec<_>>() {
+            all.append(parts);
+        }
     }
     all
 }

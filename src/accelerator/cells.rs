@@ -12,12 +12,31 @@ use crate::intersect::Rect;
 use crate::intersect::net::Degrees;
 use crate::simd::Instructions;
 
-/// Halvings of a piece at most; what is then still uneven is divided while rays are traced.
-const HALVINGS: u8 = 6;
+/// How often pieces are halved at most.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Halvings {
+    /// At once; what is then still uneven is divided ray by ray,
+    first: u8,
+    /// but before for rays that come to it.
+    later: u8,
+}
 
-/// As [`HALVINGS`] where there are many patches: each is then seen by few rays, and memory
-/// counts.
-const FEW_HALVINGS: u8 = 2;
+impl Halvings {
+    const USUAL: Self = Self { first: 6, later: 0 };
+
+    /// Where there are many patches: not all of them are seen, and memory counts. Rays come to
+    /// as many parts as a block has room for.
+    const MANY: Self = Self { first: 0, later: 3 };
+
+    /// In a scene of so many patches.
+    pub(crate) fn of(patches: usize) -> Self {
+        if patches > MANY {
+            Self::MANY
+        } else {
+            Self::USUAL
+        }
+    }
+}
 
 /// More patches than this are many.
 const MANY: usize = 2048;
@@ -60,6 +79,8 @@ pub(crate) struct Cell {
     place: [u16; 2],
     /// Whether a trim loop passes through it, so that points have to be tested.
     pub(crate) is_trimmed: bool,
+    /// Where it is too uneven: how often it is halved along u and v for rays that come to it.
+    grid: [u8; 2],
 }
 
 impl Cell {
@@ -68,7 +89,13 @@ impl Cell {
         piece: 0,
         place: [1; 2],
         is_trimmed: false,
+        grid: [0; 2],
     };
+
+    /// Whether rays meet parts of it instead.
+    pub(crate) fn is_coarse(&self) -> bool {
+        self.grid != [0; 2]
+    }
 
     /// All of a piece.
     pub(crate) fn whole(piece: u32) -> Self {
@@ -107,6 +134,20 @@ impl Cell {
         })
     }
 
+    /// The parts of a coarse cell, as many as a block has room for.
+    fn parts(&self) -> impl Iterator<Item = Self> {
+        let [u, v] = self.grid;
+        let parts = (0_u16..1 << u).flat_map(move |i| (0_u16..1 << v).map(move |j| (i, j)));
+        let whole = Self {
+            grid: [0; 2],
+            ..*self
+        };
+        parts.map(move |(i, j)| Self {
+            place: [whole.place[0] << u | i, whole.place[1] << v | j],
+            ..whole
+        })
+    }
+
     /// A number that only this cell has within its cluster.
     pub(crate) fn key(&self) -> u64 {
         let [u, v] = self.place.map(u64::from);
@@ -125,6 +166,18 @@ pub(crate) struct CellFrame {
     pub(crate) rows: [DVec3; 3],
     pub(crate) half: [f64; 3],
     pub(crate) stray: [f64; 4],
+}
+
+impl CellFrame {
+    /// Of a part of a piece in its ball.
+    fn of(local: &Expansion, center: DVec3, radius: f64) -> Self {
+        Self {
+            center: local.center * radius + center,
+            rows: local.rows.map(|row| row / radius),
+            half: local.half,
+            stray: local.stray,
+        }
+    }
 }
 
 /// Cells that are kept together at most: those of a block.
@@ -155,14 +208,14 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    /// Adds a piece of item number `item`, and its cells; it is halved `halvings` times at most.
+    /// Adds a piece of item number `item`, and its cells.
     ///
     /// A piece that is no more than a point has nothing to hit and is left out, and so are
     /// cells outside of `trims`.
     pub(crate) fn add(
         &mut self,
         piece: &BezierSurface,
-        (item, halvings): (u32, u8),
+        (item, halvings): (u32, Halvings),
         trims: Option<&TrimRegion>,
     ) {
         let hull = piece.hull_bounds();
@@ -201,6 +254,7 @@ impl Parts {
         let cell = Cell::whole(number);
         let divider = Divider {
             instructions: Instructions::best(),
+            later: halvings.later,
             net: PieceNet {
                 degrees,
                 points: &self.pieces.nets[first..],
@@ -213,7 +267,7 @@ impl Parts {
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
         let (cells, groups) = (&mut self.cells, &mut self.groups);
-        let open = divider.divide(cell, halvings, trims, (cells, groups));
+        let open = divider.divide(cell, halvings.first, trims, (cells, groups));
         groups.push(cells.len() - open..cells.len());
     }
 
@@ -247,21 +301,28 @@ impl Parts {
 }
 
 impl Pieces {
-    /// How often a piece is halved at most in a scene of so many patches.
-    pub(crate) fn halvings(patches: usize) -> u8 {
-        if patches > MANY {
-            FEW_HALVINGS
-        } else {
-            HALVINGS
-        }
-    }
-
     /// The net of a piece.
     pub(crate) fn net(&self, piece: &Piece) -> PieceNet<'_> {
         PieceNet {
             degrees: piece.degrees,
             points: &self.nets[piece.first..piece.first + piece.degrees.len()],
         }
+    }
+
+    /// The parts of a coarse cell replace `parts`.
+    pub(crate) fn divide(
+        &self,
+        instructions: Instructions,
+        cell: &Cell,
+        parts: &mut Vec<(Cell, CellFrame)>,
+    ) {
+        let piece = &self.pieces[cell.piece as usize];
+        let net = self.net(piece);
+        parts.clear();
+        parts.extend(cell.parts().map(|part| {
+            let local = instructions.run(Expand(&net, &part.rect()));
+            (part, CellFrame::of(&local, piece.center, piece.radius))
+        }));
     }
 
     /// Memory in use.
@@ -273,6 +334,8 @@ impl Pieces {
 /// Divides a piece into cells.
 struct Divider<'a> {
     instructions: Instructions,
+    /// See [`Halvings`].
+    later: u8,
     net: PieceNet<'a>,
     /// From the units of the piece to the cluster.
     center: DVec3,
@@ -338,9 +401,11 @@ impl Divider<'_> {
     }
 
     /// A cell in the coordinates of the cluster.
-    fn finished(&self, cell: Cell, local: &Expansion) -> NewCell {
-        let place = |local: DVec3| local * self.radius + self.center;
-        let middle = place(local.middle);
+    fn finished(&self, mut cell: Cell, local: &Expansion) -> NewCell {
+        if local.excess() > 1.0 && self.later > 0 {
+            cell.grid = local.grid(self.later);
+        }
+        let middle = local.middle * self.radius + self.center;
         let half = local.half_size * self.radius;
         let bounds = Aabb {
             min: (middle - half).max(self.hull.min),
@@ -348,12 +413,7 @@ impl Divider<'_> {
         };
         NewCell {
             cell,
-            frame: CellFrame {
-                center: place(local.center),
-                rows: local.rows.map(|row| row / self.radius),
-                half: local.half,
-                stray: local.stray,
-            },
+            frame: CellFrame::of(local, self.center, self.radius),
             bounds,
         }
     }

@@ -197,6 +197,35 @@ impl Expansion {
     pub(super) fn excess(&self) -> f64 {
         excess(&self.stray)
     }
+
+    /// How often along u and along v the part is best halved, so many times in all: then its own
+    /// terms are least uneven, as seen from here.
+    pub(super) fn grid(&self, halvings: u8) -> [u8; 2] {
+        if !self.stray[0].is_finite() {
+            let more = halvings.div_ceil(2);
+            let less = halvings - more;
+            return if self.cut_v {
+                [less, more]
+            } else {
+                [more, less]
+            };
+        }
+        let after = |along_u: u8| {
+            let cuts = [along_u, halvings - along_u].map(i32::from);
+            let [u, v] = cuts.map(|n| f64::powi(0.5, n));
+            let (us, vs) = (powers_of::<ORDER>(u), powers_of::<ORDER>(v));
+            let mut stray = [0.0; 4];
+            for (t, term) in self.terms.iter().enumerate() {
+                let share = us[t / ORDER] * vs[t % ORDER];
+                add(&mut stray, term, COUNTS.derivative[t] * share);
+            }
+            // As [`GROWTH`].
+            let growth = [u.recip(), v.recip(), 2.0 / (u + v), 1.0];
+            excess(&std::array::from_fn(|r| stray[r] * growth[r]))
+        };
+        let best = (0..=halvings).min_by(|&a, &b| after(a).total_cmp(&after(b)));
+        best.map_or([0; 2], |along_u| [along_u, halvings - along_u])
+    }
 }
 
 /// Middle and axes of a part.

@@ -108,6 +108,14 @@ impl<S: Simd> Part<S> for Fill<'_> {
     }
 }
 
+/// A place for a cell of a cluster, by its number.
+#[inline(always)]
+pub(super) fn place_of((cluster, cell): (u32, u64)) -> usize {
+    // The golden ratio spreads neighbouring numbers.
+    let mixed = (cell ^ u64::from(cluster) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (mixed >> 40) as usize
+}
+
 /// The cells at hand, each at a place that follows from its number.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Models {
@@ -131,9 +139,7 @@ impl Models {
             self.tags.resize(KEPT, (u32::MAX, u64::MAX));
         }
         let tag = (number, cell.key());
-        // The golden ratio spreads neighbouring numbers.
-        let mixed = (tag.1 ^ u64::from(number) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let place = (mixed >> 40) as usize % KEPT;
+        let place = place_of(tag) % KEPT;
         let model = &mut self.models[place];
         if self.tags[place] != tag {
             s.apart(Fill {

@@ -2,24 +2,21 @@
 
 use std::ops::Range;
 
-use glam::{DVec2, DVec3};
 use kernel::Ray;
 
 use super::approach::{self, OneCell, View};
 use super::beam::{BeamBounds, Hull, RAYS};
 use super::block::Block;
 use super::cells::Cell;
-use super::finish::{self, Finish, Lines, Roots};
 use super::leaf::Bits;
 use super::room::PacketRoom;
 use super::stream::Stream;
-use super::trace::{Candidate, CandidateKind, ClusterRay, Nearest, TriangleVisitor, keeps, settle};
+use super::trace::{Nearest, TriangleVisitor};
 use super::tree::{IS_LEAF, WIDTH};
 use super::windows::{group_of, look};
 use super::{Accelerator, Cluster, Workspace};
-use crate::intersect::newton::Newton;
 use crate::intersect::triangle::Sheared;
-use crate::intersect::{Hit, Intersector, Rect, Scratch, Target};
+use crate::intersect::{Hit, Scratch};
 use crate::simd::{LANES, Simd, Task, WIDE_LANES};
 
 impl Accelerator<'_> {
@@ -162,7 +159,7 @@ pub(super) struct Tracer<'a, 'b, S> {
     pub(super) s: S,
     pub(super) accelerator: &'a Accelerator<'a>,
     pub(super) rays: &'b [Ray],
-    any: bool,
+    pub(super) any: bool,
     pub(super) packet: &'b mut PacketRoom,
     pub(super) scratch: &'b mut Scratch,
     /// A bit for each ray that is still looked for.
@@ -278,11 +275,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 continue;
             }
             let block = &cluster.blocks[(child & !IS_LEAF) as usize];
-            self.block(cluster, block, (&whole, &parts), far);
+            far = self.block(cluster, block, (&whole, &parts), far);
             if self.alive == 0 {
                 break;
             }
-            far = self.packet.beam.farthest(self.s);
         }
         true
     }
@@ -311,42 +307,81 @@ impl<S: Simd> Tracer<'_, '_, S> {
         }
     }
 
+    /// Meets the cells of a block, and the parts of those that are coarse; the result is how far
+    /// rays are then still of interest.
     #[inline(always)]
     fn block(
         &mut self,
         cluster: &Cluster<'_>,
         block: &Block,
         (whole, parts): (&BeamBounds, &[BeamBounds; RAYS / LANES]),
-        far: f32,
-    ) {
-        let mut found = [(0, 0.0); WIDTH];
-        let count = block.meet_beam(whole, far, &mut found);
-        let mut near = [u32::MAX; RAYS / LANES];
-        // Groups of rays tell what few of several cells they come to.
-        if count > 1 {
-            for (near, part) in near.iter_mut().zip(parts) {
-                *near = block.meets_beam(part, far);
-            }
-        }
-        for &(slot, _) in &found[..count] {
-            if near.iter().all(|near| near >> slot & 1 == 0) {
-                continue;
-            }
-            let cell = block.cells[slot as usize];
-            let rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
-            let view = block.view(slot as usize, &self.packet.beam);
-            let mut lanes = 0;
-            for (group, near) in near.iter().enumerate() {
-                if near >> slot & 1 == 1 && group_of(self.alive, group) != 0 {
-                    let pass = approach::pass(self.s, &view, &self.packet.beam, group, rational);
-                    lanes |= u64::from(pass & 0xffff) << (group * LANES);
+        mut far: f32,
+    ) -> f32 {
+        let mut coarse = [(Cell::NONE, 0.0); WIDTH];
+        let (mut divided, mut next) = (0, 0);
+        let mut fan = None;
+        loop {
+            let block = fan.as_ref().unwrap_or(block);
+            let mut found = [(0, 0.0); WIDTH];
+            let count = block.meet_beam(whole, far, &mut found);
+            let mut near = [u32::MAX; RAYS / LANES];
+            // Groups of rays tell what few of several cells they come to.
+            if count > 1 {
+                for (near, part) in near.iter_mut().zip(parts) {
+                    *near = block.meets_beam(part, far);
                 }
             }
-            let lanes = lanes & self.alive;
-            if lanes != 0 {
-                self.cell(cluster, &cell, lanes);
+            for &(slot, start) in &found[..count] {
+                let lanes = self.passing(cluster, block, slot as usize, &near);
+                let cell = block.cells[slot as usize];
+                if lanes != 0 && cell.is_coarse() {
+                    coarse[divided] = (cell, start);
+                    divided += 1;
+                } else if lanes != 0 {
+                    self.cell(cluster, &cell, lanes);
+                }
+            }
+            far = self.packet.beam.farthest(self.s);
+            loop {
+                if next == divided || self.alive == 0 {
+                    return far;
+                }
+                let (cell, start) = coarse[next];
+                next += 1;
+                if start <= far {
+                    let number = self.accelerator.instances[self.instance as usize].cluster;
+                    let instructions = self.accelerator.instructions;
+                    let fans = &mut self.packet.fans;
+                    fan = Some(fans.of(instructions, (number, cluster), &cell).clone());
+                    break;
+                }
             }
         }
+    }
+
+    /// The rays that may meet a cell, of the groups that are `near` to it.
+    #[inline(always)]
+    fn passing(
+        &self,
+        cluster: &Cluster<'_>,
+        block: &Block,
+        slot: usize,
+        near: &[u32; RAYS / LANES],
+    ) -> u64 {
+        if near.iter().all(|near| near >> slot & 1 == 0) {
+            return 0;
+        }
+        let piece = block.cells[slot].piece as usize;
+        let rational = cluster.pieces.pieces[piece].is_rational;
+        let view = block.view(slot, &self.packet.beam);
+        let mut lanes = 0;
+        for (group, near) in near.iter().enumerate() {
+            if near >> slot & 1 == 1 && group_of(self.alive, group) != 0 {
+                let pass = approach::pass(self.s, &view, &self.packet.beam, group, rational);
+                lanes |= u64::from(pass & 0xffff) << (group * LANES);
+            }
+        }
+        lanes & self.alive
     }
 
     /// Looks for the roots of some rays in a cell.
@@ -389,172 +424,6 @@ impl<S: Simd> Tracer<'_, '_, S> {
         for lane in Bits(self.packet.blurred.lanes & self.alive) {
             let part = self.packet.blurred.part(lane, &cell.rect());
             self.subdivide(cluster, cell, part, lane);
-        }
-    }
-
-    /// Finishes eight roots in double precision and takes those that count.
-    #[inline(always)]
-    fn finish(
-        &mut self,
-        cluster: &Cluster<'_>,
-        cell: &Cell,
-        first: usize,
-        (middle, half): ([f64; 2], [f64; 2]),
-    ) {
-        let met = &self.packet.roots;
-        let used = (met.count - first).min(WIDE_LANES);
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let mut lanes = [met.lanes[first]; WIDE_LANES];
-        let mut start = [[0.0; WIDE_LANES]; 2];
-        for k in 0..WIDE_LANES {
-            let from = first + k.min(used - 1);
-            lanes[k] = met.lanes[from];
-            start[0][k] = middle[0] + half[0] * f64::from(met.x[from]);
-            start[1][k] = middle[1] + half[1] * f64::from(met.y[from]);
-        }
-        let beam = &self.packet.beam;
-        let (center, radius) = finish::ball(piece, &cluster.tree);
-        let lines = Lines::of(beam, &lanes, center, radius);
-        let axes = [beam.across[0], beam.across[1], beam.main];
-        let wanted = (1_u32 << used) - 1;
-        let net = cluster.pieces.net(piece);
-        let net = (net.degrees, net.points);
-        let finish = Finish {
-            net,
-            axes,
-            lines: &lines,
-            start,
-            wanted,
-        };
-        let roots = finish.roots(self.s, piece.is_rational);
-        let offset = center[beam.main] * beam.sign;
-        let pace = radius * beam.sign;
-        for (k, &lane) in lanes[..used].iter().enumerate() {
-            let lane = usize::from(lane);
-            if roots.found >> k & 1 == 0 {
-                self.subdivide(cluster, cell, cell.rect(), lane);
-                continue;
-            }
-            let zeta = offset + pace * roots.point[axes[2]][k];
-            let t = self.packet.beam.time_at(lane, zeta);
-            self.offer(lane, (cluster, cell), (t, &roots, k), |v| v);
-        }
-    }
-
-    /// Takes root `k` at the ray parameter `t` if it counts; `turn` brings the order of its
-    /// axes back.
-    #[inline(always)]
-    pub(super) fn offer(
-        &mut self,
-        lane: usize,
-        (cluster, cell): (&Cluster<'_>, &Cell),
-        (t, roots, k): (f64, &Roots, usize),
-        turn: impl Fn(DVec3) -> DVec3,
-    ) {
-        const EDGE: f64 = 1e-12;
-        let inside = |x: f64| (-EDGE..=1.0 + EDGE).contains(&x);
-        if !(inside(roots.u[k]) && inside(roots.v[k])) {
-            return;
-        }
-        if !(t >= self.packet.from[lane] && t < self.packet.until[lane]) {
-            return;
-        }
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let uv = DVec2::new(roots.u[k], roots.v[k]).clamp(DVec2::ZERO, DVec2::ONE);
-        if cell.is_trimmed && !keeps(cluster, piece, uv) {
-            return;
-        }
-        let part = |x: &[[f64; WIDE_LANES]; 3]| turn(DVec3::new(x[0][k], x[1][k], x[2][k]));
-        let place = [
-            piece.center + part(&roots.point) * piece.radius,
-            part(&roots.by_u),
-            part(&roots.by_v),
-        ];
-        let candidate = Candidate {
-            t,
-            instance: self.instance,
-            kind: CandidateKind::Surface {
-                piece: cell.piece,
-                u: uv.x,
-                v: uv.y,
-                tangential: false,
-            },
-        };
-        self.take(lane, candidate, Some(place));
-    }
-
-    /// Keeps a root that is nearer than what was known.
-    #[inline(always)]
-    fn take(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
-        self.keep(lane, candidate, place);
-        if self.any {
-            self.packet.beam.end(lane);
-        } else {
-            self.packet.beam.shorten(lane, candidate.t);
-        }
-    }
-
-    /// As [`Self::take`], before the beam of the cluster is there.
-    #[inline(always)]
-    fn keep(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
-        let packet = &mut *self.packet;
-        packet.found[lane] = candidate;
-        packet.places.set(lane, place);
-        packet.met |= 1 << lane;
-        packet.until[lane] = candidate.t;
-        if self.any {
-            self.alive &= !(1 << lane);
-        }
-    }
-
-    /// Leaves a ray and a part of a cell to subdivision in double precision.
-    #[inline(never)]
-    pub(super) fn subdivide(
-        &mut self,
-        cluster: &Cluster<'_>,
-        cell: &Cell,
-        part: Rect,
-        lane: usize,
-    ) {
-        let instance = &self.accelerator.instances[self.instance as usize];
-        let ray = self.rays[lane].transformed(&instance.cluster_from_world);
-        let ray = ClusterRay::new(&ray, cluster);
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let line = ray.line(piece);
-        // The piece lies in the unit ball.
-        if line.c1 * line.c1 + line.c2 * line.c2 > 1.0 + 1e-9 {
-            return;
-        }
-        let target = Target {
-            piece: cluster.pieces.net(piece),
-            line,
-            cell: part,
-            start: [0.0; 2],
-            rows: [DVec3::ZERO; 3],
-            stray: f64::INFINITY,
-        };
-        Newton::roots(self.scratch, &target);
-        let place = (&self.rays[lane], instance);
-        settle(place, cluster, (piece, line.slack), &mut self.scratch.roots);
-        for k in 0..self.scratch.roots.len() {
-            let root = self.scratch.roots[k];
-            if cell.is_trimmed && !keeps(cluster, piece, DVec2::new(root.u, root.v)) {
-                continue;
-            }
-            let t = ray.time(&target, piece, &root);
-            if t >= self.packet.from[lane] && t < self.packet.until[lane] {
-                let candidate = Candidate {
-                    t,
-                    instance: self.instance,
-                    kind: CandidateKind::Surface {
-                        piece: cell.piece,
-                        u: root.u,
-                        v: root.v,
-                        tangential: root.tangential,
-                    },
-                };
-                self.take(lane, candidate, None);
-            }
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::beam::{Beam, RAYS, Rays};
 use super::expansion::TERMS;
+use super::fans::Fans;
 use super::leaf::Rest;
 use super::meetings::Meetings;
 use super::model::Models;
@@ -19,6 +20,7 @@ pub(super) type Nets = [[[f64; WIDE_LANES]; 4]; TERMS];
 #[derive(Debug)]
 pub(super) struct PacketRoom {
     pub(super) models: Models,
+    pub(super) fans: Fans,
     pub(super) waiting: Box<Waiting>,
     pub(super) roots: Box<Met>,
     pub(super) blurred: Box<Blurred>,
@@ -44,6 +46,7 @@ impl Default for PacketRoom {
     fn default() -> Self {
         Self {
             models: Models::default(),
+            fans: Fans::default(),
             waiting: Box::new(Waiting::NONE),
             roots: Box::new(Met::NONE),
             blurred: Box::new(Blurred::NONE),

@@ -1,8 +1,10 @@
 //! Laws of the search: every method, every scale.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use kernel::modelling::{self, Frame};
-use kernel::{Child, Item, KnotVector, Mesh, Node, NodeId, Patch, Ray, Scene, Shape, Surface};
+use kernel::{
+    Child, Curve, Item, KnotVector, Mesh, Node, NodeId, Patch, Ray, Scene, Shape, Surface, TrimLoop,
+};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::{Accelerator, Workspace};
@@ -262,8 +264,16 @@ fn medley() -> Scene {
         Surface::new(knots(), knots(), &points(n, bend), None).unwrap()
     };
     let mut scene = Scene::default();
+    let corners = [(0.2, 0.1), (0.9, 0.3), (0.5, 0.9), (0.2, 0.1)].map(DVec2::from);
+    let outline = Curve::new(
+        KnotVector::clamped_uniform(1, 4, 0.0..1.0).unwrap(),
+        &corners,
+        None,
+    );
+    let mut trimmed = Patch::from(sheet(3, 7, 0.8));
+    trimmed.loops = vec![TrimLoop::new(vec![outline.unwrap()], 1e-12).unwrap()];
     let sheets = vec![
-        Patch::from(sheet(3, 7, 0.8)),
+        trimmed,
         Patch::from(sheet(2, 5, 0.5).transformed(&DAffine3::from_translation(DVec3::Z * 0.7))),
         Patch::from(sheet(5, 8, 0.6).transformed(&DAffine3::from_translation(DVec3::Z * -0.8))),
         ball(0.6, DVec3::new(0.3, 0.2, 0.1)),
@@ -336,9 +346,25 @@ fn packets() -> Vec<Vec<Ray>> {
 
 #[test]
 fn packets_meet_what_single_rays_meet_with_all_instructions() {
-    let scene = medley();
+    packets_meet_what_single_rays_meet(&medley());
+}
+
+#[test]
+fn packets_meet_what_single_rays_meet_in_cells_divided_late() {
+    let mut scene = medley();
+    let whole = Accelerator::build(&scene, &METHODS[0]).cell_count();
+    // What is not shown counts, too.
+    for _ in 0..2048 {
+        scene.add_patch(ball(1.0, DVec3::ZERO)).unwrap();
+    }
+    let late = Accelerator::build(&scene, &METHODS[0]).cell_count();
+    assert!(late * 4 < whole, "{late} {whole}");
+    packets_meet_what_single_rays_meet(&scene);
+}
+
+fn packets_meet_what_single_rays_meet(scene: &Scene) {
     for instructions in Instructions::ALL {
-        let accelerator = Accelerator::build(&scene, &METHODS[0]).with_instructions(instructions);
+        let accelerator = Accelerator::build(scene, &METHODS[0]).with_instructions(instructions);
         let mut workspace = Workspace::default();
         let (mut hits, mut blocked) = (Vec::new(), Vec::new());
         let mut met = 0;

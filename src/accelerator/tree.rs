@@ -128,6 +128,16 @@ impl Tree {
     /// Builds the hierarchy with at most `fill` primitives in a leaf; the second result is
     /// the old number of each primitive.
     pub(crate) fn build(boxes: &[Aabb], fill: usize) -> (Self, Vec<u32>) {
+        Self::pack(boxes, |_| 1, fill)
+    }
+
+    /// As [`Self::build`] over primitives that count as many: those of a leaf count at most
+    /// `fill` together, unless one alone counts more.
+    pub(crate) fn pack(
+        boxes: &[Aabb],
+        size: impl Fn(usize) -> usize,
+        fill: usize,
+    ) -> (Self, Vec<u32>) {
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         let center = if bounds.is_empty() {
             DVec3::ZERO
@@ -146,11 +156,13 @@ impl Tree {
         let count = u32::try_from(boxes.len()).expect("a scene has fewer than 2^32 cells");
         let mut builder = Builder {
             boxes,
+            size,
             order: (0..count).collect(),
             fill,
         };
         if !boxes.is_empty() {
-            tree.add_node(&mut builder, Part::new(0..boxes.len(), bounds));
+            let size = (0..boxes.len()).map(&builder.size).sum();
+            tree.add_node(&mut builder, Part::new(0..boxes.len(), size, bounds));
         }
         (tree, builder.order)
     }
@@ -254,14 +266,14 @@ impl Tree {
         }
     }
 
-    fn add_node(&mut self, builder: &mut Builder<'_>, part: Part) -> u32 {
+    fn add_node<F: Fn(usize) -> usize>(&mut self, builder: &mut Builder<'_, F>, part: Part) -> u32 {
         // Divide the widest part again and again until there are eight.
         let mut parts = [const { None::<Part> }; WIDTH];
         parts[0] = Some(part);
         for free in 1..WIDTH {
             let wide = |part: &Option<Part>| {
                 let part = part.as_ref()?;
-                (part.range.len() > builder.fill).then_some(part.area)
+                (!builder.fits(part)).then_some(part.area)
             };
             let widest = (0..free)
                 .filter_map(|k| Some((k, wide(&parts[k])?)))
@@ -285,7 +297,7 @@ impl Tree {
                 self.nodes[index].min[axis][k] = below(low - PADDING);
                 self.nodes[index].max[axis][k] = -below(-high - PADDING);
             }
-            let child = if part.range.len() <= builder.fill {
+            let child = if builder.fits(&part) {
                 self.add_leaf(&part.range)
             } else {
                 self.add_node(builder, part)
@@ -402,8 +414,10 @@ impl Node {
     }
 }
 
-struct Builder<'a> {
+struct Builder<'a, F> {
     boxes: &'a [Aabb],
+    /// How many each primitive counts as.
+    size: F,
     order: Vec<u32>,
     fill: usize,
 }
@@ -411,15 +425,17 @@ struct Builder<'a> {
 /// Primitives that belong together.
 struct Part {
     range: Range<usize>,
+    size: usize,
     bounds: Aabb,
     area: f64,
 }
 
 impl Part {
-    fn new(range: Range<usize>, bounds: Aabb) -> Self {
+    fn new(range: Range<usize>, size: usize, bounds: Aabb) -> Self {
         let area = half_area(&bounds);
         Self {
             range,
+            size,
             bounds,
             area,
         }
@@ -431,10 +447,15 @@ fn middle(bounds: &Aabb) -> DVec3 {
     bounds.min + bounds.max
 }
 
-impl Builder<'_> {
+impl<F: Fn(usize) -> usize> Builder<'_, F> {
+    /// Whether a part is a leaf.
+    fn fits(&self, part: &Part) -> bool {
+        part.size <= self.fill || part.range.len() == 1
+    }
+
     /// Sorts a part into two by the surface area heuristic.
     fn divide(&mut self, part: &Part) -> (Part, Part) {
-        let boxes = self.boxes;
+        let (boxes, size) = (self.boxes, &self.size);
         let order = &mut self.order[part.range.clone()];
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for &k in order.iter() {
@@ -459,7 +480,7 @@ impl Builder<'_> {
         let mut bins = [(0_usize, Aabb::EMPTY); BINS];
         for &k in order.iter() {
             let bin = &mut bins[bin_of(k)];
-            *bin = (bin.0 + 1, bin.1.union(boxes[k as usize]));
+            *bin = (bin.0 + size(k as usize), bin.1.union(boxes[k as usize]));
         }
         // What lies behind each cut, then the costs: areas times counts on both sides.
         let mut behind = [(0, Aabb::EMPTY); BINS + 1];
@@ -467,7 +488,7 @@ impl Builder<'_> {
             let (count, bounds) = behind[cut + 1];
             behind[cut] = (count + bins[cut].0, bounds.union(bins[cut].1));
         }
-        let mut best: Option<(f64, usize, Aabb)> = None;
+        let mut best: Option<(f64, usize, (usize, Aabb))> = None;
         let mut before = (0, Aabb::EMPTY);
         for cut in 1..BINS {
             before = (before.0 + bins[cut - 1].0, before.1.union(bins[cut - 1].1));
@@ -477,7 +498,7 @@ impl Builder<'_> {
             let cost = before.0 as f64 * half_area(&before.1)
                 + behind[cut].0 as f64 * half_area(&behind[cut].1);
             if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, cut, before.1));
+                best = Some((cost, cut, before));
             }
         }
         let Some((_, cut, first)) = best else {
@@ -493,9 +514,10 @@ impl Builder<'_> {
             }
         }
         let border = part.range.start + left;
+        let second = behind[cut];
         (
-            Part::new(part.range.start..border, first),
-            Part::new(border..part.range.end, behind[cut].1),
+            Part::new(part.range.start..border, first.0, first.1),
+            Part::new(border..part.range.end, second.0, second.1),
         )
     }
 
@@ -503,10 +525,12 @@ impl Builder<'_> {
     fn halve(&self, part: &Part) -> (Part, Part) {
         let border = part.range.start + part.range.len() / 2;
         let half = |range: Range<usize>| {
-            let boxes = self.order[range.clone()]
-                .iter()
-                .map(|&k| self.boxes[k as usize]);
-            Part::new(range, boxes.fold(Aabb::EMPTY, Aabb::union))
+            let (mut size, mut bounds) = (0, Aabb::EMPTY);
+            for &k in &self.order[range.clone()] {
+                size += (self.size)(k as usize);
+                bounds = bounds.union(self.boxes[k as usize]);
+            }
+            Part::new(range, size, bounds)
         };
         (half(part.range.start..border), half(border..part.range.end))
     }

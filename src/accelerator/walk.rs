@@ -5,7 +5,8 @@ use std::ops::Range;
 use kernel::Ray;
 
 use super::Accelerator;
-use super::block::Encounter;
+use super::block::{Block, Encounter};
+use super::cells::Cell;
 use super::tree::{Course, LocalRay, WIDTH};
 
 /// What a ray comes to.
@@ -13,8 +14,9 @@ use super::tree::{Course, LocalRay, WIDTH};
 pub(super) enum Stop {
     /// An instance, of which the triangles are not searched.
     Instance,
-    /// A cell of the block at hand, which it may meet.
-    Cell(usize),
+    /// A cell of the instance at hand, which it may meet; of a coarse one the parts come next, if
+    /// they are given.
+    Cell(Cell),
     /// Nothing any more.
     End,
 }
@@ -26,16 +28,59 @@ pub(super) struct Walker {
     pub(super) instance: u32,
     pub(super) course: Course,
     /// The block at hand.
-    pub(super) block: usize,
+    block: usize,
     /// Instances that come next.
     instances: Range<usize>,
     top_ray: LocalRay,
     top_stack: Vec<(u32, f32)>,
     ray: LocalRay,
     stack: Vec<(u32, f32)>,
+    found: Encounters,
+    /// The parts of a coarse cell of the block, and what may be met of them.
+    parts: [Cell; WIDTH],
+    found_parts: Encounters,
+}
+
+/// What a ray may meet in a block, nearest first.
+#[derive(Debug)]
+struct Encounters {
     found: [Encounter; WIDTH],
     next: usize,
     count: usize,
+}
+
+impl Encounters {
+    const NONE: Self = Self {
+        found: [Encounter::NONE; WIDTH],
+        next: 0,
+        count: 0,
+    };
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        (self.next, self.count) = (0, 0);
+    }
+
+    /// Begins with a block.
+    #[inline(always)]
+    fn begin(&mut self, block: &Block, ray: &LocalRay, range: &Range<f32>) {
+        self.next = 0;
+        self.count = block.meet(ray, range, &mut self.found);
+    }
+
+    /// The slot of the next cell.
+    #[inline(always)]
+    fn next(&mut self, range: &Range<f32>) -> Option<usize> {
+        while self.next < self.count {
+            let encounter = &self.found[self.next];
+            self.next += 1;
+            // What was found in the cells before bounds the rest.
+            if encounter.near <= range.end {
+                return Some(encounter.slot);
+            }
+        }
+        None
+    }
 }
 
 impl Default for Walker {
@@ -49,9 +94,9 @@ impl Default for Walker {
             top_stack: Vec::new(),
             ray: LocalRay::from(&Course::NONE),
             stack: Vec::new(),
-            found: [Encounter::NONE; WIDTH],
-            next: 0,
-            count: 0,
+            found: Encounters::NONE,
+            parts: [Cell::NONE; WIDTH],
+            found_parts: Encounters::NONE,
         }
     }
 }
@@ -65,7 +110,16 @@ impl Walker {
         accelerator.top.begin(&mut self.top_stack);
         (self.instance, self.instances) = (0, 0..0);
         self.stack.clear();
-        (self.next, self.count) = (0, 0);
+        self.found.clear();
+        self.found_parts.clear();
+    }
+
+    /// Goes on with the parts of the cell that it came to.
+    #[inline(always)]
+    pub(super) fn divide(&mut self, parts: &Block, range: &Range<f64>) {
+        self.parts = parts.cells;
+        self.found_parts
+            .begin(parts, &self.ray, &self.ray.range(range));
     }
 
     /// Goes on to what the ray may meet next within `range`.
@@ -78,14 +132,13 @@ impl Walker {
     ) -> Stop {
         let local = self.ray.range(range);
         loop {
-            while self.next < self.count {
-                let encounter = &self.found[self.next];
-                self.next += 1;
-                // What was found in the cells before bounds the rest.
-                if encounter.near > local.end {
-                    continue;
-                }
-                return Stop::Cell(encounter.slot);
+            if let Some(slot) = self.found_parts.next(&local) {
+                return Stop::Cell(self.parts[slot]);
+            }
+            if let Some(slot) = self.found.next(&local) {
+                let instance = &accelerator.instances[self.instance as usize];
+                let cluster = &accelerator.clusters[instance.cluster as usize];
+                return Stop::Cell(cluster.blocks[self.block].cells[slot]);
             }
             if !self.stack.is_empty() {
                 let instance = &accelerator.instances[self.instance as usize];
@@ -95,8 +148,7 @@ impl Walker {
                     .next_leaf(&self.ray, &local, &mut self.stack, 0);
                 if let Some(number) = leaf {
                     self.block = number;
-                    self.next = 0;
-                    self.count = cluster.blocks[number].meet(&self.ray, &local, &mut self.found);
+                    self.found.begin(&cluster.blocks[number], &self.ray, &local);
                     continue;
                 }
             }
