@@ -66,13 +66,16 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                 let instance = &self.accelerator.instances[number as usize];
                 let cluster = &self.accelerator.clusters[instance.cluster as usize];
                 match stop {
-                    Stop::Cell(cell) if cell.is_coarse() => {
-                        let at = (instance.cluster, cluster);
-                        let parts = fans.of(self.accelerator.instructions, at, &cell);
-                        walker.divide(parts, &range);
-                    }
                     Stop::Cell(cell) => {
                         let cell = &cell;
+                        if cell.is_coarse() {
+                            let at = (instance.cluster, cluster);
+                            let instructions = self.accelerator.instructions;
+                            if let Some(parts) = fans.of_often(instructions, at, cell) {
+                                walker.divide(parts, &range);
+                                continue;
+                            }
+                        }
                         let model = models.of(self.s, instance.cluster, cluster, cell);
                         let is_rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
                         let ray = (lane, &walker.course, &range);

@@ -14,8 +14,7 @@ use super::tree::{Course, LocalRay, WIDTH};
 pub(super) enum Stop {
     /// An instance, of which the triangles are not searched.
     Instance,
-    /// A cell of the instance at hand, which it may meet; of a coarse one the parts come next, if
-    /// they are given.
+    /// A cell of the instance at hand, which it may meet.
     Cell(Cell),
     /// Nothing any more.
     End,
@@ -114,7 +113,7 @@ impl Walker {
         self.found_parts.clear();
     }
 
-    /// Goes on with the parts of the cell that it came to.
+    /// Goes on with the parts of the coarse cell that it came to.
     #[inline(always)]
     pub(super) fn divide(&mut self, parts: &Block, range: &Range<f64>) {
         self.parts = parts.cells;
