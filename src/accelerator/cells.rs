@@ -5,12 +5,12 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
-use super::expansion::{Expand, Expansion};
+use super::expansion::{Expansion, FRAME, HIERARCHY};
 use super::tree::WIDTH;
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
 use crate::intersect::net::Degrees;
-use crate::simd::Instructions;
+use crate::simd::{Instructions, Simd, Task};
 
 /// How often pieces are halved at most.
 #[derive(Clone, Copy, Debug)]
@@ -170,6 +170,7 @@ pub(crate) struct CellFrame {
 
 impl CellFrame {
     /// Of a part of a piece in its ball.
+    #[inline(always)]
     fn of(local: &Expansion, center: DVec3, radius: f64) -> Self {
         Self {
             center: local.center * radius + center,
@@ -316,13 +317,11 @@ impl Pieces {
         cell: &Cell,
         parts: &mut Vec<(Cell, CellFrame)>,
     ) {
-        let piece = &self.pieces[cell.piece as usize];
-        let net = self.net(piece);
-        parts.clear();
-        parts.extend(cell.parts().map(|part| {
-            let local = instructions.run(Expand(&net, &part.rect()));
-            (part, CellFrame::of(&local, piece.center, piece.radius))
-        }));
+        instructions.run(Divide {
+            pieces: self,
+            cell,
+            parts,
+        });
     }
 
     /// Memory in use.
@@ -373,10 +372,15 @@ impl Divider<'_> {
         }
         let trims = trims.filter(|_| cover == Cover::Mixed);
         cell.is_trimmed = trims.is_some();
-        let local = self.instructions.run(Expand(&self.net, &rect));
+        let outline = self.instructions.run(Outlined {
+            divider: self,
+            rect: &rect,
+            halvings,
+        });
         let (axis, halvings, trims) = match trims {
-            _ if local.excess() > 1.0 && halvings > 0 => {
-                (usize::from(local.cut_v), halvings - 1, trims)
+            _ if outline.cut.is_some() => {
+                let axis = outline.cut.map_or(0, usize::from);
+                (axis, halvings - 1, trims)
             }
             Some((region, left @ 1..)) => (
                 usize::from(left % 2 == 1),
@@ -384,7 +388,12 @@ impl Divider<'_> {
                 Some((region, left - 1)),
             ),
             _ => {
-                cells.push(self.finished(cell, &local));
+                cell.grid = outline.grid;
+                cells.push(NewCell {
+                    cell,
+                    frame: outline.frame,
+                    bounds: outline.bounds,
+                });
                 return 1;
             }
         };
@@ -399,22 +408,77 @@ impl Divider<'_> {
         groups.push(border - first..border);
         second
     }
+}
 
-    /// A cell in the coordinates of the cluster.
-    fn finished(&self, mut cell: Cell, local: &Expansion) -> NewCell {
-        if local.excess() > 1.0 && self.later > 0 {
-            cell.grid = local.grid(self.later);
+/// What is to know of a part of a piece before it is divided or kept.
+struct Outline {
+    frame: CellFrame,
+    bounds: Aabb,
+    /// Whether to cut along v, where it is to be cut.
+    cut: Option<bool>,
+    /// See [`Cell`].
+    grid: [u8; 2],
+}
+
+/// Outlines the part `rect` of a piece that may still be halved so often.
+struct Outlined<'a> {
+    divider: &'a Divider<'a>,
+    rect: &'a Rect,
+    halvings: u8,
+}
+
+impl Task for Outlined<'_> {
+    type Output = Outline;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> Outline {
+        let Divider {
+            net,
+            center,
+            radius,
+            hull,
+            later,
+            ..
+        } = self.divider;
+        let local = Expansion::of::<S, HIERARCHY>(s, net, self.rect);
+        let (middle, half) = (local.middle * *radius + *center, local.half_size * *radius);
+        let is_uneven = local.excess() > 1.0;
+        let is_coarse = is_uneven && self.halvings == 0 && *later > 0;
+        Outline {
+            frame: CellFrame::of(&local, *center, *radius),
+            bounds: Aabb {
+                min: (middle - half).max(hull.min),
+                max: (middle + half).min(hull.max),
+            },
+            cut: (is_uneven && self.halvings > 0).then_some(local.cut_v),
+            grid: if is_coarse {
+                local.grid(*later)
+            } else {
+                [0; 2]
+            },
         }
-        let middle = local.middle * self.radius + self.center;
-        let half = local.half_size * self.radius;
-        let bounds = Aabb {
-            min: (middle - half).max(self.hull.min),
-            max: (middle + half).min(self.hull.max),
-        };
-        NewCell {
-            cell,
-            frame: CellFrame::of(local, self.center, self.radius),
-            bounds,
+    }
+}
+
+/// Divides a coarse cell.
+struct Divide<'a> {
+    pieces: &'a Pieces,
+    cell: &'a Cell,
+    parts: &'a mut Vec<(Cell, CellFrame)>,
+}
+
+impl Task for Divide<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let piece = &self.pieces.pieces[self.cell.piece as usize];
+        let net = self.pieces.net(piece);
+        self.parts.clear();
+        for part in self.cell.parts() {
+            let local = Expansion::of::<S, FRAME>(s, &net, &part.rect());
+            let frame = CellFrame::of(&local, piece.center, piece.radius);
+            self.parts.push((part, frame));
         }
     }
 }

@@ -8,9 +8,10 @@
 use glam::{DVec3, DVec4};
 use kernel::MAX_DEGREE;
 
+use super::powers::{along, powers_of};
 use crate::intersect::net::Degrees;
 use crate::intersect::{PieceNet, Rect};
-use crate::simd::{Part, Simd, Task};
+use crate::simd::{Part, Simd};
 
 /// Powers that are kept along one direction.
 pub(super) const ORDER: usize = 4;
@@ -28,6 +29,14 @@ const DEGENERATE: f64 = 1e-6;
 /// A part whose weight may sink below this share of that in its middle has no frame.
 const LEAST_WEIGHT: f64 = 0.25;
 
+/// To expand a part only for its frame and what bounds the rest, [`HIERARCHY`] for where it lies
+/// and where it is best cut, too, and [`SOLVER`] for its second derivatives instead.
+pub(super) const FRAME: u8 = 0;
+/// See [`FRAME`].
+pub(super) const HIERARCHY: u8 = 1;
+/// See [`FRAME`].
+pub(super) const SOLVER: u8 = 2;
+
 /// A part of a piece, in the units of the piece.
 #[derive(Clone, Debug)]
 pub(super) struct Expansion {
@@ -44,58 +53,51 @@ pub(super) struct Expansion {
     /// For each of the four: bounds the sum of both derivatives of what is not linear, for `x`
     /// and `y` up to [`WIDE`].
     pub(super) stray: [f64; 4],
-    /// Bounds on the second derivatives of the four: by `x` twice, by both, by `y` twice.
+    /// For the [`SOLVER`], bounds on the second derivatives of the four: by `x` twice, by both, by `y` twice.
     pub(super) second: [[f64; 4]; 3],
     /// For each of the four: bounds what higher powers than those kept contribute.
     pub(super) dropped: [f64; 4],
-    /// The part lies within this of its middle along each axis; infinite if unknown.
+    /// For the [`HIERARCHY`]: the part lies within this of its middle along each axis; infinite
+    /// if unknown.
     pub(super) half_size: DVec3,
-    /// Whether a cut along v would make it more even than one along u.
+    /// For the [`HIERARCHY`]: whether a cut along v would make it more even than one along u.
     pub(super) cut_v: bool,
 }
 
-/// Expands a part of a piece.
-pub(super) struct Expand<'a>(pub(super) &'a PieceNet<'a>, pub(super) &'a Rect);
+/// [`Expansion::of`] for degrees below `N`.
+struct WithRoom<'a, const FOR: u8, const N: usize>(&'a PieceNet<'a>, &'a Rect);
 
-impl Task for Expand<'_> {
-    type Output = Expansion;
-
-    #[inline(always)]
-    fn run<S: Simd>(self, s: S) -> Expansion {
-        Expansion::of(s, self.0, self.1)
-    }
-}
-
-/// [`Expand`] for degrees below `N`.
-struct WithRoom<'a, const N: usize>(&'a PieceNet<'a>, &'a Rect);
-
-impl<S: Simd, const N: usize> Part<S> for WithRoom<'_, N> {
+impl<S: Simd, const FOR: u8, const N: usize> Part<S> for WithRoom<'_, FOR, N> {
     type Output = Expansion;
 
     #[inline(always)]
     fn run(self, _: S) -> Expansion {
-        Expansion::with_room::<N>(self.0.points, self.0.degrees, self.1)
+        Expansion::with_room::<FOR, N>(self.0.points, self.0.degrees, self.1)
     }
 }
 
 impl Expansion {
-    /// Expands the part `rect` of a piece.
+    /// Expands the part `rect` of a piece, as far as is needed `FOR` something.
     #[inline(always)]
-    pub(super) fn of<S: Simd>(s: S, piece: &PieceNet<'_>, rect: &Rect) -> Self {
+    pub(super) fn of<S: Simd, const FOR: u8>(s: S, piece: &PieceNet<'_>, rect: &Rect) -> Self {
         let Degrees { p, q } = piece.degrees;
         if p == 3 && q == 3 {
             // Known degrees unroll the loops.
-            Self::with_room::<ORDER>(piece.points, Degrees { p: 3, q: 3 }, rect)
+            Self::with_room::<FOR, ORDER>(piece.points, Degrees { p: 3, q: 3 }, rect)
         } else if p.max(q) < ORDER {
-            s.apart(WithRoom::<ORDER>(piece, rect))
+            s.apart(WithRoom::<FOR, ORDER>(piece, rect))
         } else {
-            s.apart(WithRoom::<{ MAX_DEGREE + 1 }>(piece, rect))
+            s.apart(WithRoom::<FOR, { MAX_DEGREE + 1 }>(piece, rect))
         }
     }
 
     /// As [`Self::of`], for degrees below `N`.
     #[inline(always)]
-    fn with_room<const N: usize>(net: &[[f64; 4]], degrees: Degrees, rect: &Rect) -> Self {
+    fn with_room<const FOR: u8, const N: usize>(
+        net: &[[f64; 4]],
+        degrees: Degrees,
+        rect: &Rect,
+    ) -> Self {
         let Degrees { p, q } = degrees;
         let (along_u, along_v) = (along::<N>(rect.u, p), along::<N>(rect.v, q));
         let mut terms = [[[0.0; 4]; N]; N];
@@ -126,7 +128,7 @@ impl Expansion {
         let frame = Frame::of(&low);
         let mut sums = Sums::default();
         let mut own = [[0.0; 4]; TERMS];
-        sums.add_low(&frame, &low, &mut own);
+        sums.add_low::<FOR>(&frame, &low, &mut own);
         let mut dropped = [0.0; 4];
         if N > ORDER {
             for (k, line) in terms[..=p].iter().enumerate() {
@@ -198,8 +200,9 @@ impl Expansion {
         excess(&self.stray)
     }
 
-    /// How often along u and along v the part is best halved, so many times in all: then its own
+    /// How often along u and along v the part is best halved, so many times in all, three at most: then its own
     /// terms are least uneven, as seen from here.
+    #[inline(always)]
     pub(super) fn grid(&self, halvings: u8) -> [u8; 2] {
         if !self.stray[0].is_finite() {
             let more = halvings.div_ceil(2);
@@ -211,17 +214,20 @@ impl Expansion {
             };
         }
         let after = |along_u: u8| {
-            let cuts = [along_u, halvings - along_u].map(i32::from);
-            let [u, v] = cuts.map(|n| f64::powi(0.5, n));
-            let (us, vs) = (powers_of::<ORDER>(u), powers_of::<ORDER>(v));
+            let cuts = [along_u, halvings - along_u].map(usize::from);
+            let [us, vs] = cuts.map(|n| &HALVES[n]);
             let mut stray = [0.0; 4];
             for (t, term) in self.terms.iter().enumerate() {
                 let share = us[t / ORDER] * vs[t % ORDER];
                 add(&mut stray, term, COUNTS.derivative[t] * share);
             }
             // As [`GROWTH`].
+            let [u, v] = [us[1], vs[1]];
             let growth = [u.recip(), v.recip(), 2.0 / (u + v), 1.0];
-            excess(&std::array::from_fn(|r| stray[r] * growth[r]))
+            for r in 0..4 {
+                stray[r] *= growth[r];
+            }
+            excess(&stray)
         };
         let best = (0..=halvings).min_by(|&a, &b| after(a).total_cmp(&after(b)));
         best.map_or([0; 2], |along_u| [along_u, halvings - along_u])
@@ -365,62 +371,82 @@ fn add(sum: &mut [f64; 4], term: &[f64; 4], count: f64) {
 impl Sums {
     /// Adds the terms that are kept; `own` takes them in the frame.
     #[inline(always)]
-    fn add_low(&mut self, frame: &Frame, terms: &[[f64; 4]; TERMS], own: &mut [[f64; 4]; TERMS]) {
-        let [cx, cy, cz] = frame.center.to_array();
-        let center = [cx, cy, cz, 0.0];
+    fn add_low<const FOR: u8>(
+        &mut self,
+        frame: &Frame,
+        terms: &[[f64; 4]; TERMS],
+        own: &mut [[f64; 4]; TERMS],
+    ) {
+        let inverse = frame.inverse_weight;
         let mut columns = [[0.0; 4]; 4];
-        columns[3][3] = 1.0;
-        for (axis, column) in columns[..3].iter_mut().enumerate() {
-            for (entry, row) in column.iter_mut().zip(&frame.rows) {
-                *entry = row[axis];
-            }
+        columns[3][3] = inverse;
+        for (r, row) in frame.rows.iter().enumerate() {
+            let own = *row * inverse;
+            (columns[0][r], columns[1][r], columns[2][r]) = (own.x, own.y, own.z);
+            columns[3][r] = -own.dot(frame.center);
         }
-        let mut values = [0.0; 4];
+        let mut weights = [0.0; 4];
         for t in 0..TERMS {
-            let weight = terms[t][3] * frame.inverse_weight;
-            let mut relative = [0.0; 4];
             for r in 0..4 {
-                relative[r] = terms[t][r] * frame.inverse_weight - center[r] * weight;
-            }
-            for r in 0..4 {
-                own[t][r] = columns[0][r] * relative[0]
-                    + columns[1][r] * relative[1]
-                    + columns[2][r] * relative[2]
-                    + columns[3][r] * relative[3];
+                own[t][r] = columns[0][r] * terms[t][0]
+                    + columns[1][r] * terms[t][1]
+                    + columns[2][r] * terms[t][2]
+                    + columns[3][r] * terms[t][3];
             }
             if t > 0 {
-                add(&mut values, &relative, 1.0);
+                add(&mut weights, &own[t], 1.0);
             }
         }
+        self.weight = weights[3];
         // Few sums at a time stay in registers.
-        let (mut derivatives, mut cuts) = ([0.0; 4], [[0.0; 4]; 2]);
+        let mut derivatives = [0.0; 4];
         for (t, own) in own.iter().enumerate() {
             add(&mut derivatives, own, COUNTS.derivative[t]);
-            add(&mut cuts[0], own, COUNTS.cut[0][t]);
-            add(&mut cuts[1], own, COUNTS.cut[1][t]);
         }
+        let (mut half, mut bulge) = ([0.0; 4], [0.0; 4]);
         for (t, own) in own.iter().enumerate() {
-            add(&mut self.half, own, COUNTS.half[t]);
-            for (sum, own) in self.bulge.iter_mut().zip(own) {
-                *sum += own * COUNTS.bulge[t];
+            add(&mut half, own, COUNTS.half[t]);
+            for r in 0..4 {
+                bulge[r] += own[r] * COUNTS.bulge[t];
             }
         }
-        for (t, own) in own.iter().enumerate() {
-            for (second, counts) in self.second.iter_mut().zip(&COUNTS.second) {
-                add(second, own, counts[t]);
+        (self.half, self.bulge) = (half, bulge);
+        if FOR == HIERARCHY {
+            let mut cuts = [[0.0; 4]; 2];
+            for (t, own) in own.iter().enumerate() {
+                add(&mut cuts[0], own, COUNTS.cut[0][t]);
+                add(&mut cuts[1], own, COUNTS.cut[1][t]);
             }
+            for r in 0..4 {
+                self.cut[0][r] = cuts[0][r] * GROWTH[0][r];
+                self.cut[1][r] = cuts[1][r] * GROWTH[1][r];
+            }
+            let center = frame.center.extend(0.0).to_array();
+            let mut sizes = [0.0; 4];
+            for term in &terms[1..] {
+                let (weight, mut relative) = (term[3] * inverse, [0.0; 4]);
+                for r in 0..4 {
+                    relative[r] = term[r] * inverse - center[r] * weight;
+                }
+                add(&mut sizes, &relative, 1.0);
+            }
+            self.half_size = [sizes[0], sizes[1], sizes[2]];
         }
-        let [x, y, z, weight] = values;
-        self.half_size = [x, y, z];
-        self.weight = weight;
+        if FOR == SOLVER {
+            let mut second = [[0.0; 4]; 3];
+            for (t, own) in own.iter().enumerate() {
+                add(&mut second[0], own, COUNTS.second[0][t]);
+                add(&mut second[1], own, COUNTS.second[1][t]);
+                add(&mut second[2], own, COUNTS.second[2][t]);
+            }
+            self.second = second;
+        }
         // The derivatives of the weight are not expected.
         let expected = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
         for r in 0..4 {
             let (x, y) = (own[ORDER][r], own[1][r]);
             self.linear[r] = (x - expected[0][r]).abs() + (y - expected[1][r]).abs() + LINEAR;
             self.stray[r] = derivatives[r] + self.linear[r];
-            self.cut[0][r] = cuts[0][r] * GROWTH[0][r];
-            self.cut[1][r] = cuts[1][r] * GROWTH[1][r];
         }
     }
 
@@ -457,78 +483,13 @@ impl Sums {
     }
 }
 
-const fn powers_of<const N: usize>(base: f64) -> [f64; N] {
-    let mut powers = [1.0; N];
-    let mut k = 1;
-    while k < N {
-        powers[k] = powers[k - 1] * base;
-        k += 1;
-    }
-    powers
-}
-
-/// [`powers`], quickly for cubics.
-#[inline(always)]
-fn along<const N: usize>(interval: (f64, f64), degree: usize) -> [[f64; N]; N] {
-    if N != ORDER || degree != 3 {
-        return powers(interval, degree);
-    }
-    let (m, h) = (
-        f64::midpoint(interval.0, interval.1),
-        (interval.1 - interval.0) * 0.5,
-    );
-    let a = 1.0 - m;
-    let (a2, m2, h2) = (a * a, m * m, h * h);
-    let cubic = [
-        [a2 * a, -3.0 * a2 * h, 3.0 * a * h2, -h2 * h],
-        [
-            3.0 * m * a2,
-            3.0 * h * (a2 - 2.0 * m * a),
-            3.0 * h2 * (m - 2.0 * a),
-            3.0 * h2 * h,
-        ],
-        [
-            3.0 * m2 * a,
-            3.0 * h * (2.0 * m * a - m2),
-            3.0 * h2 * (a - 2.0 * m),
-            -3.0 * h2 * h,
-        ],
-        [m2 * m, 3.0 * m2 * h, 3.0 * m * h2, h2 * h],
-    ];
-    let mut rows = [[0.0; N]; N];
-    for i in 0..ORDER.min(N) {
-        for k in 0..ORDER.min(N) {
-            rows[i][k] = cubic[i][k];
-        }
-    }
-    rows
-}
-
-/// The Bernstein polynomials of a degree below `N` on an interval, as polynomials of a
-/// variable from -1 to 1: `[i][k]` is the coefficient of the power `k` of polynomial `i`.
-#[inline(always)]
-fn powers<const N: usize>((start, end): (f64, f64), degree: usize) -> [[f64; N]; N] {
-    let (middle, half) = (f64::midpoint(start, end), (end - start) * 0.5);
-    let rest = 1.0 - middle;
-    let mut rows = [[0.0; N]; N];
-    rows[0][0] = 1.0;
-    for d in 1..=degree {
-        // B(d, i) = t B(d - 1, i - 1) + (1 - t) B(d - 1, i) with t = middle + half x.
-        for i in (0..=d).rev() {
-            let before = if i > 0 { rows[i - 1] } else { [0.0; N] };
-            let own = if i < d { rows[i] } else { [0.0; N] };
-            for k in (0..=d).rev() {
-                let (b, o) = if k > 0 {
-                    (before[k - 1], own[k - 1])
-                } else {
-                    (0.0, 0.0)
-                };
-                rows[i][k] = middle * before[k] + rest * own[k] + half * (b - o);
-            }
-        }
-    }
-    rows
-}
+/// Powers of what is left of a length that is halved so often.
+const HALVES: [[f64; ORDER]; 4] = [
+    powers_of(1.0),
+    powers_of(0.5),
+    powers_of(0.25),
+    powers_of(0.125),
+];
 
 #[cfg(test)]
 mod tests {
@@ -561,7 +522,7 @@ mod tests {
                 u: (0.25, 0.5),
                 v: (0.5, 0.75),
             };
-            let e = Expansion::of(Portable, &piece, &rect);
+            let e = Expansion::of::<_, HIERARCHY>(Portable, &piece, &rect);
             assert!(e.stray[2] < 2.0, "{p} {q} {:?}", e.stray);
             for (x, y) in [(-1.0, 1.0), (0.3, -0.6), (1.0, 1.0), (0.0, 0.0_f64)] {
                 let [h, ..] = evaluate_at(&piece, 0.375 + 0.125 * x, 0.625 + 0.125 * y);

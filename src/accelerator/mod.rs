@@ -20,6 +20,7 @@ mod meetings;
 mod model;
 mod packet;
 mod places;
+mod powers;
 mod room;
 mod roots;
 mod seal;

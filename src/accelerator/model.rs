@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::Cluster;
 use super::cells::Cell;
 use super::distance::Cells;
-use super::expansion::{Expansion, TERMS};
+use super::expansion::{Expansion, SOLVER, TERMS};
 use crate::simd::{Part, Simd};
 
 /// Cells that a thread keeps; a power of two.
@@ -61,7 +61,7 @@ impl Model {
     fn fill<S: Simd>(&mut self, s: S, cluster: &Cluster<'_>, cell: &Cell) {
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         let rect = cell.rect();
-        let local = Expansion::of(s, &cluster.pieces.net(piece), &rect);
+        let local = Expansion::of::<S, SOLVER>(s, &cluster.pieces.net(piece), &rect);
         let size = piece.radius * cluster.tree.scale();
         self.center = cluster
             .tree
