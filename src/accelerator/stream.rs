@@ -71,10 +71,8 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                         if cell.is_coarse() {
                             let at = (instance.cluster, cluster);
                             let instructions = self.accelerator.instructions;
-                            if let Some(parts) = fans.of_often(instructions, at, cell) {
-                                walker.divide(parts, &range);
-                                continue;
-                            }
+                            walker.divide(fans.of(instructions, at, cell), &range);
+                            continue;
                         }
                         let model = models.of(self.s, instance.cluster, cluster, cell);
                         let is_rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
