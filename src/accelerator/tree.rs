@@ -453,9 +453,17 @@ impl<F: Fn(usize) -> usize> Builder<'_, F> {
         part.size <= self.fill || part.range.len() == 1
     }
 
+    /// How many the primitives of a part count as.
+    fn size_of(&self, range: Range<usize>) -> usize {
+        self.order[range]
+            .iter()
+            .map(|&k| (self.size)(k as usize))
+            .sum()
+    }
+
     /// Sorts a part into two by the surface area heuristic.
     fn divide(&mut self, part: &Part) -> (Part, Part) {
-        let (boxes, size) = (self.boxes, &self.size);
+        let boxes = self.boxes;
         let order = &mut self.order[part.range.clone()];
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for &k in order.iter() {
@@ -480,7 +488,7 @@ impl<F: Fn(usize) -> usize> Builder<'_, F> {
         let mut bins = [(0_usize, Aabb::EMPTY); BINS];
         for &k in order.iter() {
             let bin = &mut bins[bin_of(k)];
-            *bin = (bin.0 + size(k as usize), bin.1.union(boxes[k as usize]));
+            *bin = (bin.0 + 1, bin.1.union(boxes[k as usize]));
         }
         // What lies behind each cut, then the costs: areas times counts on both sides.
         let mut behind = [(0, Aabb::EMPTY); BINS + 1];
@@ -488,7 +496,7 @@ impl<F: Fn(usize) -> usize> Builder<'_, F> {
             let (count, bounds) = behind[cut + 1];
             behind[cut] = (count + bins[cut].0, bounds.union(bins[cut].1));
         }
-        let mut best: Option<(f64, usize, (usize, Aabb))> = None;
+        let mut best: Option<(f64, usize, Aabb)> = None;
         let mut before = (0, Aabb::EMPTY);
         for cut in 1..BINS {
             before = (before.0 + bins[cut - 1].0, before.1.union(bins[cut - 1].1));
@@ -498,7 +506,7 @@ impl<F: Fn(usize) -> usize> Builder<'_, F> {
             let cost = before.0 as f64 * half_area(&before.1)
                 + behind[cut].0 as f64 * half_area(&behind[cut].1);
             if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, cut, before));
+                best = Some((cost, cut, before.1));
             }
         }
         let Some((_, cut, first)) = best else {
@@ -514,10 +522,10 @@ impl<F: Fn(usize) -> usize> Builder<'_, F> {
             }
         }
         let border = part.range.start + left;
-        let second = behind[cut];
+        let size = self.size_of(part.range.start..border);
         (
-            Part::new(part.range.start..border, first.0, first.1),
-            Part::new(border..part.range.end, second.0, second.1),
+            Part::new(part.range.start..border, size, first),
+            Part::new(border..part.range.end, part.size - size, behind[cut].1),
         )
     }
 
@@ -525,12 +533,11 @@ impl<F: Fn(usize) -> usize> Builder<'_, F> {
     fn halve(&self, part: &Part) -> (Part, Part) {
         let border = part.range.start + part.range.len() / 2;
         let half = |range: Range<usize>| {
-            let (mut size, mut bounds) = (0, Aabb::EMPTY);
-            for &k in &self.order[range.clone()] {
-                size += (self.size)(k as usize);
-                bounds = bounds.union(self.boxes[k as usize]);
-            }
-            Part::new(range, size, bounds)
+            let boxes = self.order[range.clone()]
+                .iter()
+                .map(|&k| self.boxes[k as usize]);
+            let bounds = boxes.fold(Aabb::EMPTY, Aabb::union);
+            Part::new(range.clone(), self.size_of(range), bounds)
         };
         (half(part.range.start..border), half(border..part.range.end))
     }
