@@ -15,9 +15,9 @@ use crate::simd::{Instructions, Simd, Task};
 /// How often pieces are halved at most.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Halvings {
-    /// At once; what is then still uneven is divided ray by ray,
+    /// When the hierarchy is built.
     first: u8,
-    /// but before for rays that come to it.
+    /// What is then still uneven, when rays come to it; the rest is divided ray by ray.
     later: u8,
 }
 
