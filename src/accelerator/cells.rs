@@ -377,12 +377,9 @@ impl Divider<'_> {
             rect: &rect,
             halvings,
         });
-        let (axis, halvings, trims) = match trims {
-            _ if outline.cut.is_some() => {
-                let axis = outline.cut.map_or(0, usize::from);
-                (axis, halvings - 1, trims)
-            }
-            Some((region, left @ 1..)) => (
+        let (axis, halvings, trims) = match (outline.cut, trims) {
+            (Some(cut_v), _) => (usize::from(cut_v), halvings - 1, trims),
+            (None, Some((region, left @ 1..))) => (
                 usize::from(left % 2 == 1),
                 halvings,
                 Some((region, left - 1)),

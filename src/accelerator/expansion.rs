@@ -53,7 +53,8 @@ pub(super) struct Expansion {
     /// For each of the four: bounds the sum of both derivatives of what is not linear, for `x`
     /// and `y` up to [`WIDE`].
     pub(super) stray: [f64; 4],
-    /// For the [`SOLVER`], bounds on the second derivatives of the four: by `x` twice, by both, by `y` twice.
+    /// For the [`SOLVER`]: bounds on the second derivatives of the four, by `x` twice, by both, by
+    /// `y` twice.
     pub(super) second: [[f64; 4]; 3],
     /// For each of the four: bounds what higher powers than those kept contribute.
     pub(super) dropped: [f64; 4],
@@ -200,8 +201,8 @@ impl Expansion {
         excess(&self.stray)
     }
 
-    /// How often along u and along v the part is best halved, so many times in all, three at most: then its own
-    /// terms are least uneven, as seen from here.
+    /// How often along u and along v the part is best halved, so many times in all and three at
+    /// most: then its own terms are least uneven, as seen from here.
     #[inline(always)]
     pub(super) fn grid(&self, halvings: u8) -> [u8; 2] {
         if !self.stray[0].is_finite() {
