@@ -165,6 +165,9 @@ impl KnotVector {
     /// parameters outside the domain to the first or last span.
     pub fn span(&self, t: f64) -> usize {
         let count = self.count();
+        if count == self.degree + 1 {
+            return self.degree;
+        }
         let end = self.knots[count];
         if t >= end {
             return self.knots[..count].partition_point(|&k| k < end) - 1;
@@ -248,49 +251,84 @@ impl KnotVector {
         t: f64,
     ) -> [[f64; ROOM]; ORDERS] {
         let p = self.degree;
-        let mut rows = [[0.0; ROOM]; ORDERS];
-        rows[0][0] = 1.0;
-        for d in 1..=p {
-            // The derivative of this order begins with the values of degree `p - order`.
-            let order = p + 1 - d;
-            if order < ORDERS {
-                rows[order] = rows[0];
-            }
-            self.raise(span, d, t, &mut rows[0]);
+        // The knots that count, half of them at the span's start and before.
+        let knots = &self.knots[span + 1 - p..=span + p];
+        // Loops of known length take less than half of the time.
+        match p {
+            1 => basis(1, knots, t),
+            2 => basis(2, knots, t),
+            3 => basis(3, knots, t),
+            _ => basis(p, knots, t),
         }
-        for (order, row) in rows.iter_mut().enumerate().take(p + 1) {
-            for d in p + 1 - order..=p {
-                self.difference(span, d, row);
-            }
-        }
-        rows
     }
+}
 
-    /// Basis values of degree `d - 1` in `row` become those of degree `d`.
-    #[inline]
-    fn raise(&self, span: usize, d: usize, t: f64, row: &mut [f64]) {
+/// As [`KnotVector::basis`], of degree `p` between the middle two of its `2 p` knots.
+#[inline(always)]
+fn basis<const ORDERS: usize, const ROOM: usize>(
+    p: usize,
+    knots: &[f64],
+    t: f64,
+) -> [[f64; ROOM]; ORDERS] {
+    // Two quotients, so that the ends of a clamped curve are its points exactly.
+    let shares =
+        |left: f64, right: f64| ((right - t) / (right - left), (t - left) / (right - left));
+    let (start, end) = (knots[p - 1], knots[p]);
+    if knots[0] >= start && knots[2 * p - 1] <= end {
+        // A Bézier piece: all lengths are one.
+        let share = shares(start, end);
+        rows(p, |_, _| share, |_, _| end - start)
+    } else {
+        let ends = |d: usize, r: usize| (knots[p + r - d], knots[p + r]);
+        let share = |d, r| {
+            let (left, right) = ends(d, r);
+            shares(left, right)
+        };
+        let length = |d, r| {
+            let (left, right) = ends(d, r);
+            right - left
+        };
+        rows(p, share, length)
+    }
+}
+
+/// Basis functions and their derivatives. Where function `r` of degree `d - 1` is not zero it falls
+/// and rises by a `share`, over a `length`.
+#[inline(always)]
+fn rows<const ORDERS: usize, const ROOM: usize>(
+    p: usize,
+    share: impl Fn(usize, usize) -> (f64, f64),
+    length: impl Fn(usize, usize) -> f64,
+) -> [[f64; ROOM]; ORDERS] {
+    let mut rows = [[0.0; ROOM]; ORDERS];
+    rows[0][0] = 1.0;
+    for d in 1..=p {
+        // The derivative of this order begins with the values of degree `p - order`.
+        let order = p + 1 - d;
+        if order < ORDERS {
+            rows[order] = rows[0];
+        }
+        // Values of degree `d - 1` become those of degree `d`.
         let mut saved = 0.0;
-        for (r, value) in row[..d].iter_mut().enumerate() {
-            let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
-            // Two quotients, so that the ends of a clamped curve are its points exactly.
-            let (falling, rising) = ((right - t) / (right - left), (t - left) / (right - left));
+        for (r, value) in rows[0][..d].iter_mut().enumerate() {
+            let (falling, rising) = share(d, r);
             (*value, saved) = (saved + *value * falling, *value * rising);
         }
-        row[d] = saved;
+        rows[0][d] = saved;
     }
-
-    /// Values or derivatives of the basis of degree `d - 1` in `row` become derivatives, one
-    /// order higher, of the basis of degree `d`.
-    #[inline]
-    fn difference(&self, span: usize, d: usize, row: &mut [f64]) {
-        let mut saved = 0.0;
-        for (r, value) in row[..d].iter_mut().enumerate() {
-            let (left, right) = (self.knots[span + 1 + r - d], self.knots[span + 1 + r]);
-            let part = d as f64 * *value / (right - left);
-            (*value, saved) = (saved - part, part);
+    for (order, row) in rows.iter_mut().enumerate().take(p + 1) {
+        for d in p + 1 - order..=p {
+            // Values or derivatives of degree `d - 1` become derivatives, one order higher, of
+            // degree `d`.
+            let mut saved = 0.0;
+            for (r, value) in row[..d].iter_mut().enumerate() {
+                let part = d as f64 * *value / length(d, r);
+                (*value, saved) = (saved - part, part);
+            }
+            row[d] = saved;
         }
-        row[d] = saved;
     }
+    rows
 }
 
 /// The runs of equal knots.

@@ -212,24 +212,34 @@ impl Surface {
     /// `result[a][b]` is the derivative of `(w S, w)`, `a` times along u, `b` times along v, both
     /// below `N`.
     fn homogeneous_derivatives<const N: usize>(&self, uv: DVec2) -> [[DVec4; N]; N] {
-        if self.knots_u.degree().max(self.knots_v.degree()) < USUAL_ROOM {
-            self.derivatives_in::<N, USUAL_ROOM>(uv)
-        } else {
-            self.derivatives_in::<N, MOST_ROOM>(uv)
+        let (p, q) = (self.knots_u.degree(), self.knots_v.degree());
+        if p.max(q) >= USUAL_ROOM {
+            return self.derivatives_in::<N, MOST_ROOM>(uv, q);
+        }
+        // Loops of known length are faster.
+        match q {
+            1 => self.derivatives_in::<N, USUAL_ROOM>(uv, 1),
+            2 => self.derivatives_in::<N, USUAL_ROOM>(uv, 2),
+            _ => self.derivatives_in::<N, USUAL_ROOM>(uv, 3),
         }
     }
 
-    #[inline]
-    fn derivatives_in<const N: usize, const ROOM: usize>(&self, uv: DVec2) -> [[DVec4; N]; N] {
+    /// The same with the degree along v.
+    #[inline(always)]
+    fn derivatives_in<const N: usize, const ROOM: usize>(
+        &self,
+        uv: DVec2,
+        q: usize,
+    ) -> [[DVec4; N]; N] {
+        let p = self.knots_u.degree();
         let (span_u, span_v) = (self.knots_u.span(uv.x), self.knots_v.span(uv.y));
         let rows_u = self.knots_u.basis::<N, ROOM>(span_u, uv.x);
         let rows_v = self.knots_v.basis::<N, ROOM>(span_v, uv.y);
-        let (p, q) = (self.knots_u.degree(), self.knots_v.degree());
         let mut sums = [[DVec4::ZERO; N]; N];
         let rows = self.points.chunks_exact(self.knots_v.count());
         for (i, points) in rows.skip(span_u - p).take(p + 1).enumerate() {
             let mut row = [DVec4::ZERO; N];
-            for (j, &point) in points[span_v - q..=span_v].iter().enumerate() {
+            for (j, &point) in points[span_v - q..][..=q].iter().enumerate() {
                 for b in 0..N {
                     row[b] += point * rows_v[b][j];
                 }

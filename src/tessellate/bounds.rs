@@ -7,7 +7,7 @@
 
 use glam::{DVec3, DVec4};
 
-use super::net::{Degrees, Net, Rows, by_row};
+use super::net::{Net, ORDERS, Rows, by_row};
 use super::pieces::{Ball, Spread};
 use crate::simd::{Simd, Task};
 
@@ -40,15 +40,23 @@ impl Task for Plain<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, _: S) -> Spread {
-        let Net { degrees, .. } = self.0;
-        let [x, u, v, uu, uv, vv] = self.0.nets();
-        let scale = x[0].w.recip();
+        by_row!(self.0.degrees.q, self.spread())
+    }
+}
+
+impl Plain<'_> {
+    #[inline(always)]
+    fn spread<const ROW: usize>(self) -> Spread {
+        let rows = Rows::<ROW>(self.0.degrees);
+        let nets = self.0.nets();
+        let scale = nets[0][0].w.recip();
+        let of = |k: usize| rows.reach(k, nets[k], DVec3::ZERO).vector.scaled(scale);
         Spread {
-            du: Reach::of(degrees, u, DVec3::ZERO).vector.scaled(scale),
-            dv: Reach::of(degrees, v, DVec3::ZERO).vector.scaled(scale),
-            duu: Reach::of(degrees, uu, DVec3::ZERO).vector.scaled(scale),
-            duv: Reach::of(degrees, uv, DVec3::ZERO).vector.scaled(scale),
-            dvv: Reach::of(degrees, vv, DVec3::ZERO).vector.scaled(scale),
+            du: of(1),
+            dv: of(2),
+            duu: of(3),
+            duv: of(4),
+            dvv: of(5),
         }
     }
 }
@@ -65,17 +73,20 @@ impl Task for Rough<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, _: S) -> Spread {
-        let degrees = self.0.degrees;
-        let [x, u, v, uu, uv, vv] = self.0.nets();
-        let here = degrees.middle(x);
+        by_row!(self.0.degrees.q, self.spread())
+    }
+}
+
+impl Rough<'_> {
+    #[inline(always)]
+    fn spread<const ROW: usize>(self) -> Spread {
+        let rows = Rows::<ROW>(self.0.degrees);
+        let nets = self.0.nets();
+        let here = rows.middle(nets[0], ORDERS[0]);
         let origin = here.truncate() / here.w;
-        let least = x.iter().map(|h| h.w).fold(here.w, f64::min);
-        let x = Reach::of(degrees, x, origin);
-        let u = Reach::of(degrees, u, origin);
-        let v = Reach::of(degrees, v, origin);
-        let uu = Reach::of(degrees, uu, origin);
-        let uv = Reach::of(degrees, uv, origin);
-        let vv = Reach::of(degrees, vv, origin);
+        let least = nets[0].iter().map(|h| h.w).fold(here.w, f64::min);
+        let of = |k: usize| rows.reach(k, nets[k], origin);
+        let (x, u, v, uu, uv, vv) = (of(0), of(1), of(2), of(3), of(4), of(5));
         let s = x.vector.over(x.weight, least);
         let du = u.vector.less(1.0, s, u.weight).over(x.weight, least);
         let dv = v.vector.less(1.0, s, v.weight).over(x.weight, least);
@@ -101,17 +112,18 @@ struct Reach {
     weight: [f64; 2],
 }
 
-impl Reach {
+impl<const ROW: usize> Rows<'_, ROW> {
+    /// Where the points of the net with a number are.
     #[inline(always)]
-    fn of(degrees: &Degrees, net: &[DVec4], origin: DVec3) -> Self {
-        let middle = degrees.middle(net);
+    fn reach(&self, number: usize, net: &[DVec4], origin: DVec3) -> Reach {
+        let middle = self.middle(net, ORDERS[number]);
         let center = middle.truncate() - origin * middle.w;
         let (mut most, mut off): (f64, f64) = (0.0, 0.0);
         for h in net {
             most = most.max((h.truncate() - origin * h.w).distance_squared(center));
             off = off.max((h.w - middle.w).abs());
         }
-        Self {
+        Reach {
             vector: Ball {
                 center,
                 radius: most.sqrt(),
@@ -166,79 +178,125 @@ impl Quotients<'_> {
     /// The bounds with nets of `ROW` points a row, or any number where that is zero.
     #[inline(always)]
     fn spread<const ROW: usize>(self) -> Spread {
-        let degrees = Rows::<ROW>(self.0.degrees);
-        let [one, two, three] = [1, 2, 3].map(|power| degrees.product_len(power));
-        let mut room = vec![DVec4::ZERO; 6 * one + 3 * two + three];
-        let (nets, rest) = room.split_at_mut(6 * one);
-        for (net, scaled) in self.0.nets().into_iter().zip(nets.chunks_exact_mut(one)) {
-            for ((to, from), factor) in scaled.iter_mut().zip(net).zip(&degrees.0.binomials) {
-                *to = *from * *factor;
-            }
+        let degrees = self.0.degrees;
+        let rows = Rows::<ROW>(degrees);
+        let p = degrees.p;
+        let [q, square_row, cube_row] = [1, 2, 3].map(|power| rows.row(power, 0));
+        let q = q - 1;
+        let [one, two, three] = [
+            degrees.binomials.len(),
+            (2 * p + 1) * square_row,
+            (3 * p + 1) * cube_row,
+        ];
+        let mut room = vec![DVec4::ZERO; one + 3 * two + three];
+        let (scaled, rest) = room.split_at_mut(one);
+        for ((to, from), factor) in scaled.iter_mut().zip(self.0.all()).zip(&degrees.binomials) {
+            *to = *from * *factor;
         }
-        let nets = &*nets;
-        let net = |k: usize| &nets[k * one..][..one];
+        let nets = degrees.nets(scaled);
+        let net = |k: usize| Grid::new(nets[k], rows.row(1, ORDERS[k][1]));
         let (x, xu, xv, xuu, xuv, xvv) = (net(0), net(1), net(2), net(3), net(4), net(5));
-        let mut weights = vec![0.0; one + two + three];
-        let (single, powers) = weights.split_at_mut(one);
-        let (square, cube) = powers.split_at_mut(two);
-        for (weight, h) in single.iter_mut().zip(x) {
-            *weight = h.w;
-        }
-        degrees.weights(1, single, single, square);
-        degrees.weights(2, square, single, cube);
+        let mut weights = vec![0.0; two + three];
+        let (square, cube) = weights.split_at_mut(two);
+        x.weigh(x, square, square_row);
+        Grid::new(&*square, square_row).weigh(x, cube, cube_row);
         let (m_u, rest) = rest.split_at_mut(two);
         let (m_v, rest) = rest.split_at_mut(two);
         let (second, third) = rest.split_at_mut(two);
-        degrees.sum(1, &[(xu, x, 1.0), (x, xu, -1.0)], m_u);
-        degrees.sum(1, &[(xv, x, 1.0), (x, xv, -1.0)], m_v);
-        let du = quotient(m_u, square, &degrees.0.inverse[0]);
-        let dv = quotient(m_v, square, &degrees.0.inverse[0]);
-        degrees.sum(1, &[(xuu, x, 1.0), (x, xuu, -1.0)], second);
-        degrees.sum(2, &[(second, x, 1.0), (m_u, xu, -2.0)], third);
-        let duu = quotient(third, cube, &degrees.0.inverse[1]);
-        let mixed = [(xuv, x, 1.0), (xu, xv, 1.0), (xv, xu, -1.0), (x, xuv, -1.0)];
-        degrees.sum(1, &mixed, second);
-        degrees.sum(2, &[(second, x, 1.0), (m_u, xv, -2.0)], third);
-        let duv = quotient(third, cube, &degrees.0.inverse[1]);
-        degrees.sum(1, &[(xvv, x, 1.0), (x, xvv, -1.0)], second);
-        degrees.sum(2, &[(second, x, 1.0), (m_v, xv, -2.0)], third);
-        let dvv = quotient(third, cube, &degrees.0.inverse[1]);
-        Spread {
-            du,
-            dv,
-            duu,
-            duv,
-            dvv,
+        let mut spread = Spread::default();
+        // What is constant along a direction has no derivatives there.
+        if p > 0 {
+            xu.add(x, 1.0, m_u, square_row);
+            x.add(xu, -1.0, m_u, square_row);
+            let m = Grid::new(&m_u[..2 * p * square_row], square_row);
+            if p > 1 {
+                xuu.add(x, 1.0, second, square_row);
+                x.add(xuu, -1.0, second, square_row);
+                let second = Grid::new(&second[..(2 * p - 1) * square_row], square_row);
+                second.add(x, 1.0, third, cube_row);
+            }
+            m.add(xu, -2.0, third, cube_row);
+            raise(third, cube_row, [2, 0]);
+            spread.duu = quotient(third, cube, &degrees.inverse[1]);
         }
+        if q > 0 {
+            xv.add(x, 1.0, m_v, square_row);
+            x.add(xv, -1.0, m_v, square_row);
+            let m = Grid::new(m_v, square_row).narrowed(rows.row(2, 1));
+            third.fill(DVec4::ZERO);
+            if q > 1 {
+                second.fill(DVec4::ZERO);
+                xvv.add(x, 1.0, second, square_row);
+                x.add(xvv, -1.0, second, square_row);
+                let second = Grid::new(second, square_row).narrowed(rows.row(2, 2));
+                second.add(x, 1.0, third, cube_row);
+            }
+            m.add(xv, -2.0, third, cube_row);
+            raise(third, cube_row, [0, 2]);
+            spread.dvv = quotient(third, cube, &degrees.inverse[1]);
+        }
+        if p > 0 && q > 0 {
+            second.fill(DVec4::ZERO);
+            third.fill(DVec4::ZERO);
+            xuv.add(x, 1.0, second, square_row);
+            xu.add(xv, 1.0, second, square_row);
+            xv.add(xu, -1.0, second, square_row);
+            x.add(xuv, -1.0, second, square_row);
+            let second = &second[..2 * p * square_row];
+            let second = Grid::new(second, square_row).narrowed(rows.row(2, 1));
+            second.add(x, 1.0, third, cube_row);
+            let m = Grid::new(&m_u[..2 * p * square_row], square_row);
+            m.add(xv, -2.0, third, cube_row);
+            raise(third, cube_row, [1, 1]);
+            spread.duv = quotient(third, cube, &degrees.inverse[1]);
+        }
+        if p > 0 {
+            raise(m_u, square_row, [1, 0]);
+            spread.du = quotient(m_u, square, &degrees.inverse[0]);
+        }
+        if q > 0 {
+            raise(m_v, square_row, [0, 1]);
+            spread.dv = quotient(m_v, square, &degrees.inverse[0]);
+        }
+        spread
     }
 }
 
-impl<const ROW: usize> Rows<'_, ROW> {
-    /// Points of a product of `power` nets.
-    #[inline(always)]
-    fn product_len(&self, power: usize) -> usize {
-        (power * self.0.p + 1) * self.row(power)
-    }
+/// A net of points, or of their weights, with binomial coefficients as factors, in rows a stride apart.
+#[derive(Clone, Copy)]
+struct Grid<'a, T> {
+    points: &'a [T],
+    row: usize,
+    stride: usize,
+}
 
-    /// The sum of products of nets with a factor each, as [`Rows::add`] adds them.
+impl<'a, T> Grid<'a, T> {
     #[inline(always)]
-    fn sum(&self, power: usize, terms: &[(&[DVec4], &[DVec4], f64)], sum: &mut [DVec4]) {
-        sum.fill(DVec4::ZERO);
-        for (a, b, factor) in terms {
-            self.add(power, a, b, *factor, sum);
+    fn new(points: &'a [T], row: usize) -> Self {
+        Self {
+            points,
+            row,
+            stride: row,
         }
     }
 
-    /// Adds the product of a net, itself one of `power` nets, with the weight of a single one, times
-    /// a factor; its own weight becomes meaningless.
+    /// The first points of each row.
     #[inline(always)]
-    fn add(&self, power: usize, a: &[DVec4], b: &[DVec4], factor: f64, sum: &mut [DVec4]) {
-        let [row_a, row_b, row] = [power, 1, power + 1].map(|power| self.row(power));
-        for (i, own) in a.chunks_exact(row_a).enumerate() {
-            for (j, other) in b.chunks_exact(row_b).enumerate() {
-                let to = &mut sum[(i + j) * row..][..row];
-                for k in 0..row_a {
-                    for l in 0..row_b {
+    fn narrowed(self, row: usize) -> Self {
+        Self { row, ..self }
+    }
+}
+
+impl Grid<'_, DVec4> {
+    /// Adds the product with the weight of another net, times a factor, to a net with rows of a
+    /// length; the product's own weight becomes meaningless.
+    #[inline(always)]
+    fn add(self, other: Self, factor: f64, sum: &mut [DVec4], length: usize) {
+        for (i, own) in self.points.chunks_exact(self.stride).enumerate() {
+            for (j, other) in other.points.chunks_exact(other.stride).enumerate() {
+                let to = &mut sum[(i + j) * length..][..length];
+                for k in 0..self.row {
+                    for l in 0..other.len() {
                         to[k + l] += own[k] * (other[l].w * factor);
                     }
                 }
@@ -246,18 +304,47 @@ impl<const ROW: usize> Rows<'_, ROW> {
         }
     }
 
-    /// The same of weights alone.
+    /// The product of two nets' weights.
     #[inline(always)]
-    fn weights(&self, power: usize, a: &[f64], b: &[f64], sum: &mut [f64]) {
-        let [row_a, row_b, row] = [power, 1, power + 1].map(|power| self.row(power));
-        for (i, own) in a.chunks_exact(row_a).enumerate() {
-            for (j, other) in b.chunks_exact(row_b).enumerate() {
-                let to = &mut sum[(i + j) * row..][..row];
-                for k in 0..row_a {
-                    for l in 0..row_b {
-                        to[k + l] += own[k] * other[l];
+    fn weigh(self, other: Self, product: &mut [f64], length: usize) {
+        let mut own = vec![0.0; self.points.len()];
+        for (weight, h) in own.iter_mut().zip(self.points) {
+            *weight = h.w;
+        }
+        Grid::new(&own[..], self.row).weigh(other, product, length);
+    }
+}
+
+impl Grid<'_, f64> {
+    /// The product with another net's weights.
+    #[inline(always)]
+    fn weigh(self, other: Grid<'_, DVec4>, product: &mut [f64], length: usize) {
+        for (i, own) in self.points.chunks_exact(self.stride).enumerate() {
+            for (j, other) in other.points.chunks_exact(other.stride).enumerate() {
+                let to = &mut product[(i + j) * length..][..length];
+                for l in 0..other.len() {
+                    for k in 0..self.row {
+                        to[k + l] += own[k] * other[l].w;
                     }
                 }
+            }
+        }
+    }
+}
+
+/// Raises the degrees of a net in rows of a length, which has room for it; its coefficients have
+/// binomial coefficients as factors, so that `1 + x` is what multiplies it.
+#[inline(always)]
+fn raise(net: &mut [DVec4], length: usize, [along_u, along_v]: [usize; 2]) {
+    for _ in 0..along_u {
+        for k in (length..net.len()).rev() {
+            net[k] += net[k - length];
+        }
+    }
+    for _ in 0..along_v {
+        for row in net.chunks_exact_mut(length) {
+            for k in (1..length).rev() {
+                row[k] += row[k - 1];
             }
         }
     }
@@ -283,5 +370,79 @@ fn quotient(numerator: &[DVec4], divisor: &[f64], inverse: &[f64]) -> Ball {
     Ball {
         center,
         radius: most.sqrt() / least,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+    use kernel::{KnotVector, Surface};
+
+    use super::super::pieces::{Pieces, Rect};
+    use super::*;
+
+    /// One random piece of some degrees.
+    fn piece(rng: &mut fastrand::Rng, [p, q]: [usize; 2], has_weights: bool) -> Surface {
+        let count = (p + 1) * (q + 1);
+        let points: Vec<DVec3> = (0..count)
+            .map(|_| DVec3::new(rng.f64(), rng.f64(), rng.f64()))
+            .collect();
+        let weights: Vec<f64> = (0..count).map(|_| 0.3 + rng.f64()).collect();
+        let knots = |degree| KnotVector::bezier(degree, 0.0..2.0).unwrap();
+        let weights = has_weights.then_some(&weights[..]);
+        Surface::new(knots(p), knots(q), &points, weights).unwrap()
+    }
+
+    #[test]
+    fn derivatives_stay_within_their_bounds_which_close_in_on_them() {
+        let mut rng = fastrand::Rng::with_seed(7);
+        for degrees in (1..=4).flat_map(|p| (1..=4).map(move |q| [p, q])) {
+            for has_weights in [false, true] {
+                let surface = piece(&mut rng, degrees, has_weights);
+                let pieces = Pieces::new(&surface);
+                let min = DVec2::new(rng.f64(), rng.f64());
+                // A whole piece, parts of it, and lines along u and along v.
+                let mut last = f64::INFINITY;
+                for width in [1.0, 0.1, 0.01] {
+                    for shape in [DVec2::X, DVec2::Y, DVec2::new(1.0, 0.5)] {
+                        let max = min + shape * width;
+                        let rect = Rect { min, max };
+                        let full = pieces.spread(&rect);
+                        let rough = pieces.spread_until(&rect, |_| true);
+                        for _ in 0..50 {
+                            let place = DVec2::new(rng.f64(), rng.f64());
+                            let d = surface.derivatives(rect.min + rect.size() * place);
+                            check(&full, &d, rect.size(), degrees);
+                            check(&rough, &d, rect.size(), degrees);
+                        }
+                        if shape.min_element() > 0.0 {
+                            let radius = |s: &Spread| s.duu.radius + s.duv.radius + s.dvv.radius;
+                            assert!(radius(&full) <= 0.2 * last + 1e-9, "of degrees {degrees:?}");
+                            assert!(radius(&full) <= radius(&rough) + 1e-9);
+                            last = radius(&full);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// A rectangle without extent along a direction tells nothing of derivatives there.
+    fn check(spread: &Spread, d: &kernel::SurfaceDerivatives, size: DVec2, degrees: [usize; 2]) {
+        let (along_u, along_v) = (size.x > 0.0, size.y > 0.0);
+        let pairs = [
+            (along_u, spread.du, d.du),
+            (along_v, spread.dv, d.dv),
+            (along_u, spread.duu, d.duu),
+            (along_u && along_v, spread.duv, d.duv),
+            (along_v, spread.dvv, d.dvv),
+        ];
+        for (k, (told, ball, found)) in pairs.into_iter().enumerate() {
+            let slack = 1e-9 * (1.0 + found.length());
+            assert!(
+                !told || found.distance(ball.center) <= ball.radius + slack,
+                "derivative {k} of degrees {degrees:?}"
+            );
+        }
     }
 }

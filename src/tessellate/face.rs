@@ -484,7 +484,9 @@ impl<'a> Mesher<'a> {
                 result.triangles.push(corners);
             }
         }
-        result.triangles.sort_unstable();
+        // No two triangles have the same side in the same direction.
+        let side = |[a, b, _]: &[u32; 3]| u64::from(*a) << 32 | u64::from(*b);
+        result.triangles.sort_unstable_by_key(side);
         result.vertices = self.vertices;
         result
     }

@@ -351,7 +351,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         let flat = (points[1] - points[0])
             .cross(points[2] - points[0])
             .normalize_or(DVec3::Z);
-        sampled = sampled.max(deviation::triangle(face.pieces.surface, uvs, points));
+        sampled = sampled.max(deviation::triangle(&face.pieces, uvs, points));
         sampled = vertices.iter().fold(sampled, |most, v| most.max(v.gap));
         let mut triangle = corners.map(|k| {
             let vertex = &mesh.vertices[k as usize];

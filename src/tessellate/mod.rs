@@ -127,6 +127,12 @@ struct Limits {
 /// Makes triangles of every patch that is shown. The result does not depend on the number of
 /// threads.
 pub fn tessellate(scene: &Scene, options: &TessellateOptions) -> Tessellation {
+    // Once among the threads of the pool, instead of at each step.
+    rayon::scope(|_| inside(scene, options))
+}
+
+/// [`tessellate`] within a thread of the pool.
+fn inside(scene: &Scene, options: &TessellateOptions) -> Tessellation {
     let diagonal = scene.hull_bounds().diagonal();
     let tolerance = match options.tolerance {
         Tolerance::Length(length) => length,

@@ -12,18 +12,24 @@ use crate::simd::{Instructions, Simd, Task};
 pub(super) struct Family {
     /// `[2 i + j]`: whether u, and whether v, has no extent.
     members: [Degrees; 4],
-    instructions: Instructions,
+    pub(super) instructions: Instructions,
 }
+
+/// How often the nets of a [`Net`] are differentiated along u and v.
+pub(super) const ORDERS: [[usize; 2]; 6] = [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
 
 /// What nets of the degrees `p` and `q` have in common.
 #[derive(Debug)]
 pub(super) struct Degrees {
     pub(super) p: usize,
     pub(super) q: usize,
-    /// Shares of the coefficients along u and along v in the value in the middle.
-    middle: [Vec<f64>; 2],
-    /// The binomial coefficient of each point, `binomial(p, i) binomial(q, j)`. Products of nets are
-    /// sums over pairs once coefficients have theirs as factors.
+    /// Where in a list the points of each net begin, and where the last one ends.
+    offsets: [usize; 7],
+    /// Shares of the coefficients along u and along v in the value in the middle, by how often they
+    /// were differentiated.
+    middle: [[Vec<f64>; 3]; 2],
+    /// The binomial coefficient of each point of the nets, `binomial(p, i) binomial(q, j)`. Products
+    /// of nets are sums over pairs once coefficients have theirs as factors.
     pub(super) binomials: Vec<f64>,
     /// The reciprocals of those of products of two, and of three.
     pub(super) inverse: [Vec<f64>; 2],
@@ -41,37 +47,36 @@ impl Family {
 
 impl Degrees {
     fn new(p: usize, q: usize) -> Self {
-        let factors = |power: usize| {
-            let (u, v) = (binomials(power * p), binomials(power * q));
+        let factors = |p: usize, q: usize| {
+            let (u, v) = (binomials(p), binomials(q));
             let row = |a: &f64| v.iter().map(|b| a * b).collect::<Vec<_>>();
             u.iter().flat_map(row).collect::<Vec<_>>()
         };
-        let inverse = |power: usize| factors(power).iter().map(|f| f.recip()).collect();
+        let inverse = |power: usize| {
+            let factors = factors(power * p, power * q);
+            factors.iter().map(|f| f.recip()).collect()
+        };
+        let degree = |degree: usize, order: usize| degree.saturating_sub(order);
+        let mut offsets = [0; 7];
+        let mut binomials = Vec::new();
+        for (end, [a, b]) in offsets[1..].iter_mut().zip(ORDERS) {
+            binomials.extend(factors(degree(p, a), degree(q, b)));
+            *end = binomials.len();
+        }
         Self {
             p,
             q,
-            middle: [middle_shares(p), middle_shares(q)],
-            binomials: factors(1),
+            offsets,
+            middle: [p, q].map(|d| [0, 1, 2].map(|order| middle_shares(degree(d, order)))),
+            binomials,
             inverse: [inverse(2), inverse(3)],
         }
     }
 
-    fn len(&self) -> usize {
-        self.binomials.len()
-    }
-
-    /// The value of a net in the middle of its domain.
+    /// The nets that stand one after the other in a list.
     #[inline(always)]
-    pub(super) fn middle(&self, net: &[DVec4]) -> DVec4 {
-        let mut sum = DVec4::ZERO;
-        for (points, along_u) in net.chunks_exact(self.q + 1).zip(&self.middle[0]) {
-            let mut row = DVec4::ZERO;
-            for (point, along_v) in points.iter().zip(&self.middle[1]) {
-                row += *point * *along_v;
-            }
-            sum += row * *along_u;
-        }
-        sum
+    pub(super) fn nets<'p>(&self, points: &'p [DVec4]) -> [&'p [DVec4]; 6] {
+        [0, 1, 2, 3, 4, 5].map(|k| &points[self.offsets[k]..self.offsets[k + 1]])
     }
 }
 
@@ -79,8 +84,8 @@ impl Degrees {
 pub(super) struct Net<'a> {
     pub(super) degrees: &'a Degrees,
     pub(super) instructions: Instructions,
-    /// Coefficients one after the other: of `X`, `Xu`, `Xv`, `Xuu`, `Xuv` and `Xvv`, all of the same
-    /// degrees.
+    /// Coefficients one after the other: of `X`, `Xu`, `Xv`, `Xuu`, `Xuv` and `Xvv`, each of the degrees
+    /// that are left, or zero of degree zero where nothing is.
     coefficients: Vec<DVec4>,
     pub(super) has_weights: bool,
 }
@@ -97,8 +102,12 @@ impl<'a> Net<'a> {
 
     #[inline(always)]
     pub(super) fn nets(&self) -> [&[DVec4]; 6] {
-        let n = self.degrees.len();
-        [0, 1, 2, 3, 4, 5].map(|k| &self.coefficients[k * n..][..n])
+        self.degrees.nets(&self.coefficients)
+    }
+
+    /// The coefficients of all of them.
+    pub(super) fn all(&self) -> &[DVec4] {
+        &self.coefficients
     }
 }
 
@@ -147,7 +156,8 @@ impl<'a> Restriction<'a, '_> {
         } else {
             ROW
         };
-        let mut coefficients = vec![DVec4::ZERO; (6 * degrees.len()).max(points.len())];
+        let count = degrees.offsets[6];
+        let mut coefficients = vec![DVec4::ZERO; count.max(points.len())];
         coefficients[..points.len()].copy_from_slice(points);
         let (a, b) = (share(u.start, &whole[0]), share(u.end, &whole[0]));
         for j in 0..row {
@@ -163,10 +173,9 @@ impl<'a> Restriction<'a, '_> {
                 coefficients[i] = coefficients[i * row];
             }
         }
-        coefficients.truncate(6 * degrees.len());
-        coefficients[degrees.len()..].fill(DVec4::ZERO);
+        coefficients.truncate(count);
         let [du, dv] = [u, v].map(|part| (part.end - part.start).recip());
-        let (x, rest) = coefficients.split_at_mut(degrees.len());
+        let (x, rest) = coefficients.split_at_mut(degrees.offsets[1]);
         let first = x[0].w;
         let has_weights = x.iter().any(|h| (h.w - first).abs() > 0.0);
         if flat[1] {
@@ -187,75 +196,75 @@ impl<'a> Restriction<'a, '_> {
 pub(super) struct Rows<'a, const ROW: usize>(pub(super) &'a Degrees);
 
 impl<const ROW: usize> Rows<'_, ROW> {
-    /// Points in a row of a product of `power` nets.
+    /// Points in a row of a product of `power` nets that has been differentiated `order` times along v.
     #[inline(always)]
-    pub(super) fn row(&self, power: usize) -> usize {
+    pub(super) fn row(&self, power: usize, order: usize) -> usize {
         let degree = if ROW == 0 { self.0.q } else { ROW - 1 };
-        power * degree + 1
+        (power * degree).saturating_sub(order) + 1
     }
-}
 
-impl<const ROW: usize> Rows<'_, ROW> {
     /// The derivatives of a net, in the order of a [`Net`].
     #[inline(always)]
     fn differentiate(&self, x: &[DVec4], out: &mut [DVec4], [du, dv]: [f64; 2]) {
-        let n = x.len();
-        let (xu, rest) = out.split_at_mut(n);
-        let (xv, rest) = rest.split_at_mut(n);
-        let (xuu, rest) = rest.split_at_mut(n);
-        let (xuv, xvv) = rest.split_at_mut(n);
-        self.along_u(x, du, xu);
-        self.along_v(x, dv, xv);
-        self.along_u(xu, du, xuu);
-        self.along_v(xu, dv, xuv);
-        self.along_v(xv, dv, xvv);
+        let at = |k: usize| self.0.offsets[k] - self.0.offsets[1];
+        let (xu, rest) = out.split_at_mut(at(2));
+        let (xv, rest) = rest.split_at_mut(at(3) - at(2));
+        let (xuu, rest) = rest.split_at_mut(at(4) - at(3));
+        let (xuv, xvv) = rest.split_at_mut(at(5) - at(4));
+        let (p, row, shorter) = (self.0.p, self.row(1, 0), self.row(1, 1));
+        along_u(x, p, row, du, xu);
+        along_v(x, row, dv, xv);
+        along_u(xu, p.saturating_sub(1), row, du, xuu);
+        along_v(xu, row, dv, xuv);
+        along_v(xv, shorter, dv, xvv);
     }
 
-    /// The derivative of a net along u.
+    /// The value in the middle of a net that was differentiated so often along u and v.
     #[inline(always)]
-    fn along_u(&self, net: &[DVec4], scale: f64, out: &mut [DVec4]) {
-        let (p, row) = (self.0.p, self.row(1));
-        for i in 0..=p {
-            for j in 0..row {
-                derivative(net, i * row + j, [i, p, row], scale, out);
+    pub(super) fn middle(&self, net: &[DVec4], [a, b]: [usize; 2]) -> DVec4 {
+        let [u, v] = &self.0.middle;
+        let row = self.row(1, b);
+        let mut sum = DVec4::ZERO;
+        for (points, along_u) in net.chunks_exact(row).zip(&u[a]) {
+            let mut part = DVec4::ZERO;
+            for (point, along_v) in points.iter().zip(&v[b][..row]) {
+                part += *point * *along_v;
             }
+            sum += part * *along_u;
         }
+        sum
     }
+}
 
-    /// The derivative of a net along v.
-    #[inline(always)]
-    fn along_v(&self, net: &[DVec4], scale: f64, out: &mut [DVec4]) {
-        let row = self.row(1);
-        for i in 0..=self.0.p {
-            for j in 0..row {
-                derivative(net, i * row + j, [j, row - 1, 1], scale, out);
-            }
+/// The derivative along u of a net of degree `p` there, zero where there is none.
+#[inline(always)]
+fn along_u(net: &[DVec4], p: usize, row: usize, scale: f64, out: &mut [DVec4]) {
+    if p == 0 {
+        out.fill(DVec4::ZERO);
+        return;
+    }
+    let scale = p as f64 * scale;
+    for (i, to) in out.chunks_exact_mut(row).enumerate() {
+        let points = &net[i * row..][..2 * row];
+        for j in 0..row {
+            to[j] = (points[row + j] - points[j]) * scale;
         }
     }
 }
 
-/// Coefficient `k` of the derivative of a net, at the degree of the net: differences, with the
-/// degree raised again. It has `place` of `degree + 1` along the parameter, a stride apart.
+/// The derivative along v of a net with rows of a length, zero where there is none.
 #[inline(always)]
-fn derivative(
-    net: &[DVec4],
-    k: usize,
-    [place, degree, stride]: [usize; 3],
-    scale: f64,
-    out: &mut [DVec4],
-) {
-    if degree == 0 {
+fn along_v(net: &[DVec4], row: usize, scale: f64, out: &mut [DVec4]) {
+    if row == 1 {
+        out.fill(DVec4::ZERO);
         return;
     }
-    let n = degree as f64;
-    let mut sum = DVec4::ZERO;
-    if place > 0 {
-        sum += (net[k] - net[k - stride]) * (place as f64 / n);
+    let scale = (row - 1) as f64 * scale;
+    for (points, to) in net.chunks_exact(row).zip(out.chunks_exact_mut(row - 1)) {
+        for j in 0..row - 1 {
+            to[j] = (points[j + 1] - points[j]) * scale;
+        }
     }
-    if place < degree {
-        sum += (net[k + stride] - net[k]) * ((degree - place) as f64 / n);
-    }
-    out[k] = sum * (n * scale);
 }
 
 /// Where in a range a parameter is, as a share.

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use kernel::{BezierSurface, KnotVector, Surface, regular_normal};
 
 use super::net::{Family, Net, corner_derivatives};
+use crate::simd::Instructions;
 
 /// All vectors no farther than `radius` from `center`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -237,6 +238,23 @@ impl<'a> Pieces<'a> {
 
     fn columns(&self) -> usize {
         self.breaks[1].len() - 1
+    }
+
+    /// Whether all pieces are parts of planes, evenly divided by their parameters.
+    pub(super) fn are_straight(&self) -> bool {
+        self.list.iter().all(|piece| piece.is_straight)
+    }
+
+    /// The piece that a rectangle lies in, if it is one.
+    pub(super) fn piece_around(&self, rect: &Rect) -> Option<&BezierSurface> {
+        let [u, v] = [0, 1].map(|axis| self.spans(axis, rect.min[axis], rect.max[axis]));
+        let is_one = u.len() == 1 && v.len() == 1;
+        is_one.then(|| &self.list[u.start * self.columns() + v.start].net)
+    }
+
+    /// What bounds are computed with.
+    pub(super) fn instructions(&self) -> Instructions {
+        self.family.instructions
     }
 
     /// How many pieces there are along an axis between two parameters.

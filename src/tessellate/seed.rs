@@ -34,6 +34,9 @@ struct Block {
 
 /// The seeds of a face within `bounds`, block by block between its creases.
 pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits) -> Vec<Seed> {
+    if face.pieces.are_straight() && limits.max_edge.is_infinite() {
+        return Vec::new();
+    }
     let cuts = [0, 1].map(|axis| {
         let mut cuts = vec![bounds.min[axis]];
         let inner = face.pieces.creases[axis].iter();

@@ -1,9 +1,8 @@
 //! What hangs together: faces turned to the same side, open and closed shells.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
 use kernel::PatchId;
+use rayon::prelude::*;
 
 use super::face::Triangles;
 
@@ -73,34 +72,39 @@ struct Meeting {
     same: bool,
 }
 
+/// A side of a triangle: its lower point above its higher one, so that it is one number.
+type Side = u64;
+
+/// A side as a face has it, and whether it runs from the lower point there.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Use {
+    side: Side,
+    face: usize,
+    upward: bool,
+}
+
 /// Which faces have to be turned around, and the shells.
 pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
-    // How often each side is used, and by whom: (face, whether from the lower point).
-    let mut sides: BTreeMap<[u32; 2], Vec<(usize, bool)>> = BTreeMap::new();
-    for (k, part) in parts.iter().enumerate() {
-        let mut own: Vec<([u32; 2], bool)> = part.triangles().flat_map(ways).collect();
-        own.sort_unstable();
-        for users in own.chunk_by(|a, b| a.0 == b.0) {
-            // What is inside a face needs no further look.
-            if users.len() != 2 || users[0].1 == users[1].1 {
-                let list = sides.entry(users[0].0).or_default();
-                list.extend(users.iter().map(|&(_, way)| (k, way)));
-            }
-        }
-    }
-    let meetings: Vec<Meeting> = sides
-        .values()
-        .filter(|users| users.len() == 2 && users[0].0 != users[1].0)
-        .map(|users| Meeting {
-            faces: [users[0].0, users[1].0],
-            same: users[0].1 == users[1].1,
+    let (inner, lists): (Vec<usize>, Vec<Vec<Use>>) = (0..parts.len())
+        .into_par_iter()
+        .map(|face| sides(&parts[face], face))
+        .unzip();
+    let mut uses = lists.concat();
+    uses.sort_unstable();
+    let shared = || uses.chunk_by(|a, b| a.side == b.side);
+    let meetings: Vec<Meeting> = shared()
+        .filter(|uses| uses.len() == 2 && uses[0].face != uses[1].face)
+        .map(|uses| Meeting {
+            faces: [uses[0].face, uses[1].face],
+            same: uses[0].upward == uses[1].upward,
         })
         .collect();
-    let (component, turned) = turn(parts, &meetings);
+    let (component, mut turned) = turn(parts, &meetings);
     let count = component.iter().max().map_or(0, |k| k + 1);
     let mut shells: Vec<Shell> = (0..count).map(|_| Shell::empty()).collect();
-    let mut turned = turned;
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); count];
     for (k, part) in parts.iter().enumerate() {
+        members[component[k]].push(k);
         let shell = &mut shells[component[k]];
         shell.patches.push(part.patch);
         shell.triangles += part.mesh.triangles.len();
@@ -110,29 +114,33 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         } else {
             part.volume()
         };
+        shell.euler -= number(inner[k]);
     }
-    for users in sides.values() {
-        let shell = &mut shells[component[users[0].0]];
-        match users[..] {
+    for uses in shared() {
+        let shell = &mut shells[component[uses[0].face]];
+        shell.euler -= 1;
+        match uses {
             [_] => shell.naked += 1,
-            [(f, a), (g, b)] => {
-                shell.twisted += usize::from((a ^ turned[f]) == (b ^ turned[g]));
+            [a, b] => {
+                let turned = turned[a.face] ^ turned[b.face];
+                shell.twisted += usize::from((a.upward == b.upward) ^ turned);
             }
             _ => shell.crowded += 1,
         }
     }
-    // Closed shells have their volume inside, open ones look where most of them did.
-    for (number, shell) in shells.iter_mut().enumerate() {
-        let members = || (0..parts.len()).filter(|&k| component[k] == number);
-        let balance: f64 = members()
-            .map(|k| {
-                if turned[k] {
-                    -parts[k].area()
-                } else {
-                    parts[k].area()
-                }
-            })
-            .sum();
+    // For every point the last shell in which it was met.
+    let highest = parts.iter().flat_map(|part| &part.points).max();
+    let mut met = vec![usize::MAX; highest.map_or(0, |&most| most as usize + 1)];
+    for (number, (shell, members)) in shells.iter_mut().zip(members).enumerate() {
+        for point in members.iter().flat_map(|&k| parts[k].triangles()).flatten() {
+            let last = &mut met[point as usize];
+            shell.euler += i64::from(*last != number);
+            *last = number;
+        }
+        shell.euler += self::number(shell.triangles);
+        // Closed shells have their volume inside, open ones look where most of them did.
+        let signed = |&k: &usize| if turned[k] { -1.0 } else { 1.0 } * parts[k].area();
+        let balance: f64 = members.iter().map(signed).sum();
         let wrong = if shell.is_closed() {
             shell.volume < 0.0
         } else {
@@ -140,11 +148,36 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         };
         if wrong {
             shell.volume = -shell.volume;
-            members().for_each(|k| turned[k] = !turned[k]);
+            members.iter().for_each(|&k| turned[k] = !turned[k]);
         }
-        shell.euler = euler(members().map(|k| &parts[k]));
     }
     (turned, shells)
+}
+
+/// How many sides two triangles of a face have, once each way, and all its others.
+fn sides(part: &Part<'_>, face: usize) -> (usize, Vec<Use>) {
+    let ways = |[a, b, c]: [u32; 3]| {
+        [[a, b], [b, c], [c, a]].map(|[p, q]| Use {
+            side: Side::from(p.min(q)) << 32 | Side::from(p.max(q)),
+            face,
+            upward: p < q,
+        })
+    };
+    let mut all: Vec<Use> = part.triangles().flat_map(ways).collect();
+    all.sort_unstable_by_key(|used| (used.side, used.upward));
+    let mut inner = 0;
+    let mut others = Vec::new();
+    for uses in all.chunk_by(|a, b| a.side == b.side) {
+        match uses {
+            [a, b] if a.upward != b.upward => inner += 1,
+            _ => others.extend_from_slice(uses),
+        }
+    }
+    (inner, others)
+}
+
+fn number(count: usize) -> i64 {
+    i64::try_from(count).unwrap_or(i64::MAX)
 }
 
 impl Shell {
@@ -192,27 +225,4 @@ fn turn(parts: &[Part<'_>], meetings: &[Meeting]) -> (Vec<usize>, Vec<bool>) {
         count += 1;
     }
     (component, turned)
-}
-
-/// Vertices minus sides plus triangles.
-fn euler<'a>(parts: impl Iterator<Item = &'a Part<'a>>) -> i64 {
-    let triangles: Vec<[u32; 3]> = parts.flat_map(Part::triangles).collect();
-    let distinct = |mut all: Vec<[u32; 2]>| {
-        all.sort_unstable();
-        all.dedup();
-        i64::try_from(all.len()).unwrap_or(i64::MAX)
-    };
-    let points = triangles.iter().flatten().map(|&p| [p; 2]).collect();
-    let sides = triangles
-        .iter()
-        .flat_map(|&t| ways(t))
-        .map(|w| w.0)
-        .collect();
-    let count = i64::try_from(triangles.len()).unwrap_or(i64::MAX);
-    distinct(points) - distinct(sides) + count
-}
-
-/// The sides of a triangle from the lower point to the higher one, and whether it runs that way.
-fn ways([a, b, c]: [u32; 3]) -> [([u32; 2], bool); 3] {
-    [[a, b], [b, c], [c, a]].map(|[p, q]| ([p.min(q), p.max(q)], p < q))
 }
