@@ -50,13 +50,14 @@ impl Plain<'_> {
         let rows = Rows::<ROW>(self.0.degrees);
         let nets = self.0.nets();
         let scale = nets[0][0].w.recip();
-        let of = |k: usize| rows.reach(k, nets[k], DVec3::ZERO).vector.scaled(scale);
+        // No closure: it would not be compiled for these instructions.
+        let [_, u, v, uu, uv, vv] = nets;
         Spread {
-            du: of(1),
-            dv: of(2),
-            duu: of(3),
-            duv: of(4),
-            dvv: of(5),
+            du: rows.reach(1, u, DVec3::ZERO).vector.scaled(scale),
+            dv: rows.reach(2, v, DVec3::ZERO).vector.scaled(scale),
+            duu: rows.reach(3, uu, DVec3::ZERO).vector.scaled(scale),
+            duv: rows.reach(4, uv, DVec3::ZERO).vector.scaled(scale),
+            dvv: rows.reach(5, vv, DVec3::ZERO).vector.scaled(scale),
         }
     }
 }
@@ -85,8 +86,13 @@ impl Rough<'_> {
         let here = rows.middle(nets[0], ORDERS[0]);
         let origin = here.truncate() / here.w;
         let least = nets[0].iter().map(|h| h.w).fold(here.w, f64::min);
-        let of = |k: usize| rows.reach(k, nets[k], origin);
-        let (x, u, v, uu, uv, vv) = (of(0), of(1), of(2), of(3), of(4), of(5));
+        let [x, u, v, uu, uv, vv] = nets;
+        let x = rows.reach(0, x, origin);
+        let u = rows.reach(1, u, origin);
+        let v = rows.reach(2, v, origin);
+        let uu = rows.reach(3, uu, origin);
+        let uv = rows.reach(4, uv, origin);
+        let vv = rows.reach(5, vv, origin);
         let s = x.vector.over(x.weight, least);
         let du = u.vector.less(1.0, s, u.weight).over(x.weight, least);
         let dv = v.vector.less(1.0, s, v.weight).over(x.weight, least);
@@ -194,8 +200,14 @@ impl Quotients<'_> {
             *to = *from * *factor;
         }
         let nets = degrees.nets(scaled);
-        let net = |k: usize| Grid::new(nets[k], rows.row(1, ORDERS[k][1]));
-        let (x, xu, xv, xuu, xuv, xvv) = (net(0), net(1), net(2), net(3), net(4), net(5));
+        let [x, xu, xv, xuu, xuv, xvv] = nets;
+        let [row, shorter, shortest] = [0, 1, 2].map(|order| rows.row(1, order));
+        let (x, xu, xuu) = (Grid::new(x, row), Grid::new(xu, row), Grid::new(xuu, row));
+        let (xv, xuv, xvv) = (
+            Grid::new(xv, shorter),
+            Grid::new(xuv, shorter),
+            Grid::new(xvv, shortest),
+        );
         let mut weights = vec![0.0; two + three];
         let (square, cube) = weights.split_at_mut(two);
         x.weigh(x, square, square_row);

@@ -10,7 +10,6 @@ use super::net::{cut, share};
 use super::pieces::{Rect, Spread};
 use super::rim::Face;
 use super::sew::{Edge, Use};
-use super::trail::Trail;
 
 /// The part of a tolerance that edges may use: triangles beside them need a little more.
 const SHARE: f64 = 0.97;
@@ -26,6 +25,9 @@ const SAME: f64 = 1e-3;
 
 /// What is on one side of a crease is looked up this share of a step beside it.
 const INSIDE: f64 = 1e-6;
+
+/// Steps that use this share of the limits on average are even enough.
+const EVEN: f64 = 0.9;
 
 /// Halvings of a step that jumps.
 const BRIDGES: u32 = 6;
@@ -77,7 +79,6 @@ pub(super) struct Chain {
 pub(super) struct Walker<'a> {
     faces: &'a [Face<'a>],
     uses: &'a [Use],
-    trails: Vec<Trail>,
     parts: Vec<Parts>,
     ends: [DVec3; 2],
     limits: &'a Limits,
@@ -90,11 +91,9 @@ impl<'a> Walker<'a> {
         vertices: &[DVec3],
         limits: &'a Limits,
     ) -> Self {
-        let trail = |u: &Use| Trail::of(&faces[u.face], &u.curve);
         Self {
             faces,
             uses: &edge.uses,
-            trails: edge.uses.iter().map(trail).collect(),
             parts: edge.uses.iter().map(|u| Parts::of(&u.curve)).collect(),
             ends: edge.ends.map(|v| vertices[v]),
             limits,
@@ -106,12 +105,14 @@ impl<'a> Walker<'a> {
     /// `least` is how many steps there are at least.
     pub(super) fn chain(&self, least: usize) -> Chain {
         let kinks = self.kinks();
-        let (mut stations, mut ratios) = self.walk(1.0, &kinks);
+        let (mut stations, mut ratios) = self.walk(1.0, &kinks, f64::INFINITY);
         let steps = ratios.len();
         let used: f64 = ratios.iter().map(|r| r.sqrt()).sum();
         let even = ((used / steps as f64).powi(2) * 1.02).max(0.1);
-        if steps > 1 && even < 1.0 {
-            let (again, shares) = self.walk(even, &kinks);
+        if steps > 1 && even < EVEN {
+            let first = stations[1].places[0].t - stations[0].places[0].t;
+            let first = first * (even / ratios[0].max(1e-9)).sqrt();
+            let (again, shares) = self.walk(even, &kinks, first);
             if shares.len() <= steps {
                 (stations, ratios) = (again, shares);
             }
@@ -175,15 +176,15 @@ impl<'a> Walker<'a> {
         let range = first.curve.domain();
         let near = (range.end - range.start) * LEAST;
         let mut kinks = home.kinks(&first.curve);
-        for (used, trail) in self.uses.iter().zip(&self.trails).skip(1) {
+        for used in &self.uses[1..] {
             let face = &self.faces[used.face];
             let turned = used.reversed != first.reversed;
             for t in face.kinks(&used.curve) {
-                let share = trail.share(t);
+                let share = used.trail.share(t);
                 let share = if turned { 1.0 - share } else { share };
                 let point = face.point(used.curve.evaluate(t));
                 let place = (home, &first.curve);
-                let (t, _) = self.trails[0].project_beside(place, point, share);
+                let (t, _) = first.trail.project_beside(place, point, share);
                 if kinks.iter().all(|kink| (kink - t).abs() > near) {
                     kinks.push(t);
                 }
@@ -201,16 +202,16 @@ impl<'a> Walker<'a> {
     }
 
     /// Steps of which none uses more than `share` of the limits, and what each uses; none passes one
-    /// of the `kinks`.
-    fn walk(&self, share: f64, kinks: &[f64]) -> (Vec<Station>, Vec<f64>) {
+    /// of the `kinks`. The first one is tried with a length.
+    fn walk(&self, share: f64, kinks: &[f64], first: f64) -> (Vec<Station>, Vec<f64>) {
         let range = self.uses[0].curve.domain();
         let whole = range.end - range.start;
         let shortest = whole * LEAST;
         let mut stations = vec![self.end_station(0)];
         let mut ratios = Vec::new();
-        let (mut t, mut step) = (range.start, whole);
+        let (mut t, mut step) = (range.start, first.clamp(shortest, whole));
         while t < range.end {
-            let last = stations[stations.len() - 1].clone();
+            let last = &stations[stations.len() - 1];
             let limit = kinks[kinks.partition_point(|&kink| kink <= t)];
             let reached = |to: f64| {
                 if to < range.end {
@@ -226,7 +227,7 @@ impl<'a> Walker<'a> {
             for _ in 0..24 {
                 let to = if step < limit - t { t + step } else { limit };
                 let next = reached(to);
-                let ratio = self.ratio(&last, &next);
+                let ratio = self.ratio(last, &next);
                 let smallest = step <= shortest;
                 if ratio <= share || smallest {
                     let done = to >= limit || ratio >= 0.85 * share || smallest;
@@ -249,8 +250,11 @@ impl<'a> Walker<'a> {
             step = (to - t) * (0.95 * share / ratio.max(1e-9)).sqrt().clamp(0.2, 4.0);
             step = step.max(shortest);
             t = to;
-            let depth = if ratio > share { BRIDGES } else { 0 };
-            self.bridge(last, next, depth, &mut stations);
+            if ratio > share {
+                self.bridge(last.clone(), next, BRIDGES, &mut stations);
+            } else {
+                stations.push(next);
+            }
             ratios.push(ratio);
         }
         (stations, ratios)
@@ -282,12 +286,14 @@ impl<'a> Walker<'a> {
         let master = self.faces[first.face].point(first.curve.evaluate(t));
         let mut ts = vec![t];
         let mut sum = master;
-        let share = self.trails[0].share(t);
-        for (used, trail) in self.uses.iter().zip(&self.trails).skip(1) {
+        let share = first.trail.share(t);
+        for used in &self.uses[1..] {
             let face = &self.faces[used.face];
             let turned = used.reversed != first.reversed;
             let share = if turned { 1.0 - share } else { share };
-            let (t, _) = trail.project_beside((face, &used.curve), master, share);
+            let (t, _) = used
+                .trail
+                .project_beside((face, &used.curve), master, share);
             sum += face.point(used.curve.evaluate(t));
             ts.push(t);
         }
@@ -429,7 +435,7 @@ impl<'a> Walker<'a> {
                     t
                 } else {
                     let home = &self.faces[first.face];
-                    self.trails[0].project(home, &first.curve, point).0
+                    first.trail.project(home, &first.curve, point).0
                 };
                 let (low, high) = (stations[at - 1].places[0].t, stations[at].places[0].t);
                 let mut station = self.station(start.clamp(low.min(high), low.max(high)));

@@ -28,6 +28,7 @@ const SEAM_PASSES: usize = 2;
 pub(crate) struct Use {
     pub(crate) face: usize,
     pub(crate) curve: Curve<DVec2>,
+    pub(crate) trail: Trail,
     /// Whether the edge runs from the end of the curve to its start.
     pub(crate) reversed: bool,
 }
@@ -60,6 +61,17 @@ struct Strand {
     collapsed: bool,
     /// Whether it looks for partners now.
     awake: bool,
+}
+
+impl Strand {
+    fn used(&self, reversed: bool) -> Use {
+        Use {
+            face: self.face,
+            curve: self.curve.clone(),
+            trail: self.trail.clone(),
+            reversed,
+        }
+    }
 }
 
 /// Curves on two faces that the file says are one.
@@ -163,7 +175,7 @@ impl Sewer<'_, '_> {
         for strand in &mut self.strands {
             let points = &strand.trail.points;
             let on = |(face, curve, trail): &(usize, &Curve<DVec2>, Trail)| {
-                let near = |p: DVec3| trail.project(&faces[*face], curve, p).1 <= tolerance;
+                let near = |p: DVec3| trail.is_near((&faces[*face], curve), p, tolerance);
                 let ends = [0, points.len() / 2, points.len() - 1];
                 *face == strand.face && ends.into_iter().all(|k| near(points[k].1))
             };
@@ -378,10 +390,10 @@ impl Sewer<'_, '_> {
                     .all(|e| e.distance(self.nodes[n]) > 2.0 * reach)
             })
             .find_map(|&n| {
-                let (t, distance) = strand.trail.project(face, &strand.curve, self.nodes[n]);
+                let place = (face, &strand.curve);
+                let (t, _) = strand.trail.project_within(place, self.nodes[n], reach)?;
                 let range = strand.curve.domain();
-                let inner = range.start < t && t < range.end;
-                (distance <= reach && inner).then_some((n, t))
+                (range.start < t && t < range.end).then_some((n, t))
             })
     }
 
@@ -448,25 +460,19 @@ impl Sewer<'_, '_> {
         if (lengths[0] - lengths[1]).abs() > 0.1 * lengths[0] + 4.0 * reach {
             return false;
         }
-        let face = &self.faces[short.face];
+        let place = (&self.faces[short.face], &short.curve);
         let points = &long.trail.points;
         let step = (points.len() / 24).max(1);
         let inner = points[1..points.len() - 1].iter().step_by(step);
-        inner.clone().count() > 0
-            && inner
-                .map(|p| short.trail.project(face, &short.curve, p.1).1)
-                .all(|distance| distance <= reach)
+        let mut stays = inner.map(|p| short.trail.is_near(place, p.1, reach));
+        stays.len() > 0 && stays.all(|stays| stays)
     }
 
     fn join(&mut self, a: usize, b: usize) {
         let edge = self.strands[a].edge.unwrap_or_else(|| {
             let strand = &self.strands[a];
             self.edges.push(Edge {
-                uses: vec![Use {
-                    face: strand.face,
-                    curve: strand.curve.clone(),
-                    reversed: false,
-                }],
+                uses: vec![strand.used(false)],
                 ends: self.roots(strand),
                 collapsed: false,
             });
@@ -486,11 +492,7 @@ impl Sewer<'_, '_> {
         } else {
             self.roots(second)[0] != ends[0]
         };
-        let used = Use {
-            face: second.face,
-            curve: second.curve.clone(),
-            reversed,
-        };
+        let used = second.used(reversed);
         self.edges[edge].uses.push(used);
         self.strands[a].edge = Some(edge);
         self.strands[b].edge = Some(edge);
@@ -501,11 +503,7 @@ impl Sewer<'_, '_> {
             if self.strands[s].edge.is_none() {
                 let strand = &self.strands[s];
                 let edge = Edge {
-                    uses: vec![Use {
-                        face: strand.face,
-                        curve: strand.curve.clone(),
-                        reversed: false,
-                    }],
+                    uses: vec![strand.used(false)],
                     ends: self.roots(strand),
                     collapsed: strand.collapsed,
                 };

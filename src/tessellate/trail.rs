@@ -86,7 +86,28 @@ impl Trail {
         curve: &Curve<DVec2>,
         target: DVec3,
     ) -> (f64, f64) {
-        self.search((face, curve), target, |_, _| 0.0)
+        self.search((face, curve), target, 0.0..f64::INFINITY, |_, _| 0.0)
+    }
+
+    /// The same if it is no farther than `reach`.
+    pub(super) fn project_within(
+        &self,
+        place: (&Face<'_>, &Curve<DVec2>),
+        target: DVec3,
+        reach: f64,
+    ) -> Option<(f64, f64)> {
+        let found = self.search(place, target, 0.0..reach, |_, _| 0.0);
+        (found.1 <= reach).then_some(found)
+    }
+
+    /// Whether a point of the curve is no farther from `target` than `reach`.
+    pub(super) fn is_near(
+        &self,
+        place: (&Face<'_>, &Curve<DVec2>),
+        target: DVec3,
+        reach: f64,
+    ) -> bool {
+        self.search(place, target, reach..reach, |_, _| 0.0).1 <= reach
     }
 
     /// The same on a curve that may come back to where it was; the place is expected at a share
@@ -99,7 +120,7 @@ impl Trail {
     ) -> (f64, f64) {
         let lengths = &self.lengths;
         let expected = share * self.length();
-        self.search(place, target, |k, part| {
+        self.search(place, target, 0.0..f64::INFINITY, |k, part| {
             let along = lengths[k] + (lengths[k + 1] - lengths[k]) * part;
             ASTRAY * (along - expected).abs()
         })
@@ -117,11 +138,13 @@ impl Trail {
     }
 
     /// The parameter of the point of the curve at which the distance from `target` is least, with what
-    /// counts as distance beside: of a chord, and of the place on it from 0 to 1.
+    /// counts as distance beside: of a chord, and of the place on it from 0 to 1. Any distance up to
+    /// the start of `wanted` is good enough, and none beyond its end is of interest.
     fn search(
         &self,
         (face, curve): (&Face<'_>, &Curve<DVec2>),
         target: DVec3,
+        wanted: Range<f64>,
         beside: impl Fn(usize, f64) -> f64,
     ) -> (f64, f64) {
         let near = |(k, w): (usize, &[(f64, DVec3)])| {
@@ -147,6 +170,7 @@ impl Trail {
         };
         let mut chords: Vec<_> = self.points.windows(2).enumerate().map(near).collect();
         let (mut best, mut least) = ((curve.domain().start, f64::INFINITY), f64::INFINITY);
+        chords.retain(|chord| chord.least <= wanted.end);
         loop {
             chords.retain(|chord| chord.least < least);
             let nearest = chords.iter().min_by(|a, b| a.off.total_cmp(&b.off));
@@ -158,11 +182,13 @@ impl Trail {
             };
             let low = self.points[k.saturating_sub(1)].0;
             let high = self.points[(k + 2).min(self.points.len() - 1)].0;
-            let found = approach(face, curve, target, t, low..high);
+            let equal = EQUAL * self.points[k].1.distance(self.points[k + 1].1);
+            let enough = wanted.start.max(equal);
+            let found = approach((face, curve), target, t, low..high, wanted.start);
             if found.1 + more < least {
                 (best, least) = (found, found.1 + more);
             }
-            if least <= EQUAL * self.points[k].1.distance(self.points[k + 1].1) {
+            if least <= enough {
                 return best;
             }
             // Its neighbours have been looked at, too.
@@ -181,14 +207,14 @@ impl Trail {
     }
 }
 
-/// The point of a curve nearest to `target` in a range, by Newton's steps from `t` on: its
-/// parameter and distance.
+/// The point of a curve nearest to `target` in a range, or one that is near `enough`, by Newton's steps
+/// from `t` on: its parameter and distance.
 fn approach(
-    face: &Face<'_>,
-    curve: &Curve<DVec2>,
+    (face, curve): (&Face<'_>, &Curve<DVec2>),
     target: DVec3,
     mut t: f64,
     range: Range<f64>,
+    enough: f64,
 ) -> (f64, f64) {
     let look = |t: f64| {
         let (uv, way) = curve.tangent(t);
@@ -197,6 +223,9 @@ fn approach(
     let (mut point, mut slope, _) = look(t);
     let mut best = (t, point.distance(target));
     for _ in 0..STEPS {
+        if best.1 <= enough {
+            break;
+        }
         let step = (target - point).dot(slope) / slope.length_squared();
         let next = (t + step).clamp(range.start, range.end);
         if !next.is_finite() {
