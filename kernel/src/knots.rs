@@ -11,6 +11,9 @@ pub const MAX_DEGREE: usize = 30;
 /// more costs time.
 pub(crate) const USUAL_ROOM: usize = 4;
 
+/// Room that is enough for nearly all.
+pub(crate) const WIDE_ROOM: usize = 10;
+
 /// Room for those of any degree.
 pub(crate) const MOST_ROOM: usize = MAX_DEGREE + 1;
 

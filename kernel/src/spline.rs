@@ -7,7 +7,7 @@ use std::ops::{Add, Div, Mul, Range, Sub};
 
 use glam::{DVec2, DVec3, DVec4};
 
-use crate::knots::{MOST_ROOM, USUAL_ROOM, runs};
+use crate::knots::{MOST_ROOM, USUAL_ROOM, WIDE_ROOM, runs};
 use crate::{Error, KnotVector};
 
 /// Homogeneous control points: what a spline can mix.
@@ -316,10 +316,10 @@ pub(crate) fn derivatives<H: Linear, const ORDERS: usize>(
     points: &[H],
     t: f64,
 ) -> [H; ORDERS] {
-    if knots.degree() < USUAL_ROOM {
-        derivatives_in::<H, ORDERS, USUAL_ROOM>(knots, points, t)
-    } else {
-        derivatives_in::<H, ORDERS, MOST_ROOM>(knots, points, t)
+    match knots.degree() {
+        WIDE_ROOM.. => derivatives_in::<H, ORDERS, MOST_ROOM>(knots, points, t),
+        USUAL_ROOM.. => derivatives_in::<H, ORDERS, WIDE_ROOM>(knots, points, t),
+        _ => derivatives_in::<H, ORDERS, USUAL_ROOM>(knots, points, t),
     }
 }
 

@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 
 use crate::curve::{are_rational, lift_all};
-use crate::knots::{MOST_ROOM, USUAL_ROOM};
+use crate::knots::{MOST_ROOM, USUAL_ROOM, WIDE_ROOM};
 use crate::{Aabb, Curve, Error, KnotVector, normal, spline};
 
 /// Points so near to each other, as a share of the size of a surface, are the same.
@@ -178,9 +178,14 @@ impl Surface {
 
     /// The point at `(u, v)` with its [normal](Self::normal).
     pub fn point_and_normal(&self, uv: DVec2) -> (DVec3, Option<DVec3>) {
-        let (point, tangents) = self.tangents(uv);
-        let regular = normal::regular(tangents, self.derivative_sizes(uv));
+        let (point, regular) = self.point_and_regular_normal(uv);
         (point, regular.or_else(|| normal::limit(self, uv)))
+    }
+
+    /// The same, without normals that are limits.
+    pub fn point_and_regular_normal(&self, uv: DVec2) -> (DVec3, Option<DVec3>) {
+        let (point, tangents) = self.tangents(uv);
+        (point, normal::regular(tangents, self.derivative_sizes(uv)))
     }
 
     /// Point and first derivatives along u and v: less work than all [derivatives](Self::derivatives).
@@ -213,14 +218,13 @@ impl Surface {
     /// below `N`.
     fn homogeneous_derivatives<const N: usize>(&self, uv: DVec2) -> [[DVec4; N]; N] {
         let (p, q) = (self.knots_u.degree(), self.knots_v.degree());
-        if p.max(q) >= USUAL_ROOM {
-            return self.derivatives_in::<N, MOST_ROOM>(uv, q);
-        }
         // Loops of known length are faster.
-        match q {
-            1 => self.derivatives_in::<N, USUAL_ROOM>(uv, 1),
-            2 => self.derivatives_in::<N, USUAL_ROOM>(uv, 2),
-            _ => self.derivatives_in::<N, USUAL_ROOM>(uv, 3),
+        match (p.max(q), q) {
+            (WIDE_ROOM.., _) => self.derivatives_in::<N, MOST_ROOM>(uv, q),
+            (USUAL_ROOM.., _) => self.derivatives_in::<N, WIDE_ROOM>(uv, q),
+            (_, 1) => self.derivatives_in::<N, USUAL_ROOM>(uv, 1),
+            (_, 2) => self.derivatives_in::<N, USUAL_ROOM>(uv, 2),
+            (_, _) => self.derivatives_in::<N, USUAL_ROOM>(uv, 3),
         }
     }
 

@@ -215,52 +215,42 @@ impl Quotients<'_> {
         let (m_u, rest) = rest.split_at_mut(two);
         let (m_v, rest) = rest.split_at_mut(two);
         let (second, third) = rest.split_at_mut(two);
+        let mut third = Third {
+            x,
+            cube,
+            inverse: &degrees.inverse[1],
+            row: cube_row,
+            room: third,
+        };
         let mut spread = Spread::default();
         // What is constant along a direction has no derivatives there.
         if p > 0 {
-            xu.add(x, 1.0, m_u, square_row);
-            x.add(xu, -1.0, m_u, square_row);
+            xu.cross(x, m_u, square_row);
             let m = Grid::new(&m_u[..2 * p * square_row], square_row);
             if p > 1 {
-                xuu.add(x, 1.0, second, square_row);
-                x.add(xuu, -1.0, second, square_row);
-                let second = Grid::new(&second[..(2 * p - 1) * square_row], square_row);
-                second.add(x, 1.0, third, cube_row);
+                xuu.cross(x, second, square_row);
             }
-            m.add(xu, -2.0, third, cube_row);
-            raise(third, cube_row, [2, 0]);
-            spread.duu = quotient(third, cube, &degrees.inverse[1]);
+            let first = Grid::new(&second[..(2 * p - 1) * square_row], square_row);
+            spread.duu = third.quotient(first, (m, xu), [2, 0]);
         }
         if q > 0 {
-            xv.add(x, 1.0, m_v, square_row);
-            x.add(xv, -1.0, m_v, square_row);
+            xv.cross(x, m_v, square_row);
             let m = Grid::new(m_v, square_row).narrowed(rows.row(2, 1));
-            third.fill(DVec4::ZERO);
+            second.fill(DVec4::ZERO);
             if q > 1 {
-                second.fill(DVec4::ZERO);
-                xvv.add(x, 1.0, second, square_row);
-                x.add(xvv, -1.0, second, square_row);
-                let second = Grid::new(second, square_row).narrowed(rows.row(2, 2));
-                second.add(x, 1.0, third, cube_row);
+                xvv.cross(x, second, square_row);
             }
-            m.add(xv, -2.0, third, cube_row);
-            raise(third, cube_row, [0, 2]);
-            spread.dvv = quotient(third, cube, &degrees.inverse[1]);
+            let first = Grid::new(second, square_row).narrowed(rows.row(2, 2));
+            spread.dvv = third.quotient(first, (m, xv), [0, 2]);
         }
         if p > 0 && q > 0 {
             second.fill(DVec4::ZERO);
-            third.fill(DVec4::ZERO);
-            xuv.add(x, 1.0, second, square_row);
-            xu.add(xv, 1.0, second, square_row);
-            xv.add(xu, -1.0, second, square_row);
-            x.add(xuv, -1.0, second, square_row);
-            let second = &second[..2 * p * square_row];
-            let second = Grid::new(second, square_row).narrowed(rows.row(2, 1));
-            second.add(x, 1.0, third, cube_row);
+            xuv.cross(x, second, square_row);
+            xu.cross(xv, second, square_row);
+            let first = Grid::new(&second[..2 * p * square_row], square_row);
             let m = Grid::new(&m_u[..2 * p * square_row], square_row);
-            m.add(xv, -2.0, third, cube_row);
-            raise(third, cube_row, [1, 1]);
-            spread.duv = quotient(third, cube, &degrees.inverse[1]);
+            let first = first.narrowed(rows.row(2, 1));
+            spread.duv = third.quotient(first, (m, xv), [1, 1]);
         }
         if p > 0 {
             raise(m_u, square_row, [1, 0]);
@@ -271,6 +261,34 @@ impl Quotients<'_> {
             spread.dv = quotient(m_v, square, &degrees.inverse[0]);
         }
         spread
+    }
+}
+
+/// What second derivatives are quotients of.
+struct Third<'a> {
+    x: Grid<'a, DVec4>,
+    /// The divisor, with the reciprocals of its binomial coefficients.
+    cube: &'a [f64],
+    inverse: &'a [f64],
+    row: usize,
+    room: &'a mut [DVec4],
+}
+
+impl Third<'_> {
+    /// Where a second derivative is: `first w - 2 m wu` over the cube of the weight, after raising it to
+    /// the cube's degrees.
+    #[inline(always)]
+    fn quotient(
+        &mut self,
+        first: Grid<'_, DVec4>,
+        (m, weights): (Grid<'_, DVec4>, Grid<'_, DVec4>),
+        raised: [usize; 2],
+    ) -> Ball {
+        self.room.fill(DVec4::ZERO);
+        first.add(self.x, 1.0, self.room, self.row);
+        m.add(weights, -2.0, self.room, self.row);
+        raise(self.room, self.row, raised);
+        quotient(self.room, self.cube, self.inverse)
     }
 }
 
@@ -314,6 +332,13 @@ impl Grid<'_, DVec4> {
                 }
             }
         }
+    }
+
+    /// Adds the products of both with the weight of the other, the second negative.
+    #[inline(always)]
+    fn cross(self, other: Self, sum: &mut [DVec4], length: usize) {
+        self.add(other, 1.0, sum, length);
+        other.add(self, -1.0, sum, length);
     }
 
     /// The product of two nets' weights.

@@ -17,8 +17,8 @@ const GROUP: usize = 4;
 /// which fills what is left.
 const SAMPLES: [[f64; 3]; 4 * GROUP] = samples();
 
-/// Points along a row of the nets that are evaluated side by side.
-const ROOM: usize = 4;
+/// Points along a side of the nets that are evaluated side by side, at most.
+const ROOM: usize = 10;
 
 const fn samples() -> [[f64; 3]; 4 * GROUP] {
     let mut samples = [[1.0 / 3.0; 3]; 4 * GROUP];
@@ -90,25 +90,26 @@ impl Task for Distances<'_> {
     fn run<S: Simd>(self, _: S) -> f64 {
         // Loops of known length are several times faster.
         match self.piece.degree_v() {
-            1 => self.most::<2>(),
-            2 => self.most::<3>(),
-            _ => self.most::<4>(),
+            1 => self.most::<2>(2),
+            2 => self.most::<3>(3),
+            3 => self.most::<4>(4),
+            q => self.most::<ROOM>(q + 1),
         }
     }
 }
 
 impl Distances<'_> {
-    /// With nets of `ROW` points a row.
+    /// With nets of as many points a row, at most `ROW`.
     #[inline(always)]
-    fn most<const ROW: usize>(self) -> f64 {
+    fn most<const ROW: usize>(self, row: usize) -> f64 {
         let net = self.piece.homogeneous();
         let p = self.piece.degree_u();
         let mut most = [0.0_f64; GROUP];
         for ([u, v], point) in self.places.iter().zip(&self.points) {
             let along_u: [_; ROOM] = basis(p, u);
-            let along_v: [_; ROW] = basis(ROW - 1, v);
+            let along_v: [_; ROW] = basis(row - 1, v);
             let mut sum = [[0.0; GROUP]; 4];
-            for (points, share) in net.chunks_exact(ROW).zip(&along_u) {
+            for (points, share) in net.chunks_exact(row).zip(&along_u) {
                 let mut row = [[0.0; GROUP]; 4];
                 for (point, share) in points.iter().zip(&along_v) {
                     for axis in 0..4 {
@@ -166,7 +167,7 @@ mod tests {
     #[test]
     fn pieces_and_the_whole_surface_are_equally_far() {
         let mut rng = fastrand::Rng::with_seed(5);
-        for [p, q] in [[1, 1], [2, 1], [1, 3], [3, 2], [3, 3]] {
+        for [p, q] in [[1, 1], [2, 1], [1, 3], [3, 2], [3, 3], [6, 3], [2, 5]] {
             let count = (p + 2) * (q + 2);
             let mut point = || DVec3::new(rng.f64(), rng.f64(), rng.f64());
             let points: Vec<DVec3> = (0..count).map(|_| point()).collect();

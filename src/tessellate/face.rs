@@ -4,6 +4,7 @@
 mod inside;
 
 use std::collections::HashMap;
+use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
@@ -67,8 +68,8 @@ pub(super) struct Vertex {
     /// The shared point, on boundaries.
     pub(super) id: Option<u32>,
     pub(super) gap: f64,
-    /// The surface's normal, if it has one; on a crease that of one side.
-    normal: DVec3,
+    /// The surface's normal, zero where that is no more than a limit; on a crease that of one side.
+    pub(super) normal: DVec3,
 }
 
 /// A vertex in the plane of the triangulation.
@@ -398,7 +399,7 @@ impl<'a> Mesher<'a> {
 
     /// Where to divide a triangle that passes a limit.
     fn division(&mut self, inner: &Inner) -> Option<DVec2> {
-        let (ratio, _) = self.judge(inner);
+        let (ratio, _) = self.judge(inner, false);
         if ratio <= 1.0 {
             return None;
         }
@@ -420,60 +421,78 @@ impl<'a> Mesher<'a> {
     }
 
     /// How much a triangle uses of the limits (1 is all), and how far the surface over it is
-    /// from it at most.
-    fn judge(&mut self, inner: &Inner) -> (f64, f64) {
+    /// from it at most; infinitely far if it passes another limit, unless it is to be `proven`.
+    fn judge(&mut self, inner: &Inner, proven: bool) -> (f64, f64) {
         let (corners, known) = self.known[inner.place];
-        if corners == inner.corners {
+        if corners == inner.corners && (known.1.is_finite() || !proven) {
             return known;
         }
-        let [a, b, c] = inner.corners.map(|k| self.vertices[k as usize]);
-        let rect = Rect::around([a.uv, b.uv, c.uv]);
+        let corners = inner.corners.map(|k| self.vertices[k as usize]);
+        let shape = self.shape(&corners);
+        let found = if shape > 1.0 && !proven {
+            (shape, f64::INFINITY)
+        } else {
+            let (ratio, distance) = self.distance(&corners);
+            (ratio.max(shape), distance)
+        };
+        self.known[inner.place] = (inner.corners, found);
+        found
+    }
+
+    /// How much a triangle uses of the tolerance, and how far the surface is from it at most.
+    fn distance(&self, corners: &[Vertex; 3]) -> (f64, f64) {
+        let uvs = corners.map(|v| v.uv);
+        let rect = Rect::around(uvs);
         let is_creased = self.face.pieces.is_creased_inside(&rect);
         let bound = |spread: &Spread| {
             if is_creased {
                 spread.bent(rect.size())
             } else {
-                spread.triangle([a.uv, b.uv, c.uv], rect.size())
+                spread.triangle(uvs, rect.size())
             }
         };
-        let gap = a.gap.max(b.gap).max(c.gap);
+        let gap = corners.iter().map(|v| v.gap).fold(0.0, f64::max);
         let tolerance = AIM * self.face.tolerance;
         let limit = (tolerance - gap).max(0.1 * tolerance);
-        let bound = bound(
-            &self
-                .face
-                .pieces
-                .spread_until(&rect, |rough| bound(rough) <= limit),
-        );
-        let mut ratio = bound / limit;
+        let is_enough = |rough: &Spread| bound(rough) <= limit;
+        let bound = bound(&self.face.pieces.spread_until(&rect, is_enough));
+        (bound / limit, bound + gap)
+    }
+
+    /// How much a triangle uses of the limits to its sides, at least where it passes them.
+    fn shape(&self, &[a, b, c]: &[Vertex; 3]) -> f64 {
         let center = (a.uv + b.uv + c.uv) / 3.0;
-        let sides = [(a, b), (b, c), (c, a)];
-        for (p, q) in sides {
+        // Slightly more than asked of seeds, which are spaced for it exactly.
+        let most = 1.02 * self.limits.angle;
+        let least = most.min(PI).cos();
+        let mut ratio: f64 = 0.0;
+        for (p, q) in [(a, b), (b, c), (c, a)] {
             let length = p.position.distance(q.position);
             ratio = ratio.max(length / self.limits.max_edge);
-            if length > self.face.tolerance && ratio <= 1.0 {
-                let normal = |v: Vertex| {
-                    if self.face.pieces.is_creased(v.uv) {
-                        return self.face.pieces.normal(v.uv, center).unwrap_or_default();
-                    }
-                    v.normal
-                };
-                let angle = normal(p).angle_between(normal(q));
-                // Slightly more than asked of seeds, which are spaced for it exactly.
-                if angle > 1.02 * self.limits.angle {
+            if length <= self.face.tolerance {
+                continue;
+            }
+            let normal = |v: Vertex| {
+                if self.face.pieces.is_creased(v.uv) {
+                    return self.face.pieces.normal(v.uv, center).unwrap_or_default();
+                }
+                v.normal
+            };
+            let (p, q) = (normal(p), normal(q));
+            if p.dot(q) < least {
+                let angle = p.angle_between(q);
+                if angle > most {
                     ratio = ratio.max(angle / self.limits.angle);
                 }
             }
         }
-        let found = (ratio, bound + gap);
-        self.known[inner.place] = (inner.corners, found);
-        found
+        ratio
     }
 
     fn finish(mut self) -> Triangles {
         let mut result = Triangles::default();
         for inner in self.inner() {
-            let (ratio, proven) = self.judge(&inner);
+            let (ratio, proven) = self.judge(&inner, true);
             let corners = inner.corners;
             result.proven = result.proven.max(proven);
             result.unproven += usize::from(ratio > 1.0 || proven > self.face.tolerance);

@@ -359,7 +359,11 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
             if !creased && let Some(&copy) = copies[k as usize].first() {
                 return copy;
             }
-            let normal = face.pieces.normal(vertex.uv, center).unwrap_or(flat);
+            let normal = if creased || vertex.normal == DVec3::ZERO {
+                face.pieces.normal(vertex.uv, center).unwrap_or(flat)
+            } else {
+                vertex.normal
+            };
             let normal = if flipped { -normal } else { normal };
             let same = |&&copy: &&u32| normals[copy as usize].angle_between(normal) < CREASE;
             if let Some(&copy) = copies[k as usize].iter().find(same) {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
-use kernel::{Curve, Patch, TrimRegion, regular_normal};
+use kernel::{Curve, Patch, TrimRegion};
 
 use super::pieces::{Pieces, Rect};
 
@@ -49,8 +49,10 @@ impl<'a> Face<'a> {
 
     /// The same with the normal, which is zero where the surface has none, as at poles.
     pub(super) fn point_and_normal(&self, uv: DVec2) -> (DVec3, DVec3) {
-        let (point, tangents) = self.pieces.surface.tangents(self.clamped(uv));
-        let normal = regular_normal(tangents, [0.0; 2]);
+        let (point, normal) = self
+            .pieces
+            .surface
+            .point_and_regular_normal(self.clamped(uv));
         (point, normal.unwrap_or_default())
     }
 
