@@ -26,9 +26,6 @@ const SAME: f64 = 1e-3;
 /// What is on one side of a crease is looked up this share of a step beside it.
 const INSIDE: f64 = 1e-6;
 
-/// Steps that use this share of the limits on average are even enough.
-const EVEN: f64 = 0.9;
-
 /// Halvings of a step that jumps.
 const BRIDGES: u32 = 6;
 
@@ -109,7 +106,7 @@ impl<'a> Walker<'a> {
         let steps = ratios.len();
         let used: f64 = ratios.iter().map(|r| r.sqrt()).sum();
         let even = ((used / steps as f64).powi(2) * 1.02).max(0.1);
-        if steps > 1 && even < EVEN {
+        if steps > 1 && even < 1.0 {
             let first = stations[1].places[0].t - stations[0].places[0].t;
             let first = first * (even / ratios[0].max(1e-9)).sqrt();
             let (again, shares) = self.walk(even, &kinks, first);

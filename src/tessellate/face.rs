@@ -10,10 +10,10 @@ use glam::{DVec2, DVec3};
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
-use super::Limits;
 use super::pieces::{Rect, Spread};
 use super::rim::Face;
-use super::seed::{Seed, seeds};
+use super::seed::{Seed, seeds, turns};
+use super::{Limits, deviation};
 
 /// Rounds of refinement.
 const ROUNDS: usize = 60;
@@ -126,7 +126,7 @@ impl<'a> Mesher<'a> {
             vertices: Vec::new(),
             fixed: HashMap::new(),
             bounds,
-            scale: scale(face, &bounds),
+            scale: scale(face, &bounds, limits),
             known: Vec::new(),
             trusts_count: None,
         };
@@ -403,20 +403,29 @@ impl<'a> Mesher<'a> {
         if ratio <= 1.0 {
             return None;
         }
-        let uv = |k: u32| self.vertices[k as usize].uv;
-        let length = |a: u32, b: u32| ((uv(a) - uv(b)) * self.scale).length();
-        let [a, b, c] = inner.corners;
-        let free = [[a, b], [b, c], [c, a]]
-            .into_iter()
-            .filter(|&[a, b]| !self.fixed.contains_key(&[a.min(b), a.max(b)]));
-        let longest = free.max_by(|x, y| length(x[0], x[1]).total_cmp(&length(y[0], y[1])));
-        let place = match longest {
-            Some([a, b]) => uv(a).midpoint(uv(b)),
-            None => (uv(a) + uv(b) + uv(c)) / 3.0,
+        let corners = inner.corners.map(|k| self.vertices[k as usize]);
+        let uvs = corners.map(|v| v.uv);
+        let uses = self.sides(&corners);
+        // The side that passes its limit most, else the longest.
+        let measure = |side: usize| {
+            let way = (uvs[side] - uvs[(side + 1) % 3]) * self.scale;
+            (uses[side].max(1.0), way.length())
+        };
+        let is_free = |side: &usize| {
+            let (a, b) = (inner.corners[*side], inner.corners[(side + 1) % 3]);
+            !self.fixed.contains_key(&[a.min(b), a.max(b)])
+        };
+        let side = (0..3).filter(is_free).max_by(|&x, &y| {
+            let (x, y) = (measure(x), measure(y));
+            x.0.total_cmp(&y.0).then(x.1.total_cmp(&y.1))
+        });
+        let place = match side {
+            Some(side) => uvs[side].midpoint(uvs[(side + 1) % 3]),
+            None => (uvs[0] + uvs[1] + uvs[2]) / 3.0,
         };
         // Parameters too near to tell apart are not divided further.
         let domain = self.face.pieces.domain();
-        let fine = (uv(a) - place).abs().max((uv(b) - place).abs()) / domain.size();
+        let fine = (uvs[0] - place).abs().max((uvs[1] - place).abs()) / domain.size();
         (fine.max_element() > 1e-9).then_some(place)
     }
 
@@ -428,7 +437,7 @@ impl<'a> Mesher<'a> {
             return known;
         }
         let corners = inner.corners.map(|k| self.vertices[k as usize]);
-        let shape = self.shape(&corners);
+        let shape = self.sides(&corners).into_iter().fold(0.0, f64::max);
         let found = if shape > 1.0 && !proven {
             (shape, f64::INFINITY)
         } else {
@@ -454,39 +463,44 @@ impl<'a> Mesher<'a> {
         let gap = corners.iter().map(|v| v.gap).fold(0.0, f64::max);
         let tolerance = AIM * self.face.tolerance;
         let limit = (tolerance - gap).max(0.1 * tolerance);
-        let is_enough = |rough: &Spread| bound(rough) <= limit;
+        // What is seen to be too far needs no better bound.
+        let points = corners.map(|v| v.position);
+        let is_far = || deviation::triangle(&self.face.pieces, uvs, points) - gap > limit;
+        let is_enough = |rough: &Spread| bound(rough) <= limit || is_far();
         let bound = bound(&self.face.pieces.spread_until(&rect, is_enough));
         (bound / limit, bound + gap)
     }
 
-    /// How much a triangle uses of the limits to its sides, at least where it passes them.
-    fn shape(&self, &[a, b, c]: &[Vertex; 3]) -> f64 {
-        let center = (a.uv + b.uv + c.uv) / 3.0;
+    /// How much the sides of a triangle use of their limits, at least where they pass them: the first
+    /// from the first corner to the second, and so on.
+    fn sides(&self, corners: &[Vertex; 3]) -> [f64; 3] {
+        let center = (corners[0].uv + corners[1].uv + corners[2].uv) / 3.0;
         // Slightly more than asked of seeds, which are spaced for it exactly.
         let most = 1.02 * self.limits.angle;
         let least = most.min(PI).cos();
-        let mut ratio: f64 = 0.0;
-        for (p, q) in [(a, b), (b, c), (c, a)] {
-            let length = p.position.distance(q.position);
-            ratio = ratio.max(length / self.limits.max_edge);
-            if length <= self.face.tolerance {
-                continue;
+        let normal = |v: &Vertex| {
+            if self.face.pieces.is_creased(v.uv) {
+                return self.face.pieces.normal(v.uv, center).unwrap_or_default();
             }
-            let normal = |v: Vertex| {
-                if self.face.pieces.is_creased(v.uv) {
-                    return self.face.pieces.normal(v.uv, center).unwrap_or_default();
-                }
-                v.normal
-            };
-            let (p, q) = (normal(p), normal(q));
-            if p.dot(q) < least {
-                let angle = p.angle_between(q);
-                if angle > most {
-                    ratio = ratio.max(angle / self.limits.angle);
-                }
+            v.normal
+        };
+        [0, 1, 2].map(|side| {
+            let (a, b) = (&corners[side], &corners[(side + 1) % 3]);
+            let way = b.position - a.position;
+            let ratio = way.length() / self.limits.max_edge;
+            let (from, to) = (normal(a), normal(b));
+            if from.dot(to) >= least {
+                return ratio;
             }
-        }
-        ratio
+            let angle = from.angle_between(to);
+            // How far it goes the way that the normal turns: less than the tolerance means nothing.
+            let turned = way.dot((to - from).normalize_or_zero()).abs();
+            if angle > most && turned > self.face.tolerance {
+                ratio.max(angle / self.limits.angle)
+            } else {
+                ratio
+            }
+        })
     }
 
     fn finish(mut self) -> Triangles {
@@ -517,22 +531,29 @@ fn pair(a: FixedVertexHandle, b: FixedVertexHandle) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Factors that make steps of equal error equally long in both directions, over a rectangle;
-/// directions without curvature count by their length.
-fn scale(face: &Face<'_>, bounds: &Rect) -> DVec2 {
-    let (mut bend, mut length) = (DVec2::ZERO, DVec2::ZERO);
+/// Factors that make steps that use as much of the limits equally long in both directions, over a
+/// rectangle; directions without curvature count by their length.
+fn scale(face: &Face<'_>, bounds: &Rect, limits: &Limits) -> DVec2 {
+    let (mut bend, mut turn, mut length) = (DVec2::ZERO, DVec2::ZERO, DVec2::ZERO);
     for i in 0..3 {
         for j in 0..3 {
             let share = DVec2::new(f64::from(i), f64::from(j)) * 0.4 + 0.1;
             let uv = bounds.min + bounds.size() * share;
             let d = face.pieces.surface.derivatives(uv);
+            let turns = turns(&d) / limits.angle;
             bend += DVec2::new(d.duu.length(), d.dvv.length());
+            // Steps shorter than the tolerance may turn by any angle.
+            let most = DVec2::new(d.du.length(), d.dv.length()) / face.tolerance;
+            let turns = turns.min(most);
+            turn += turns * turns;
             length += DVec2::new(d.du.length_squared(), d.dv.length_squared());
         }
     }
     let size = bounds.size();
     let extent = (length / 9.0 * size * size).max_element();
-    let mean = (bend / (72.0 * face.tolerance) + length / 9.0 * (PLAIN / extent)).sqrt();
+    // The squares of steps per unit, by what asks for most of them.
+    let steps = (bend / (8.0 * face.tolerance)).max(turn);
+    let mean = (steps / 9.0 + length / 9.0 * (PLAIN / extent)).sqrt();
     // The larger side becomes one, the smaller one not too short to compute with.
     let sides = mean * size / (mean * size).max_element();
     let sides = if sides.is_finite() { sides } else { DVec2::ONE };

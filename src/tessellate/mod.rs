@@ -46,8 +46,8 @@ pub enum Tolerance {
 pub struct TessellateOptions {
     /// Largest distance between triangles and surface.
     pub tolerance: Tolerance,
-    /// Largest angle between the normals at the ends of a side, in radians; sides shorter
-    /// than the tolerance may have any.
+    /// Largest angle between the normals at the ends of a side, in radians; over less than the
+    /// tolerance they may turn by any.
     pub angle: f64,
     /// Longest side, in units of the scene.
     pub max_edge: Option<f64>,

@@ -6,6 +6,7 @@
 //! would be far denser than most of their length needs, the face is divided first.
 
 use glam::{DVec2, DVec3};
+use kernel::SurfaceDerivatives;
 
 use super::Limits;
 use super::pieces::Rect;
@@ -177,7 +178,6 @@ impl Density {
 /// The steps along u and v that the limits allow at a point, at most twice `size`.
 fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits, size: DVec2) -> DVec2 {
     let d = face.pieces.surface.derivatives(uv);
-    let normal = d.du.cross(d.dv).normalize_or_zero();
     let (length_u, length_v) = (d.du.length(), d.dv.length());
     let bends = DVec3::new(d.duu.length(), d.duv.length(), d.dvv.length());
     // Rows of triangles with all three sides at 6 times the tolerance.
@@ -187,20 +187,27 @@ fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits, size: DVec2) -> DVec2 {
     step = cap(step);
     let twist = 1.0 + bends.y * step.x * step.y / room;
     step /= twist.sqrt();
-    // How fast the normal turns.
-    let turn = |along: [f64; 2]| {
-        let part = |bend: f64, length: f64| if length > 0.0 { bend / length } else { 0.0 };
-        part(along[0], length_u).hypot(part(along[1], length_v))
-    };
-    let (l, m, n) = (d.duu.dot(normal), d.duv.dot(normal), d.dvv.dot(normal));
+    let turns = turns(&d);
     let angle = 0.9 * limits.angle;
     let limit = DVec2::new(
-        (angle / turn([l, m]))
+        (angle / turns.x)
             .max(face.tolerance / length_u)
             .min(limits.max_edge / length_u),
-        (angle / turn([m, n]))
+        (angle / turns.y)
             .max(face.tolerance / length_v)
             .min(0.86 * limits.max_edge / length_v),
     );
     cap(step.min(limit))
+}
+
+/// How fast the normal turns along u and along v, in radians.
+pub(super) fn turns(d: &SurfaceDerivatives) -> DVec2 {
+    let normal = d.du.cross(d.dv).normalize_or_zero();
+    let (length_u, length_v) = (d.du.length(), d.dv.length());
+    let turn = |along_u: f64, along_v: f64| {
+        let part = |bend: f64, length: f64| if length > 0.0 { bend / length } else { 0.0 };
+        part(along_u, length_u).hypot(part(along_v, length_v))
+    };
+    let (l, m, n) = (d.duu.dot(normal), d.duv.dot(normal), d.dvv.dot(normal));
+    DVec2::new(turn(l, m), turn(m, n))
 }

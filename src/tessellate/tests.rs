@@ -113,6 +113,50 @@ fn a_cylinder_has_no_more_sides_than_its_sagitta_asks_for() {
     );
 }
 
+#[test]
+fn normals_turn_by_no_more_than_the_angle_over_more_than_the_tolerance() {
+    for body in bodies() {
+        for tolerance in [0.3, 0.03] {
+            let options = TessellateOptions {
+                tolerance: Tolerance::Length(tolerance),
+                ..TessellateOptions::default()
+            };
+            let result = tessellate(&scene(vec![body.surface.clone().into()]), &options);
+            let face = result.faces[0].as_ref().unwrap();
+            assert_eq!(face.unproven, 0, "{}", body.name);
+            let (points, normals) = (face.mesh.positions(), face.mesh.normals());
+            for &[a, b, c] in face.mesh.triangles() {
+                for [p, q] in [[a, b], [b, c], [c, a]].map(|ends| ends.map(|k| k as usize)) {
+                    // Normals of poles are limits from one side.
+                    let is_pole = |k: usize| {
+                        let uv = face.parameters[k];
+                        body.surface.point_and_regular_normal(uv).1.is_none()
+                    };
+                    if is_pole(p) || is_pole(q) {
+                        continue;
+                    }
+                    let angle = normals[p].angle_between(normals[q]);
+                    let turned = normals[q] - normals[p];
+                    let across = (points[q] - points[p]).dot(turned.normalize_or_zero());
+                    let fits = angle <= 1.03 * options.angle || across.abs() <= tolerance;
+                    assert!(fits, "{}: {angle} over {across}", body.name);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_long_thin_cylinder_is_divided_across_only() {
+    for radius in [10.0, 1.0, 0.1] {
+        let frame = &modelling::Frame::WORLD;
+        let wire = modelling::cylinder(frame, radius, 0.0..TAU, 0.0..1000.0).unwrap();
+        let result = tessellate(&scene(vec![wire.into()]), &TessellateOptions::default());
+        let count = result.faces[0].as_ref().unwrap().mesh.triangles().len();
+        assert!(count <= 60, "{count} triangles of a radius of {radius}");
+    }
+}
+
 /// A unit cube from six planes, each in directions of its own.
 fn cube() -> Vec<Patch> {
     let plane = |origin: DVec3, u: DVec3, v: DVec3| -> Patch {
