@@ -75,9 +75,9 @@ struct Meeting {
 /// A side of a triangle: its lower point above its higher one, so that it is one number.
 type Side = u64;
 
-/// A side as a face has it, and whether it runs from the lower point there.
+/// A side as a triangle of a face has it, and whether it runs from the lower point there.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Use {
+struct HalfEdge {
     side: Side,
     face: usize,
     upward: bool,
@@ -85,7 +85,7 @@ struct Use {
 
 /// Which faces have to be turned around, and the shells.
 pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
-    let (inner, lists): (Vec<usize>, Vec<Vec<Use>>) = (0..parts.len())
+    let (inner, lists): (Vec<usize>, Vec<Vec<HalfEdge>>) = (0..parts.len())
         .into_par_iter()
         .map(|face| sides(&parts[face], face))
         .unzip();
@@ -155,15 +155,15 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
 }
 
 /// How many sides two triangles of a face have, once each way, and all its others.
-fn sides(part: &Part<'_>, face: usize) -> (usize, Vec<Use>) {
+fn sides(part: &Part<'_>, face: usize) -> (usize, Vec<HalfEdge>) {
     let ways = |[a, b, c]: [u32; 3]| {
-        [[a, b], [b, c], [c, a]].map(|[p, q]| Use {
+        [[a, b], [b, c], [c, a]].map(|[p, q]| HalfEdge {
             side: Side::from(p.min(q)) << 32 | Side::from(p.max(q)),
             face,
             upward: p < q,
         })
     };
-    let mut all: Vec<Use> = part.triangles().flat_map(ways).collect();
+    let mut all: Vec<HalfEdge> = part.triangles().flat_map(ways).collect();
     all.sort_unstable_by_key(|used| (used.side, used.upward));
     let mut inner = 0;
     let mut others = Vec::new();
