@@ -131,13 +131,13 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
     // For every point the last shell in which it was met.
     let highest = parts.iter().flat_map(|part| &part.points).max();
     let mut met = vec![usize::MAX; highest.map_or(0, |&most| most as usize + 1)];
-    for (number, (shell, members)) in shells.iter_mut().zip(members).enumerate() {
+    for (index, (shell, members)) in shells.iter_mut().zip(members).enumerate() {
         for point in members.iter().flat_map(|&k| parts[k].triangles()).flatten() {
             let last = &mut met[point as usize];
-            shell.euler += i64::from(*last != number);
-            *last = number;
+            shell.euler += i64::from(*last != index);
+            *last = index;
         }
-        shell.euler += self::number(shell.triangles);
+        shell.euler += number(shell.triangles);
         // Closed shells have their volume inside, open ones look where most of them did.
         let signed = |&k: &usize| if turned[k] { -1.0 } else { 1.0 } * parts[k].area();
         let balance: f64 = members.iter().map(signed).sum();
