@@ -18,7 +18,8 @@ pub(super) struct MeshArgs {
     /// ft) or in units of the file, or a share of the diagonal of the scene in percent
     #[arg(long, value_name = "LENGTH|%", default_value = "0.05%", value_parser = distance)]
     tolerance: Distance,
-    /// Largest angle between the normals at the ends of a side, in degrees
+    /// Largest angle between the normals at the ends of a side, in degrees; over less than the
+    /// tolerance they may turn by any angle
     #[arg(long, value_name = "DEGREES", default_value_t = 15.0, value_parser = angle)]
     angle: f64,
     /// Longest side: a length as for --tolerance
