@@ -3,8 +3,8 @@
 //! Files of surfaces mostly say nothing about neighbours. Here two stretches of boundary become one
 //! edge if they have the same ends and stay together in between, first within a thousandth
 //! of the tolerance, then within more and more of it: what fits well finds its partner before
-//! a wider reach could confuse it with something else. Seams that a file names come last; they may
-//! be as far apart as the tolerance.
+//! a wider reach could confuse it with something else. Seams that a file names may be as far apart as
+//! the tolerance, and so, nearly, may what is long and has found no partner otherwise.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -16,6 +16,9 @@ use super::trail::Trail;
 
 /// Reaches of the passes, as shares of the tolerance.
 const REACHES: [f64; 4] = [1e-3, 1e-2, 0.1, 0.5];
+
+/// Reach of the last pass, for what is longer than so many times that.
+const WIDE: (f64, f64) = (0.9, 10.0);
 
 /// A trail of fewer points says too little of what lies between its ends.
 const FEW: usize = 9;
@@ -92,6 +95,7 @@ pub(crate) fn sew(
     let tolerance = faces.iter().fold(f64::INFINITY, |m, f| m.min(f.tolerance));
     let mut sewer = Sewer {
         faces,
+        tolerance,
         strands: Vec::new(),
         nodes: Vec::new(),
         parents: Vec::new(),
@@ -119,17 +123,20 @@ pub(crate) fn sew(
     // Wider ones would move a border by more than the tolerance.
     let is_wide = |seam: &&Named<'_>| seam.gap > widest && seam.gap <= tolerance;
     for seam in named.iter().filter(is_wide) {
-        sewer.close(seam, tolerance);
+        sewer.close(seam);
     }
     // What hung between dots may fit afterwards.
     sewer.shrink(widest);
     sewer.split_at_nodes(widest, false);
     sewer.match_strands(widest, false);
+    sewer.match_long();
     sewer.finish()
 }
 
 struct Sewer<'f, 's> {
     faces: &'f [Face<'s>],
+    /// The least of the faces.
+    tolerance: f64,
     strands: Vec<Strand>,
     nodes: Vec<DVec3>,
     /// Union-find over nodes.
@@ -166,8 +173,52 @@ impl Sewer<'_, '_> {
         });
     }
 
+    /// Sews what is long and nearly within the tolerance.
+    fn match_long(&mut self) {
+        let reach = WIDE.0 * self.tolerance;
+        let mut long: Vec<(usize, Aabb)> = Vec::new();
+        for (s, strand) in self.strands.iter_mut().enumerate() {
+            if Self::is_open(strand) && strand.trail.length() > WIDE.1 * reach {
+                long.push((s, strand.trail.bounds()));
+            }
+            strand.awake = false;
+        }
+        long.sort_by(|a, b| a.1.min.x.total_cmp(&b.1.min.x));
+        // No end is moved unless something may come of it.
+        for (k, (a, own)) in long.iter().enumerate() {
+            let room = Aabb {
+                min: own.min - reach,
+                max: own.max + reach,
+            };
+            let near = long[k + 1..]
+                .iter()
+                .take_while(|(_, other)| other.min.x <= room.max.x)
+                .filter(|(_, other)| other.meets(&room));
+            for (b, _) in near {
+                if self.runs_beside(*a, *b, reach) || self.runs_beside(*b, *a, reach) {
+                    self.strands[*a].awake = true;
+                    self.strands[*b].awake = true;
+                }
+            }
+        }
+        self.merge_nodes(reach, false);
+        self.split_at_nodes(reach, false);
+        self.match_strands(reach, false);
+    }
+
+    /// Whether ends and middle of a strand are near a strand of another face.
+    fn runs_beside(&self, a: usize, b: usize, reach: f64) -> bool {
+        let (a, b) = (&self.strands[a], &self.strands[b]);
+        let points = &a.trail.points;
+        let place = (&self.faces[b.face], &b.curve);
+        let near = |k: usize| b.trail.is_near(place, points[k].1, reach);
+        let places = [0, points.len() - 1, points.len() / 2];
+        a.face != b.face && places.into_iter().all(near)
+    }
+
     /// Sews what lies on the sides of a seam.
-    fn close(&mut self, seam: &Named<'_>, tolerance: f64) {
+    fn close(&mut self, seam: &Named<'_>) {
+        let tolerance = self.tolerance;
         let sides = seam
             .sides
             .map(|(face, curve)| (face, curve, Trail::of(&self.faces[face], curve)));
@@ -246,7 +297,7 @@ impl Sewer<'_, '_> {
         }
         // Chains of near points do not become one far-reaching vertex.
         let both = self.boxes[a].union(self.boxes[b]);
-        if both.diagonal() > 1.5 * reach {
+        if both.diagonal() > (1.5 * reach).min(self.tolerance) {
             return;
         }
         let (keep, drop) = if self.links[a].len() >= self.links[b].len() {
