@@ -6,6 +6,8 @@
 //! a wider reach could confuse it with something else. Seams that a file names may be as far apart as
 //! the tolerance, and so, nearly, may what is long and has found no partner otherwise.
 
+mod dots;
+
 use std::collections::{BTreeMap, HashMap};
 
 use glam::{DVec2, DVec3};
@@ -23,8 +25,12 @@ const WIDE: (f64, f64) = (0.9, 10.0);
 /// A trail of fewer points says too little of what lies between its ends.
 const FEW: usize = 9;
 
-/// Passes in which a face may be sewn to itself: its seams fit well.
+/// Passes in which a face may be sewn to itself in any case: most seams fit well.
 const SEAM_PASSES: usize = 2;
+
+/// From one side of another seam to the other it is so many times the reach along the face, and so long
+/// is a ring.
+const AROUND: f64 = 10.0;
 
 /// A stretch of boundary on one face.
 #[derive(Clone, Debug)]
@@ -195,7 +201,8 @@ impl Sewer<'_, '_> {
                 .take_while(|(_, other)| other.min.x <= room.max.x)
                 .filter(|(_, other)| other.meets(&room));
             for (b, _) in near {
-                if self.runs_beside(*a, *b, reach) || self.runs_beside(*b, *a, reach) {
+                let beside = |a, b| self.runs_beside(a, b, reach) && self.may_meet(a, b, reach);
+                if beside(*a, *b) || beside(*b, *a) {
                     self.strands[*a].awake = true;
                     self.strands[*b].awake = true;
                 }
@@ -206,14 +213,15 @@ impl Sewer<'_, '_> {
         self.match_strands(reach, false);
     }
 
-    /// Whether ends and middle of a strand are near a strand of another face.
+    /// Whether ends and middle of a strand are near another one.
     fn runs_beside(&self, a: usize, b: usize, reach: f64) -> bool {
         let (a, b) = (&self.strands[a], &self.strands[b]);
         let points = &a.trail.points;
         let place = (&self.faces[b.face], &b.curve);
         let near = |k: usize| b.trail.is_near(place, points[k].1, reach);
-        let places = [0, points.len() - 1, points.len() / 2];
-        a.face != b.face && places.into_iter().all(near)
+        [0, points.len() - 1, points.len() / 2]
+            .into_iter()
+            .all(near)
     }
 
     /// Sews what lies on the sides of a seam.
@@ -289,8 +297,10 @@ impl Sewer<'_, '_> {
             return;
         }
         let collapses = |&s: &usize| {
-            let ends = self.roots(&self.strands[s]);
-            ends == [a, b] || ends == [b, a]
+            let strand = &self.strands[s];
+            let ends = self.roots(strand);
+            // What is long becomes a ring.
+            (ends == [a, b] || ends == [b, a]) && strand.trail.length() <= AROUND * reach
         };
         if !freely && self.links[a].iter().any(collapses) {
             return;
@@ -318,76 +328,6 @@ impl Sewer<'_, '_> {
             let strand = &mut self.strands[s];
             strand.collapsed = ends[0] == ends[1] && strand.trail.length() <= 4.0 * reach;
         }
-    }
-
-    /// Makes one point of space of what is smaller than `reach` and keeps strands from their
-    /// partners: borders of holes too small to see, where corners of faces do not meet.
-    fn shrink(&mut self, reach: f64) {
-        for strand in &mut self.strands {
-            strand.awake = true;
-        }
-        for s in 0..self.strands.len() {
-            let strand = &self.strands[s];
-            if self.is_dot(strand, reach) && (Self::is_open(strand) || self.is_ear(s)) {
-                let [a, b] = self.strands[s].ends;
-                self.pinch(a, b, reach);
-            }
-        }
-        self.for_close_ends(reach, |sewer, a, b| sewer.pinch(a, b, reach));
-    }
-
-    /// Whether a strand and another one of its face have the same ends: where a border was
-    /// divided in between by what ends beside it.
-    fn is_ear(&self, s: usize) -> bool {
-        let ends = self.roots(&self.strands[s]);
-        let [a, b] = ends;
-        self.links[a].iter().any(|&other| {
-            let strand = &self.strands[other];
-            let same = [ends, [b, a]].contains(&self.roots(strand));
-            other != s && same && strand.face == self.strands[s].face
-        })
-    }
-
-    /// Makes one of two vertices if all that runs between them is short; that becomes a point.
-    fn pinch(&mut self, a: usize, b: usize, reach: f64) {
-        let (a, b) = (self.root(a), self.root(b));
-        if a == b {
-            return;
-        }
-        let between: Vec<usize> = self.links[a]
-            .iter()
-            .copied()
-            .filter(|&s| {
-                let ends = self.roots(&self.strands[s]);
-                ends == [a, b] || ends == [b, a]
-            })
-            .collect();
-        let is_dot = |&s: &usize| self.is_dot(&self.strands[s], reach);
-        if !between.iter().all(is_dot) {
-            return;
-        }
-        self.unite(a, b, reach, true);
-        if self.root(a) == self.root(b) {
-            for s in between {
-                match self.strands[s].edge {
-                    Some(edge) => self.edges[edge].collapsed = true,
-                    None => self.strands[s].collapsed = true,
-                }
-            }
-        }
-    }
-
-    /// Whether a strand is short, and so is the straight way between its ends in the parameters
-    /// of its face.
-    fn is_dot(&self, strand: &Strand, reach: f64) -> bool {
-        let (face, curve) = (&self.faces[strand.face], &strand.curve);
-        let (start, end) = (curve.start(), curve.end());
-        let point = face.point(start);
-        let is_near = |k: u32| {
-            let uv = start.lerp(end, f64::from(k) / 8.0);
-            face.point(face.clamped(uv)).distance(point) <= reach
-        };
-        strand.trail.length() <= reach && (1..8).all(is_near)
     }
 
     /// Divides strands where the end of another one lies on them.
@@ -495,13 +435,29 @@ impl Sewer<'_, '_> {
                 }
                 for &other in &group[k + 1..] {
                     let free = self.strands[other].edge.is_none();
-                    let allowed = seams || self.strands[s].face != self.strands[other].face;
+                    let allowed = seams || self.may_meet(s, other, reach);
                     if free && allowed && self.stay_together(s, other, reach) {
                         self.join(s, other);
                     }
                 }
             }
         }
+    }
+
+    /// Whether strands that run together may be one edge: of two faces, or of one that goes a long way
+    /// from one to the other.
+    fn may_meet(&self, a: usize, b: usize, reach: f64) -> bool {
+        let (a, b) = (&self.strands[a], &self.strands[b]);
+        if a.face != b.face {
+            return true;
+        }
+        let face = &self.faces[a.face];
+        let (t, point) = a.trail.points[a.trail.points.len() / 2];
+        let from = a.curve.evaluate(t);
+        let to = b.curve.evaluate(b.trail.project(face, &b.curve, point).0);
+        let place = |k: u32| face.point(face.clamped(from.lerp(to, f64::from(k) / 8.0)));
+        let way = (0..8).map(|k| place(k).distance(place(k + 1)));
+        way.sum::<f64>() > AROUND * reach
     }
 
     /// Whether every point of one strand is near the other; they have the same ends.

@@ -394,6 +394,31 @@ fn bodies() -> Vec<Body> {
 }
 
 #[test]
+fn seams_that_do_not_quite_meet_are_closed_as_far_as_the_tolerance_allows() {
+    let frame = &modelling::Frame::WORLD;
+    let torus = modelling::torus(frame, 2.0, 0.5, 0.0..TAU, 0.0..TAU).unwrap();
+    let (u, v) = (torus.knots_u(), torus.knots_v());
+    let weights: Vec<f64> = torus.weights().collect();
+    let gap = 0.01;
+    // Both seams are apart, and three corners are elsewhere than the first.
+    let moved = torus.points().enumerate().map(|(k, point)| {
+        let (row, column) = (k / v.count(), k % v.count());
+        let last = |at: usize, count: usize| f64::from(u8::from(at + 1 == count));
+        let (along_u, along_v) = (last(row, u.count()), last(column, v.count()));
+        point + DVec3::X * (gap * along_u + 0.3 * gap * along_v)
+    });
+    let points: Vec<DVec3> = moved.collect();
+    let surface = Surface::new(u.clone(), v.clone(), &points, Some(&weights)).unwrap();
+    for (tolerance, closed) in [(0.1, true), (0.015, true), (0.008, false)] {
+        let result = with_tolerance(surface.clone(), tolerance);
+        let (face, shell) = (result.faces[0].as_ref().unwrap(), &result.shells[0]);
+        assert_eq!(shell.is_closed(), closed, "at {tolerance}: {shell:?}");
+        assert!(face.unproven == 0 && face.proven <= tolerance);
+        assert!(!closed || shell.euler == 0);
+    }
+}
+
+#[test]
 fn slits_are_closed_as_far_as_the_tolerance_allows() {
     // Two halves of a square with a slit between them, one edge a little longer.
     let half = |x: [f64; 2], top: f64| -> Patch {

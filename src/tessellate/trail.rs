@@ -18,15 +18,14 @@ const EQUAL: f64 = 1e-9;
 
 /// Of places nearly as near the one is meant that is where it is expected: what it is away from
 /// there, along the curve, counts as this share of a distance.
-const ASTRAY: f64 = 1e-2;
+const ASTRAY: f64 = 0.1;
 
 /// A chord of a trail, and the place on it that is nearest to a point.
 struct Chord {
     number: usize,
     t: f64,
-    /// What counts as distance there, the part of it that is none, and the least it can be.
+    /// What counts as distance there, and the least it can be.
     off: f64,
-    more: f64,
     least: f64,
 }
 
@@ -86,7 +85,7 @@ impl Trail {
         curve: &Curve<DVec2>,
         target: DVec3,
     ) -> (f64, f64) {
-        self.search((face, curve), target, 0.0..f64::INFINITY, |_, _| 0.0)
+        self.search((face, curve), target, 0.0..f64::INFINITY, None)
     }
 
     /// The same if it is no farther than `reach`.
@@ -96,7 +95,7 @@ impl Trail {
         target: DVec3,
         reach: f64,
     ) -> Option<(f64, f64)> {
-        let found = self.search(place, target, 0.0..reach, |_, _| 0.0);
+        let found = self.search(place, target, 0.0..reach, None);
         (found.1 <= reach).then_some(found)
     }
 
@@ -107,7 +106,7 @@ impl Trail {
         target: DVec3,
         reach: f64,
     ) -> bool {
-        self.search(place, target, reach..reach, |_, _| 0.0).1 <= reach
+        self.search(place, target, reach..reach, None).1 <= reach
     }
 
     /// The same on a curve that may come back to where it was; the place is expected at a share
@@ -118,36 +117,70 @@ impl Trail {
         target: DVec3,
         share: f64,
     ) -> (f64, f64) {
-        let lengths = &self.lengths;
-        let expected = share * self.length();
-        self.search(place, target, 0.0..f64::INFINITY, |k, part| {
-            let along = lengths[k] + (lengths[k + 1] - lengths[k]) * part;
-            ASTRAY * (along - expected).abs()
-        })
+        let expected = Some(share * self.length());
+        self.search(place, target, 0.0..f64::INFINITY, expected)
     }
 
     /// The share of its length at which a parameter is.
     pub(super) fn share(&self, t: f64) -> f64 {
-        let (points, lengths) = (&self.points, &self.lengths);
-        let last = points.len() - 1;
-        let k = points.partition_point(|p| p.0 <= t).clamp(1, last);
-        let part = (t - points[k - 1].0) / (points[k].0 - points[k - 1].0);
-        let along = lengths[k - 1] + (lengths[k] - lengths[k - 1]) * part;
-        let share = along / lengths[last];
+        let share = self.along(t) / self.length();
         if share.is_finite() { share } else { 0.0 }
     }
 
-    /// The parameter of the point of the curve at which the distance from `target` is least, with what
-    /// counts as distance beside: of a chord, and of the place on it from 0 to 1. Any distance up to
-    /// the start of `wanted` is good enough, and none beyond its end is of interest.
+    /// How long it is up to a parameter.
+    fn along(&self, t: f64) -> f64 {
+        let (points, lengths) = (&self.points, &self.lengths);
+        let k = points
+            .partition_point(|p| p.0 <= t)
+            .clamp(1, points.len() - 1);
+        let part = (t - points[k - 1].0) / (points[k].0 - points[k - 1].0);
+        lengths[k - 1] + (lengths[k] - lengths[k - 1]) * part
+    }
+
+    /// The chord on which a length ends, and the parameter there.
+    fn at(&self, length: f64) -> (usize, f64) {
+        let (points, lengths) = (&self.points, &self.lengths);
+        let k = lengths.partition_point(|l| *l <= length);
+        let k = k.clamp(1, points.len() - 1);
+        let part = (length - lengths[k - 1]) / (lengths[k] - lengths[k - 1]);
+        let part = if part.is_finite() {
+            part.clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let (from, to) = (points[k - 1].0, points[k].0);
+        (k - 1, from + (to - from) * part)
+    }
+
+    /// The parameter of the point of the curve at which the distance from `target` is least, together with
+    /// what it is away from the length at which it is `expected`. Any distance up to the start of
+    /// `wanted` is good enough, and none beyond its end is of interest.
     fn search(
         &self,
         (face, curve): (&Face<'_>, &Curve<DVec2>),
         target: DVec3,
         wanted: Range<f64>,
-        beside: impl Fn(usize, f64) -> f64,
+        expected: Option<f64>,
     ) -> (f64, f64) {
-        let near = |(k, w): (usize, &[(f64, DVec3)])| {
+        let more = |along: f64| expected.map_or(0.0, |at| ASTRAY * (along - at).abs());
+        let near = |k: usize| {
+            let low = self.points[k.saturating_sub(1)].0;
+            let high = self.points[(k + 2).min(self.points.len() - 1)].0;
+            low..high
+        };
+        let equal = |k: usize| EQUAL * self.points[k].1.distance(self.points[k + 1].1);
+        let (mut best, mut least) = ((curve.domain().start, f64::INFINITY), f64::INFINITY);
+        let mut seen = None;
+        if let Some(length) = expected {
+            let (k, t) = self.at(length);
+            best = approach((face, curve), target, t, near(k), wanted.start);
+            least = best.1 + more(self.along(best.0));
+            if least <= equal(k) {
+                return best;
+            }
+            seen = Some(k);
+        }
+        let chord = |(k, w): (usize, &[(f64, DVec3)])| {
             let way = w[1].1 - w[0].1;
             let share = (target - w[0].1).dot(way) / way.length_squared();
             let share = if share.is_finite() {
@@ -156,7 +189,8 @@ impl Trail {
                 0.0
             };
             let off = (w[0].1 + way * share).distance(target);
-            let more = beside(k, share);
+            let along = self.lengths[k] + (self.lengths[k + 1] - self.lengths[k]) * share;
+            let more = more(along);
             // The curve may be nearer than its chord.
             let slack = (BULGE * way.length(), ASTRAY * way.length());
             let least = (off - slack.0).max(0.0) + (more - slack.1).max(0.0);
@@ -164,35 +198,28 @@ impl Trail {
                 number: k,
                 t: w[0].0 + (w[1].0 - w[0].0) * share,
                 off: off + more,
-                more,
                 least,
             }
         };
-        let mut chords: Vec<_> = self.points.windows(2).enumerate().map(near).collect();
-        let (mut best, mut least) = ((curve.domain().start, f64::INFINITY), f64::INFINITY);
+        let mut chords: Vec<_> = self.points.windows(2).enumerate().map(chord).collect();
         chords.retain(|chord| chord.least <= wanted.end);
         loop {
-            chords.retain(|chord| chord.least < least);
+            // The neighbours of what was looked at have been, too.
+            let is_seen = |chord: &Chord| seen.is_some_and(|k| chord.number.abs_diff(k) <= 1);
+            chords.retain(|chord| chord.least < least && !is_seen(chord));
             let nearest = chords.iter().min_by(|a, b| a.off.total_cmp(&b.off));
-            let Some(&Chord {
-                number: k, t, more, ..
-            }) = nearest
-            else {
+            let Some(&Chord { number: k, t, .. }) = nearest else {
                 return best;
             };
-            let low = self.points[k.saturating_sub(1)].0;
-            let high = self.points[(k + 2).min(self.points.len() - 1)].0;
-            let equal = EQUAL * self.points[k].1.distance(self.points[k + 1].1);
-            let enough = wanted.start.max(equal);
-            let found = approach((face, curve), target, t, low..high, wanted.start);
-            if found.1 + more < least {
-                (best, least) = (found, found.1 + more);
+            let found = approach((face, curve), target, t, near(k), wanted.start);
+            let off = found.1 + more(self.along(found.0));
+            if off < least {
+                (best, least) = (found, off);
             }
-            if least <= enough {
+            if least <= wanted.start.max(equal(k)) {
                 return best;
             }
-            // Its neighbours have been looked at, too.
-            chords.retain(|chord| chord.number.abs_diff(k) > 1);
+            seen = Some(k);
         }
     }
 
