@@ -185,7 +185,7 @@ impl Sewer<'_, '_> {
         let mut long: Vec<(usize, Aabb)> = Vec::new();
         for (s, strand) in self.strands.iter_mut().enumerate() {
             if Self::is_open(strand) && strand.trail.length() > WIDE.1 * reach {
-                long.push((s, strand.trail.bounds()));
+                long.push((s, strand.trail.bounds));
             }
             strand.awake = false;
         }
@@ -362,7 +362,7 @@ impl Sewer<'_, '_> {
     ) -> Option<(usize, f64)> {
         let strand = &self.strands[s];
         let face = &self.faces[strand.face];
-        let bounds = strand.trail.bounds();
+        let bounds = strand.trail.bounds;
         let (low, high) = (bounds.min - reach, bounds.max + reach);
         let ends = self.roots(strand);
         let end_points = strand.ends.map(|e| self.nodes[e]);

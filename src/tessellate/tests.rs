@@ -394,6 +394,25 @@ fn bodies() -> Vec<Body> {
 }
 
 #[test]
+fn faces_meet_where_a_border_is_farthest_out() {
+    let frame = &modelling::Frame::WORLD;
+    let part = |angles: std::ops::Range<f64>, heights| {
+        Patch::from(modelling::cylinder(frame, 1.0, angles, heights).unwrap())
+    };
+    // Halves begin on a ring where it comes nearest to a side of its box, and not at its own start.
+    for turn in [0.2, 0.9, 2.0] {
+        let scene = scene(vec![
+            part(turn..turn + TAU, 0.0..1.0),
+            part(0.0..PI, 1.0..2.0),
+            part(PI..TAU, 1.0..2.0),
+        ]);
+        let found = tessellate(&scene, &TessellateOptions::default());
+        assert_eq!(found.shells.len(), 1, "at {turn}");
+        assert_eq!(found.shells[0].euler, 0);
+    }
+}
+
+#[test]
 fn seams_that_do_not_quite_meet_are_closed_as_far_as_the_tolerance_allows() {
     let frame = &modelling::Frame::WORLD;
     let torus = modelling::torus(frame, 2.0, 0.5, 0.0..TAU, 0.0..TAU).unwrap();

@@ -36,6 +36,8 @@ pub(crate) struct Trail {
     pub(super) points: Vec<(f64, DVec3)>,
     /// How long it is up to each of them.
     lengths: Vec<f64>,
+    /// A box around the curve.
+    pub(super) bounds: Aabb,
 }
 
 impl Trail {
@@ -63,15 +65,22 @@ impl Trail {
     fn new(points: Vec<(f64, DVec3)>) -> Self {
         let mut lengths = vec![0.0];
         let mut length = 0.0;
+        let mut bounds = Aabb::around(points.iter().map(|p| p.1));
         for pair in points.windows(2) {
-            length += pair[0].1.distance(pair[1].1);
+            let (a, b) = (pair[0].1, pair[1].1);
+            let chord = a.distance(b);
+            length += chord;
             lengths.push(length);
+            // Between its points the curve goes farther.
+            let room = BULGE * chord;
+            bounds.min = bounds.min.min(a.min(b) - room);
+            bounds.max = bounds.max.max(a.max(b) + room);
         }
-        Self { points, lengths }
-    }
-
-    pub(super) fn bounds(&self) -> Aabb {
-        Aabb::around(self.points.iter().map(|p| p.1))
+        Self {
+            points,
+            lengths,
+            bounds,
+        }
     }
 
     pub(super) fn length(&self) -> f64 {
