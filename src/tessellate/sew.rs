@@ -19,18 +19,18 @@ use super::trail::Trail;
 /// Reaches of the passes, as shares of the tolerance.
 const REACHES: [f64; 4] = [1e-3, 1e-2, 0.1, 0.5];
 
-/// Reach of the last pass, for what is longer than so many times that.
-const WIDE: (f64, f64) = (0.9, 10.0);
+/// Reach of the last pass, for what is long.
+const WIDE: f64 = 0.9;
+
+/// What is so many times the reach is long: such a strand may become a ring, and a face that goes such
+/// a way from one strand to another may have its seam there.
+const LONG: f64 = 10.0;
 
 /// A trail of fewer points says too little of what lies between its ends.
 const FEW: usize = 9;
 
 /// Passes in which a face may be sewn to itself in any case: most seams fit well.
 const SEAM_PASSES: usize = 2;
-
-/// From one side of another seam to the other it is so many times the reach along the face, and so long
-/// is a ring.
-const AROUND: f64 = 10.0;
 
 /// A stretch of boundary on one face.
 #[derive(Clone, Debug)]
@@ -179,12 +179,19 @@ impl Sewer<'_, '_> {
         });
     }
 
+    /// Sews the strands that are awake.
+    fn match_awake(&mut self, reach: f64) {
+        self.merge_nodes(reach, false);
+        self.split_at_nodes(reach, false);
+        self.match_strands(reach, false);
+    }
+
     /// Sews what is long and nearly within the tolerance.
     fn match_long(&mut self) {
-        let reach = WIDE.0 * self.tolerance;
+        let reach = WIDE * self.tolerance;
         let mut long: Vec<(usize, Aabb)> = Vec::new();
         for (s, strand) in self.strands.iter_mut().enumerate() {
-            if Self::is_open(strand) && strand.trail.length() > WIDE.1 * reach {
+            if Self::is_open(strand) && strand.trail.length() > LONG * reach {
                 long.push((s, strand.trail.bounds));
             }
             strand.awake = false;
@@ -201,27 +208,19 @@ impl Sewer<'_, '_> {
                 .take_while(|(_, other)| other.min.x <= room.max.x)
                 .filter(|(_, other)| other.meets(&room));
             for (b, _) in near {
-                let beside = |a, b| self.runs_beside(a, b, reach) && self.may_meet(a, b, reach);
+                let beside = |a: usize, b: usize| {
+                    let strand = &self.strands[b];
+                    let place = (&self.faces[strand.face], &strand.curve);
+                    let trail = &self.strands[a].trail;
+                    trail.runs_beside(&strand.trail, place, reach) && self.may_meet(a, b, reach)
+                };
                 if beside(*a, *b) || beside(*b, *a) {
                     self.strands[*a].awake = true;
                     self.strands[*b].awake = true;
                 }
             }
         }
-        self.merge_nodes(reach, false);
-        self.split_at_nodes(reach, false);
-        self.match_strands(reach, false);
-    }
-
-    /// Whether ends and middle of a strand are near another one.
-    fn runs_beside(&self, a: usize, b: usize, reach: f64) -> bool {
-        let (a, b) = (&self.strands[a], &self.strands[b]);
-        let points = &a.trail.points;
-        let place = (&self.faces[b.face], &b.curve);
-        let near = |k: usize| b.trail.is_near(place, points[k].1, reach);
-        [0, points.len() - 1, points.len() / 2]
-            .into_iter()
-            .all(near)
+        self.match_awake(reach);
     }
 
     /// Sews what lies on the sides of a seam.
@@ -232,19 +231,15 @@ impl Sewer<'_, '_> {
             .map(|(face, curve)| (face, curve, Trail::of(&self.faces[face], curve)));
         let faces = self.faces;
         for strand in &mut self.strands {
-            let points = &strand.trail.points;
             let on = |(face, curve, trail): &(usize, &Curve<DVec2>, Trail)| {
-                let near = |p: DVec3| trail.is_near((&faces[*face], curve), p, tolerance);
-                let ends = [0, points.len() / 2, points.len() - 1];
-                *face == strand.face && ends.into_iter().all(|k| near(points[k].1))
+                let place = (&faces[*face], *curve);
+                *face == strand.face && strand.trail.runs_beside(trail, place, tolerance)
             };
             strand.awake = sides.iter().any(on);
         }
         // A little more, since the gap was found at points.
         let reach = seam.gap * 1.01;
-        self.merge_nodes(reach, false);
-        self.split_at_nodes(reach, false);
-        self.match_strands(reach, false);
+        self.match_awake(reach);
     }
 
     fn root(&self, mut node: usize) -> usize {
@@ -300,7 +295,7 @@ impl Sewer<'_, '_> {
             let strand = &self.strands[s];
             let ends = self.roots(strand);
             // What is long becomes a ring.
-            (ends == [a, b] || ends == [b, a]) && strand.trail.length() <= AROUND * reach
+            (ends == [a, b] || ends == [b, a]) && strand.trail.length() <= LONG * reach
         };
         if !freely && self.links[a].iter().any(collapses) {
             return;
@@ -457,7 +452,7 @@ impl Sewer<'_, '_> {
         let to = b.curve.evaluate(b.trail.project(face, &b.curve, point).0);
         let place = |k: u32| face.point(face.clamped(from.lerp(to, f64::from(k) / 8.0)));
         let way = (0..8).map(|k| place(k).distance(place(k + 1)));
-        way.sum::<f64>() > AROUND * reach
+        way.sum::<f64>() > LONG * reach
     }
 
     /// Whether every point of one strand is near the other; they have the same ends.

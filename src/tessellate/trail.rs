@@ -65,7 +65,7 @@ impl Trail {
     fn new(points: Vec<(f64, DVec3)>) -> Self {
         let mut lengths = vec![0.0];
         let mut length = 0.0;
-        let mut bounds = Aabb::around(points.iter().map(|p| p.1));
+        let mut bounds = Aabb::EMPTY;
         for pair in points.windows(2) {
             let (a, b) = (pair[0].1, pair[1].1);
             let chord = a.distance(b);
@@ -73,8 +73,10 @@ impl Trail {
             lengths.push(length);
             // Between its points the curve goes farther.
             let room = BULGE * chord;
-            bounds.min = bounds.min.min(a.min(b) - room);
-            bounds.max = bounds.max.max(a.max(b) + room);
+            bounds = bounds.union(Aabb {
+                min: a.min(b) - room,
+                max: a.max(b) + room,
+            });
         }
         Self {
             points,
@@ -130,6 +132,19 @@ impl Trail {
         self.search(place, target, 0.0..f64::INFINITY, expected)
     }
 
+    /// Whether both ends and the middle are near another curve, which has a trail of its own.
+    pub(super) fn runs_beside(
+        &self,
+        other: &Self,
+        place: (&Face<'_>, &Curve<DVec2>),
+        reach: f64,
+    ) -> bool {
+        let points = &self.points;
+        let places = [0, points.len() - 1, points.len() / 2];
+        let near = |k: usize| other.is_near(place, points[k].1, reach);
+        places.into_iter().all(near)
+    }
+
     /// The share of its length at which a parameter is.
     pub(super) fn share(&self, t: f64) -> f64 {
         let share = self.along(t) / self.length();
@@ -172,18 +187,18 @@ impl Trail {
         expected: Option<f64>,
     ) -> (f64, f64) {
         let more = |along: f64| expected.map_or(0.0, |at| ASTRAY * (along - at).abs());
-        let near = |k: usize| {
+        let look = |k: usize, t: f64| {
             let low = self.points[k.saturating_sub(1)].0;
             let high = self.points[(k + 2).min(self.points.len() - 1)].0;
-            low..high
+            let found = approach((face, curve), target, t, low..high, wanted.start);
+            (found, found.1 + more(self.along(found.0)))
         };
         let equal = |k: usize| EQUAL * self.points[k].1.distance(self.points[k + 1].1);
         let (mut best, mut least) = ((curve.domain().start, f64::INFINITY), f64::INFINITY);
         let mut seen = None;
         if let Some(length) = expected {
             let (k, t) = self.at(length);
-            best = approach((face, curve), target, t, near(k), wanted.start);
-            least = best.1 + more(self.along(best.0));
+            (best, least) = look(k, t);
             if least <= equal(k) {
                 return best;
             }
@@ -220,8 +235,7 @@ impl Trail {
             let Some(&Chord { number: k, t, .. }) = nearest else {
                 return best;
             };
-            let found = approach((face, curve), target, t, near(k), wanted.start);
-            let off = found.1 + more(self.along(found.0));
+            let (found, off) = look(k, t);
             if off < least {
                 (best, least) = (found, off);
             }
