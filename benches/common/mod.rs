@@ -100,22 +100,38 @@ impl View {
         let rows: Vec<DVec3> = (0..height)
             .map(|y| self.forward + self.up * along(y))
             .collect();
-        let mut rays = Vec::new();
+        let mut rays = vec![
+            Ray {
+                origin: self.eye,
+                direction: DVec3::ZERO,
+            };
+            64
+        ];
         squares(width, height, 32, &mut |x, y| {
             let (w, h) = (width.min(x + 32) - x, height.min(y + 32) - y);
             squares(w, h, 8, &mut |i, j| {
-                rays.clear();
+                let mut count = 0;
                 for part in 0..4 {
                     let (x, y) = (x + i + part % 2 * 4, y + j + part / 2 * 4);
                     let columns = &columns[x.min(width)..width.min(x + 4)];
                     for row in &rows[y.min(height)..height.min(y + 4)] {
-                        rays.extend(columns.iter().map(|column| Ray {
-                            origin: self.eye,
-                            direction: *row + *column,
-                        }));
+                        // As many as nearly always, for the compiler to unroll.
+                        if let (Ok(rays), Ok(columns)) = (
+                            <&mut [Ray; 4]>::try_from(&mut rays[count..count + 4]),
+                            <&[DVec3; 4]>::try_from(columns),
+                        ) {
+                            for (ray, column) in rays.iter_mut().zip(columns) {
+                                ray.direction = *row + *column;
+                            }
+                        } else {
+                            for (ray, column) in rays[count..].iter_mut().zip(columns) {
+                                ray.direction = *row + *column;
+                            }
+                        }
+                        count += columns.len();
                     }
                 }
-                visit(&rays);
+                visit(&rays[..count]);
             });
         });
     }

@@ -5,11 +5,13 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::approach::View;
-use super::beam::{Beam, BeamBounds};
+use super::beam::Beam;
 use super::cells::{Cell, CellFrame};
+use super::hull::BeamBounds;
 use super::room::part_of;
 use super::tree::{LocalRay, Tree, WIDTH};
 use crate::intersect::Rect;
+use crate::simd::{Part, Simd};
 
 /// Rounding errors of positions in a tree of size one.
 const POSITION_ERROR: f32 = 16.0 / (1 << 24) as f32;
@@ -213,13 +215,14 @@ fn slab(near: f32, far: f32, p: f32, inverse: f32, half: f32) -> (f32, f32) {
 impl Block {
     /// The cells that rays of the beam may meet before `far`, nearest first.
     #[inline(always)]
-    pub(super) fn meet_beam(
+    pub(super) fn meet_beam<S: Simd>(
         &self,
+        s: S,
         beam: &BeamBounds,
         far: f32,
         found: &mut [(u32, f32); WIDTH],
     ) -> usize {
-        let lanes = self.beam_lanes(beam, far);
+        let lanes = s.apart(OfBeam(self, beam, far));
         let mut count = 0;
         for slot in 0..self.count {
             if lanes.beside[slot as usize] != 0 {
@@ -239,22 +242,9 @@ impl Block {
 
     /// A bit for each cell that rays of the beam may meet before `far`.
     #[inline(always)]
-    pub(super) fn meets_beam(&self, beam: &BeamBounds, far: f32) -> u32 {
-        let lanes = self.beam_lanes(beam, far);
+    pub(super) fn meets_beam<S: Simd>(&self, s: S, beam: &BeamBounds, far: f32) -> u32 {
+        let lanes = s.apart(OfBeam(self, beam, far));
         (0..WIDTH).fold(0, |bits, k| bits | (1 - lanes.beside[k]) << k)
-    }
-
-    #[inline(always)]
-    fn beam_lanes(&self, beam: &BeamBounds, far: f32) -> BeamLanes {
-        let mut lanes = BeamLanes {
-            beside: [0; WIDTH],
-            near: [0.0; WIDTH],
-        };
-        // Without branches, for eight cells at once.
-        for k in 0..WIDTH {
-            self.beam_lane(k, beam, far, &mut lanes);
-        }
-        lanes
     }
 
     /// A cell as a beam sees it, but for what only its pieces know.
@@ -330,6 +320,27 @@ struct BeamLanes {
     /// One where all rays certainly miss the cell.
     beside: [u32; WIDTH],
     near: [f32; WIDTH],
+}
+
+/// Asks the cells of a block about a beam. In many places it would not be compiled for eight cells
+/// at once.
+struct OfBeam<'a>(&'a Block, &'a BeamBounds, f32);
+
+impl<S: Simd> Part<S> for OfBeam<'_> {
+    type Output = BeamLanes;
+
+    #[inline(always)]
+    fn run(self, _: S) -> BeamLanes {
+        let mut lanes = BeamLanes {
+            beside: [0; WIDTH],
+            near: [0.0; WIDTH],
+        };
+        // Without branches, for eight cells at once.
+        for k in 0..WIDTH {
+            self.0.beam_lane(k, self.1, self.2, &mut lanes);
+        }
+        lanes
+    }
 }
 
 /// What eight cells say of a ray.

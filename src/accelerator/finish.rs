@@ -29,10 +29,10 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// The rays `lanes` in the units of a piece whose ball has `center` and `radius` in the
-    /// coordinates of the beam.
+    /// Some rays in the units of a piece whose ball has `center` and `radius` in the coordinates
+    /// of the beam.
     #[inline(always)]
-    pub(super) fn of(beam: &Beam, lanes: &[u8; WIDE_LANES], center: [f64; 3], radius: f64) -> Self {
+    pub(super) fn of(beam: &Beam, lanes: &Eight, center: [f64; 3], radius: f64) -> Self {
         let mut lines = Self {
             slope: [[0.0; WIDE_LANES]; 2],
             constant: [[0.0; WIDE_LANES]; 2],
@@ -40,15 +40,45 @@ impl Lines {
         let depth = center[beam.main] * beam.sign - beam.start;
         let inverse = radius.recip();
         for axis in 0..2 {
-            for (k, &lane) in lanes.iter().enumerate() {
-                let lane = usize::from(lane) % RAYS;
-                let slope = beam.slope[axis][lane];
-                let at = beam.origin[axis][lane] + slope * depth;
-                lines.slope[axis][k] = slope * beam.sign;
+            let slope = lanes.of(&beam.slope[axis]);
+            let origin = lanes.of(&beam.origin[axis]);
+            for k in 0..WIDE_LANES {
+                let at = origin[k] + slope[k] * depth;
+                lines.slope[axis][k] = slope[k] * beam.sign;
                 lines.constant[axis][k] = (at - center[beam.across[axis]]) * inverse;
             }
         }
         lines
+    }
+}
+
+/// Eight rays of a packet.
+pub(super) enum Eight {
+    /// Side by side: which eight.
+    Whole(usize),
+    /// Any, perhaps one several times.
+    Any([u8; WIDE_LANES]),
+}
+
+impl Eight {
+    #[inline(always)]
+    pub(super) fn new(lanes: [u8; WIDE_LANES]) -> Self {
+        let first = usize::from(lanes[0]);
+        let side_by_side = lanes.iter().zip(lanes[0]..).all(|(&a, b)| a == b);
+        if first % WIDE_LANES == 0 && side_by_side {
+            Self::Whole(first / WIDE_LANES)
+        } else {
+            Self::Any(lanes)
+        }
+    }
+
+    /// What a packet has for each of them.
+    #[inline(always)]
+    pub(super) fn of(&self, values: &[f64; RAYS]) -> [f64; WIDE_LANES] {
+        match self {
+            &Self::Whole(eight) => values.as_chunks().0[eight % (RAYS / WIDE_LANES)],
+            Self::Any(lanes) => lanes.map(|lane| values[usize::from(lane) % RAYS]),
+        }
     }
 }
 

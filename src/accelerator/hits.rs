@@ -125,10 +125,15 @@ impl Accelerator<'_> {
         let instance = &self.instances[candidate.instance as usize];
         let cluster = &self.clusters[instance.cluster as usize];
         match candidate.kind {
-            CandidateKind::Surface { piece, u, v, .. } => {
-                let piece = &cluster.pieces.pieces[piece as usize];
-                let place = self.place(instance, piece, DVec2::new(u, v));
-                self.placed_hit(candidate, place)
+            CandidateKind::Surface {
+                piece,
+                u,
+                v,
+                tangential,
+            } => {
+                let shown = self.shown(candidate.instance, piece);
+                let place = self.place(instance, shown.piece, DVec2::new(u, v));
+                shown.hit(candidate.t, (DVec2::new(u, v), tangential), place)
             }
             CandidateKind::Triangle { index, barycentric } => {
                 let triangle = &cluster.triangles[index as usize];
@@ -170,33 +175,17 @@ impl Accelerator<'_> {
         [world.transform_point3(point), normal.unwrap_or(DVec3::ZERO)]
     }
 
-    /// Completes a candidate on a surface from point and normal in the world.
+    /// What all hits of a piece of an instance have in common.
     #[inline(always)]
-    pub(super) fn placed_hit(&self, candidate: &Candidate, [point, normal]: [DVec3; 2]) -> Hit {
-        let CandidateKind::Surface {
-            piece,
-            u,
-            v,
-            tangential,
-        } = candidate.kind
-        else {
-            unreachable!("only roots on surfaces have places");
-        };
-        let instance = &self.instances[candidate.instance as usize];
+    pub(super) fn shown(&self, number: u32, piece: u32) -> Shown<'_> {
+        let instance = &self.instances[number as usize];
         let cluster = &self.clusters[instance.cluster as usize];
-        let piece = &cluster.pieces.pieces[piece as usize];
-        let size = piece.radius * instance.stretch + point.abs().max_element();
-        Hit {
-            t: candidate.t,
-            uv: piece.parameters(DVec2::new(u, v)),
-            point,
-            normal,
-            shape: instance.before.patches + cluster.items[piece.item as usize].offset,
-            tangential,
-            filled: false,
-            error: POINT_ERROR * size,
-            place: (candidate.instance, piece.item),
-            triangle: 0,
+        let part = &cluster.pieces.pieces[piece as usize];
+        Shown {
+            number: (number, piece),
+            piece: part,
+            size: part.radius * instance.stretch,
+            shape: instance.before.patches + cluster.items[part.item as usize].offset,
         }
     }
 
@@ -244,6 +233,45 @@ impl Accelerator<'_> {
             error: POINT_ERROR * size,
             place: (0, 0),
             triangle: triangle.index,
+        }
+    }
+}
+
+/// A piece of an instance.
+pub(super) struct Shown<'a> {
+    /// Those of instance and piece.
+    number: (u32, u32),
+    piece: &'a Piece,
+    /// Radius in the world.
+    size: f64,
+    shape: u32,
+}
+
+impl Shown<'_> {
+    #[inline(always)]
+    pub(super) fn is(&self, instance: u32, piece: u32) -> bool {
+        self.number == (instance, piece)
+    }
+
+    /// A hit at parameters of the piece, with point and normal in the world.
+    #[inline(always)]
+    pub(super) fn hit(
+        &self,
+        t: f64,
+        (uv, tangential): (DVec2, bool),
+        [point, normal]: [DVec3; 2],
+    ) -> Hit {
+        Hit {
+            t,
+            uv: self.piece.parameters(uv),
+            point,
+            normal,
+            shape: self.shape,
+            tangential,
+            filled: false,
+            error: POINT_ERROR * (self.size + point.abs().max_element()),
+            place: (self.number.0, self.piece.item),
+            triangle: 0,
         }
     }
 }

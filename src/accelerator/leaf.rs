@@ -63,7 +63,8 @@ pub(super) struct Rest {
 }
 
 impl Verdict {
-    const NONE: Self = Self {
+    /// What is known before anything is looked at.
+    pub(super) const NONE: Self = Self {
         met: 0,
         x: [0.0; LANES],
         y: [0.0; LANES],
@@ -81,6 +82,12 @@ impl Verdict {
     #[inline(always)]
     fn take<S: Simd>(&mut self, s: S, new: u32, [x, y]: [S::F; 2]) {
         let (mut xs, mut ys) = ([0.0; LANES], [0.0; LANES]);
+        if self.met == 0 {
+            s.store(x, &mut self.x);
+            s.store(y, &mut self.y);
+            self.met = new;
+            return;
+        }
         s.store(x, &mut xs);
         s.store(y, &mut ys);
         for lane in Bits(u64::from(new)) {
@@ -263,39 +270,36 @@ fn narrowed<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     left
 }
 
-/// Tests rays `16 group ..` whose bits are set in `lanes` against their cells.
+/// Tests rays `16 group ..` whose bits are set in `lanes`, and which do not pass by, against
+/// their cells.
 #[inline(always)]
 pub(super) fn meet<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     approach: &Approach<S::F>,
-    group: usize,
-    lanes: u32,
+    (group, lanes): (usize, u32),
     waiting: &mut Waiting,
-) -> Verdict {
+    verdict: &mut Verdict,
+) {
     let &Approach {
-        beside,
         place,
         tilt,
         radius,
         error,
+        ..
     } = approach;
-    let lanes = lanes & !beside;
-    if lanes == 0 {
-        return Verdict::NONE;
-    }
     let seen = Seen { place, tilt, error };
     let window = Window::around(s, place, radius, s.splat(1.0 + MARGIN));
-    let verdict = s.apart(Look::<S, C, RATIONAL> {
+    s.apart(Look::<S, C, RATIONAL> {
         cells,
         seen: &seen,
         window: &window,
         lanes,
+        verdict,
     });
     if verdict.open != 0 {
-        waiting.begin(s, group, &seen, &verdict);
+        waiting.begin(s, group, &seen, verdict);
     }
-    verdict
 }
 
 /// Looks into parts of cells.
@@ -304,7 +308,8 @@ pub(super) fn again<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     batch: &Batch,
-) -> Verdict {
+    verdict: &mut Verdict,
+) {
     let (low, high) = batch.range(s);
     let window = Window::new(s, low, high);
     let lanes = (1 << batch.count) - 1;
@@ -313,7 +318,8 @@ pub(super) fn again<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
         seen: &batch.seen(s),
         window: &window,
         lanes,
-    })
+        verdict,
+    });
 }
 
 /// Looks for roots in windows, one of each ray whose bit is set.
@@ -322,23 +328,26 @@ struct Look<'a, S: Simd, C, const RATIONAL: bool> {
     seen: &'a Seen<S::F>,
     window: &'a Window<S::F>,
     lanes: u32,
+    /// Is replaced; places count where a bit says so.
+    verdict: &'a mut Verdict,
 }
 
 impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
     for Look<'_, S, C, RATIONAL>
 {
-    type Output = Verdict;
+    type Output = ();
 
     #[inline(always)]
-    fn run(self, s: S) -> Verdict {
+    fn run(self, s: S) {
         let Self {
             cells,
             seen,
             window,
             lanes,
+            verdict,
         } = self;
         let &Seen { place, tilt, error } = seen;
-        let mut verdict = Verdict::NONE;
+        verdict.met = 0;
         let distance = distance::<S, C, RATIONAL>(s, cells, place, tilt, window.middle);
         let inverse = Matrix::inverse(s, &distance);
         let (unique, contraction) =
@@ -365,7 +374,7 @@ impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
                 (window, &middle),
                 (contraction, amplified),
                 active,
-                &mut verdict,
+                verdict,
             );
         }
         if verdict.open | verdict.blurred != 0 {
@@ -374,7 +383,6 @@ impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
             verdict.open &= left;
             verdict.blurred &= left;
         }
-        verdict
     }
 }
 

@@ -15,6 +15,7 @@ mod expansion;
 mod fans;
 mod finish;
 mod hits;
+mod hull;
 mod leaf;
 mod meetings;
 mod model;

@@ -120,11 +120,19 @@ pub(super) fn place_of((cluster, cell): (u32, u64)) -> usize {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Models {
     models: Vec<Model>,
-    /// Cluster and cell of each.
-    tags: Vec<(u32, u64)>,
+    /// Cluster and cell at each place, and which of the models is theirs.
+    places: Vec<((u32, u64), Option<u32>)>,
 }
 
 impl Models {
+    /// Whether a cell of cluster number `number` is at hand.
+    #[inline(always)]
+    pub(super) fn has(&self, number: u32, cell: &Cell) -> bool {
+        let tag = (number, cell.key());
+        let place = self.places.get(place_of(tag) % KEPT);
+        place.is_some_and(|(kept, _)| *kept == tag)
+    }
+
     /// The model of a cell of cluster number `number`.
     #[inline(always)]
     pub(super) fn of<S: Simd>(
@@ -134,20 +142,27 @@ impl Models {
         cluster: &Cluster<'_>,
         cell: &Cell,
     ) -> &Model {
-        if self.models.is_empty() {
-            self.models.resize(KEPT, Model::NONE);
-            self.tags.resize(KEPT, (u32::MAX, u64::MAX));
+        if self.places.is_empty() {
+            self.places.resize(KEPT, ((u32::MAX, u64::MAX), None));
         }
         let tag = (number, cell.key());
-        let place = place_of(tag) % KEPT;
-        let model = &mut self.models[place];
-        if self.tags[place] != tag {
+        let (kept, index) = &mut self.places[place_of(tag) % KEPT];
+        let index = match *index {
+            Some(index) => index as usize,
+            None => {
+                *index = u32::try_from(self.models.len()).ok();
+                self.models.push(Model::NONE);
+                self.models.len() - 1
+            }
+        };
+        let model = &mut self.models[index];
+        if *kept != tag {
             s.apart(Fill {
                 model,
                 cluster,
                 cell,
             });
-            self.tags[place] = tag;
+            *kept = tag;
         }
         model
     }

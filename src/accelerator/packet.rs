@@ -2,12 +2,15 @@
 
 use std::ops::Range;
 
+use glam::{DAffine3, DVec2};
 use kernel::Ray;
 
 use super::approach::{self, OneCell, View};
-use super::beam::{BeamBounds, Hull, RAYS};
+use super::beam::{Beam, RAYS};
 use super::block::Block;
 use super::cells::Cell;
+use super::hits::Shown;
+use super::hull::{BeamBounds, Extent, Hull};
 use super::leaf::Bits;
 use super::room::PacketRoom;
 use super::stream::Stream;
@@ -35,26 +38,17 @@ impl Accelerator<'_> {
         workspace.serve(self);
         hits.clear();
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
+            let first = hits.len();
+            hits.resize(first + rays.len(), None);
+            let hits = &mut hits[first..];
             let task = Trace {
                 accelerator: self,
                 rays,
                 ranges,
-                any: false,
+                hits: Some(hits),
                 workspace,
             };
             self.instructions.run(task);
-            let first = hits.len();
-            hits.resize(first + rays.len(), None);
-            let hits = &mut hits[first..];
-            for lane in Bits(workspace.packet.met) {
-                let candidate = &workspace.packet.found[lane];
-                // Each in its own place: a hit is long to copy.
-                if let Some(place) = workspace.packet.places.of(lane) {
-                    hits[lane] = Some(self.placed_hit(candidate, place));
-                } else {
-                    hits[lane] = Some(self.work_out(&rays[lane], candidate));
-                }
-            }
             if !self.seals.is_empty() {
                 for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
                     *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
@@ -78,7 +72,7 @@ impl Accelerator<'_> {
                 accelerator: self,
                 rays,
                 ranges,
-                any: true,
+                hits: None,
                 workspace,
             };
             self.instructions.run(task);
@@ -96,8 +90,8 @@ struct Trace<'a, 'b> {
     accelerator: &'a Accelerator<'a>,
     rays: &'b [Ray],
     ranges: &'b [Range<f64>],
-    /// Whether any hit ends a ray, not only the nearest is of interest.
-    any: bool,
+    /// For the nearest hits, where these are of interest and not only whether there are any.
+    hits: Option<&'b mut [Option<Hit>]>,
     workspace: &'b mut Workspace,
 }
 
@@ -110,46 +104,55 @@ impl Task for Trace<'_, '_> {
             accelerator,
             rays,
             ranges,
-            any,
+            hits,
             workspace,
         } = self;
         let Workspace {
             packet, scratch, ..
         } = workspace;
         packet.met = 0;
-        if Hull::of(s, rays, ranges).passes_by(&accelerator.bounds()) {
+        let hull = Hull::of(s, rays, ranges);
+        if hull.passes_by(&accelerator.bounds()) {
             return;
         }
         packet.places.clear();
-        let mut alive = 0_u64;
-        for lane in 0..RAYS {
-            let range = &ranges[lane.min(rays.len() - 1)];
-            (packet.from[lane], packet.until[lane]) = (range.start, range.end);
-        }
-        packet.rays.gather(rays);
-        let usable = packet.rays.usable();
-        for (lane, usable) in usable.into_iter().enumerate() {
-            let is_open = usable & (packet.from[lane] < packet.until[lane]);
-            alive |= u64::from(is_open) << lane;
-        }
-        alive &= u64::MAX >> (RAYS - rays.len());
         let mut tracer = Tracer {
             s,
             accelerator,
             rays,
-            any,
+            ranges,
+            any: hits.is_none(),
             packet,
             scratch,
-            alive,
+            alive: u64::MAX >> (RAYS - rays.len()),
+            is_ready: false,
             instance: 0,
         };
-        if !tracer.instances() {
+        if !tracer.instances(&hull) {
+            tracer.make_ready();
             s.apart(Stream(&mut tracer));
         }
-        if !any {
-            packet
-                .places
-                .complete(s, &packet.found, &accelerator.instances);
+        let Some(hits) = hits else {
+            return;
+        };
+        let instances = &accelerator.instances;
+        packet.places.complete(s, &packet.found.instance, instances);
+        let mut shown = None;
+        for lane in Bits(packet.met) {
+            let found = &packet.found;
+            let (instance, number) = (found.instance[lane], found.number[lane]);
+            let Some(place) = packet.places.of(lane) else {
+                let candidate = found.candidate(lane, packet.until[lane]);
+                hits[lane] = Some(accelerator.work_out(&rays[lane], &candidate));
+                continue;
+            };
+            let shown = match &shown {
+                Some(shown) if Shown::is(shown, instance, number) => shown,
+                _ => shown.insert(accelerator.shown(instance, number)),
+            };
+            let uv = DVec2::new(found.u[lane], found.v[lane]);
+            let touches = found.tangential >> lane & 1 == 1;
+            hits[lane] = Some(shown.hit(packet.until[lane], (uv, touches), place));
         }
     }
 }
@@ -159,58 +162,68 @@ pub(super) struct Tracer<'a, 'b, S> {
     pub(super) s: S,
     pub(super) accelerator: &'a Accelerator<'a>,
     pub(super) rays: &'b [Ray],
+    ranges: &'b [Range<f64>],
     pub(super) any: bool,
     pub(super) packet: &'b mut PacketRoom,
     pub(super) scratch: &'b mut Scratch,
     /// A bit for each ray that is still looked for.
     pub(super) alive: u64,
+    /// Whether the rays are side by side in the room.
+    is_ready: bool,
     /// The instance at hand.
     pub(super) instance: u32,
 }
 
 impl<S: Simd> Tracer<'_, '_, S> {
+    /// Puts the rays side by side, and leaves out those that can meet nothing.
+    #[inline(always)]
+    fn make_ready(&mut self) {
+        if self.is_ready {
+            return;
+        }
+        self.is_ready = true;
+        let packet = &mut *self.packet;
+        for lane in 0..RAYS {
+            let range = &self.ranges[lane.min(self.rays.len() - 1)];
+            (packet.from[lane], packet.until[lane]) = (range.start, range.end);
+        }
+        packet.rays.gather(self.rays);
+        let mut open = 0;
+        for (lane, usable) in packet.rays.usable().into_iter().enumerate() {
+            let is_open = usable & (packet.from[lane] < packet.until[lane]);
+            open |= u64::from(is_open) << lane;
+        }
+        self.alive &= open;
+    }
+
     /// Follows the rays as a beam as long as they run side by side, and says whether they do.
     #[inline(always)]
-    fn instances(&mut self) -> bool {
+    fn instances(&mut self, hull: &Hull) -> bool {
         let accelerator = self.accelerator;
         let top = &accelerator.top;
         match accelerator.instances[..] {
             [] => return true,
-            [_] => return self.instance(0),
+            [_] => return self.instance(0, hull),
             _ => {}
         }
-        let map = top.map();
-        let packet = &mut *self.packet;
-        let coherent = packet.top_beam.fill(
-            self.s,
-            (&packet.rays, self.alive),
-            &map,
-            (&packet.from, &packet.until),
-            &mut packet.local,
-        );
-        if !coherent {
+        let Some(extent) = hull.extent(&top.map()) else {
             return false;
-        }
-        packet.top_stack.clear();
-        packet.top_stack.push((0, f32::NEG_INFINITY));
+        };
+        let mut far = f32::INFINITY;
+        self.packet.top_stack.clear();
+        self.packet.top_stack.push((0, f32::NEG_INFINITY));
         while let Some((child, near)) = self.packet.top_stack.pop() {
-            let far = self.packet.top_beam.farthest(self.s);
             if near > far {
                 continue;
             }
             if child & IS_LEAF == 0 {
-                let beam = &self.packet.top_beam;
-                let (near, mask) = beam.slabs(top.node(child), far);
-                push(
-                    &mut self.packet.top_stack,
-                    &top.node(child).child,
-                    &near,
-                    mask,
-                );
+                let node = top.node(child);
+                let (near, mask) = extent.slabs(node, far);
+                push(&mut self.packet.top_stack, &node.child, &near, mask);
                 continue;
             }
             for number in top.leaf((child & !IS_LEAF) as usize) {
-                if !self.instance(number) {
+                if !self.instance(number, hull) {
                     return false;
                 }
                 if self.alive == 0 {
@@ -218,12 +231,9 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 }
             }
             // What was found bounds the rest.
-            let packet = &mut *self.packet;
-            for lane in Bits(packet.met) {
-                packet.top_beam.shorten(lane, packet.until[lane]);
-            }
-            for lane in Bits(!self.alive) {
-                packet.top_beam.end(lane);
+            if self.alive & !self.packet.met == 0 {
+                let until = Bits(self.alive).map(|lane| self.packet.until[lane]);
+                far = extent.reach(until.fold(f64::NEG_INFINITY, f64::max));
             }
         }
         true
@@ -231,12 +241,13 @@ impl<S: Simd> Tracer<'_, '_, S> {
 
     /// As [`Self::instances`], through one of them.
     #[inline(always)]
-    fn instance(&mut self, number: usize) -> bool {
+    fn instance(&mut self, number: usize, hull: &Hull) -> bool {
         let accelerator = self.accelerator;
         let instance = &accelerator.instances[number];
         let cluster = &accelerator.clusters[instance.cluster as usize];
         self.instance = u32::try_from(number).expect("fewer instances than fit");
         if !cluster.triangles.is_empty() {
+            self.make_ready();
             for lane in Bits(self.alive) {
                 self.triangles(cluster, lane);
             }
@@ -244,43 +255,68 @@ impl<S: Simd> Tracer<'_, '_, S> {
         if cluster.tree.is_empty() {
             return true;
         }
-        let packet = &mut *self.packet;
         let map = cluster.tree.map() * instance.cluster_from_world;
-        let coherent = packet.beam.fill(
-            self.s,
-            (&packet.rays, self.alive),
-            &map,
-            (&packet.from, &packet.until),
-            &mut packet.local,
-        );
-        if !coherent {
-            return false;
-        }
-        let whole = packet.beam.bounds();
-        let mut parts = [whole; RAYS / LANES];
-        for (group, part) in parts.iter_mut().enumerate() {
-            *part = packet.beam.part(&whole, group);
-        }
-        packet.stack.clear();
-        packet.stack.push((0, f32::NEG_INFINITY));
-        let mut far = packet.beam.farthest(self.s);
+        // Until a cell may be met, bounds of the rays are enough.
+        let rough = hull.extent(&map);
+        let mut far = f32::INFINITY;
+        let mut outline = None;
+        let mut extent = match rough {
+            Some(extent) => extent,
+            None => match self.fill(&map, None) {
+                None => return false,
+                Some(extent) => {
+                    outline = Some(Outline::of(&extent));
+                    far = self.packet.beam.farthest(self.s);
+                    extent
+                }
+            },
+        };
+        let whole = extent.bounds();
+        self.packet.stack.clear();
+        self.packet.stack.push((0, f32::NEG_INFINITY));
         while let Some((child, near)) = self.packet.stack.pop() {
             if near > far {
                 continue;
             }
             if child & IS_LEAF == 0 {
                 let node = cluster.tree.node(child);
-                let (near, mask) = self.packet.beam.slabs(node, far);
+                let (near, mask) = extent.slabs(node, far);
                 push(&mut self.packet.stack, &node.child, &near, mask);
                 continue;
             }
             let block = &cluster.blocks[(child & !IS_LEAF) as usize];
-            far = self.block(cluster, block, (&whole, &parts), far);
+            if outline.is_none() {
+                if block.meets_beam(self.s, &whole, far) == 0 {
+                    continue;
+                }
+                let Some(exact) = self.fill(&map, Some(extent.main)) else {
+                    return false;
+                };
+                extent = exact;
+                far = self.packet.beam.farthest(self.s);
+            }
+            let outline = outline.get_or_insert_with(|| Outline::of(&extent));
+            far = self.block(cluster, block, outline, far);
             if self.alive == 0 {
                 break;
             }
         }
         true
+    }
+
+    /// Sees the rays that are left from a cluster; nothing if they do not run side by side.
+    #[inline(always)]
+    fn fill(&mut self, map: &DAffine3, main: Option<usize>) -> Option<Extent> {
+        self.make_ready();
+        let packet = &mut *self.packet;
+        let coherent = packet.beam.fill(
+            self.s,
+            (&packet.rays, self.alive),
+            (map, main),
+            (&packet.from, &packet.until),
+            &mut packet.local,
+        );
+        coherent.then_some(packet.beam.extent)
     }
 
     /// Meets the triangles of a cluster, ray by ray.
@@ -314,7 +350,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         &mut self,
         cluster: &Cluster<'_>,
         block: &Block,
-        (whole, parts): (&BeamBounds, &[BeamBounds; RAYS / LANES]),
+        outline: &mut Outline,
         mut far: f32,
     ) -> f32 {
         let mut coarse = [(Cell::NONE, 0.0); WIDTH];
@@ -323,17 +359,22 @@ impl<S: Simd> Tracer<'_, '_, S> {
         loop {
             let block = fan.as_ref().unwrap_or(block);
             let mut found = [(0, 0.0); WIDTH];
-            let count = block.meet_beam(whole, far, &mut found);
+            let count = block.meet_beam(self.s, &outline.whole, far, &mut found);
             let mut near = [u32::MAX; RAYS / LANES];
             // Groups of rays tell what few of several cells they come to.
-            if count > 1 {
-                for (near, part) in near.iter_mut().zip(parts) {
-                    *near = block.meets_beam(part, far);
+            if count > 3 {
+                for (near, part) in near.iter_mut().zip(outline.parts(&self.packet.beam)) {
+                    *near = block.meets_beam(self.s, part, far);
                 }
             }
             for &(slot, start) in &found[..count] {
-                let lanes = self.passing(cluster, block, slot as usize, &near);
                 let cell = block.cells[slot as usize];
+                // What is at hand tells itself which rays pass it by.
+                let lanes = if !cell.is_coarse() && self.is_at_hand(&cell) {
+                    self.near(slot, &near)
+                } else {
+                    self.passing(cluster, block, slot as usize, &near)
+                };
                 if lanes != 0 && cell.is_coarse() {
                     coarse[divided] = (cell, start);
                     divided += 1;
@@ -357,6 +398,22 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 }
             }
         }
+    }
+
+    /// Whether a cell of the instance at hand has been made ready.
+    #[inline(always)]
+    fn is_at_hand(&self, cell: &Cell) -> bool {
+        let number = self.accelerator.instances[self.instance as usize].cluster;
+        self.packet.models.has(number, cell)
+    }
+
+    /// The rays of the groups that are `near` to a slot of a block.
+    #[inline(always)]
+    fn near(&self, slot: u32, near: &[u32; RAYS / LANES]) -> u64 {
+        let group = |(group, near): (usize, &u32)| {
+            u64::from(near >> slot & 1) * (0xffff << (group * LANES))
+        };
+        near.iter().enumerate().map(group).sum::<u64>() & self.alive
     }
 
     /// The rays that may meet a cell, of the groups that are `near` to it.
@@ -387,7 +444,6 @@ impl<S: Simd> Tracer<'_, '_, S> {
     /// Looks for the roots of some rays in a cell.
     #[inline(always)]
     fn cell(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) {
-        self.scratch.cells += u64::from(lanes.count_ones());
         let number = self.accelerator.instances[self.instance as usize].cluster;
         let PacketRoom {
             models,
@@ -406,15 +462,17 @@ impl<S: Simd> Tracer<'_, '_, S> {
             beam,
         };
         let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let mut looked = lanes.count_ones();
         if !model.bulge[0].is_finite() {
             for lane in Bits(lanes) {
                 blurred.add(lane, [-1.0; 2], [1.0; 2]);
             }
         } else if piece.is_rational {
-            look::<S, _, true>(self.s, &mut company, lanes, (waiting, roots, blurred));
+            looked = look::<S, _, true>(self.s, &mut company, lanes, (waiting, roots, blurred));
         } else {
-            look::<S, _, false>(self.s, &mut company, lanes, (waiting, roots, blurred));
+            looked = look::<S, _, false>(self.s, &mut company, lanes, (waiting, roots, blurred));
         }
+        self.scratch.cells += u64::from(looked);
         let part = (model.middle, model.half);
         let mut start = 0;
         while start < self.packet.roots.count {
@@ -425,6 +483,35 @@ impl<S: Simd> Tracer<'_, '_, S> {
             let part = self.packet.blurred.part(lane, &cell.rect());
             self.subdivide(cluster, cell, part, lane);
         }
+    }
+}
+
+/// A beam for tests of all its rays at once, and of its groups.
+struct Outline {
+    whole: BeamBounds,
+    parts: Option<[BeamBounds; RAYS / LANES]>,
+}
+
+impl Outline {
+    #[inline(always)]
+    fn of(extent: &Extent) -> Self {
+        Self {
+            whole: extent.bounds(),
+            parts: None,
+        }
+    }
+
+    /// The groups of rays of `beam`, which it is of.
+    #[inline(always)]
+    fn parts(&mut self, beam: &Beam) -> &[BeamBounds; RAYS / LANES] {
+        if self.parts.is_none() {
+            let mut parts = [self.whole; RAYS / LANES];
+            for (group, part) in parts.iter_mut().enumerate() {
+                *part = beam.part(&self.whole, group);
+            }
+            self.parts = Some(parts);
+        }
+        self.parts.as_ref().expect("it was put there")
     }
 }
 

@@ -5,7 +5,7 @@ use kernel::MAX_DEGREE;
 
 use super::Instance;
 use super::beam::RAYS;
-use super::trace::Candidate;
+use super::finish::Roots;
 use crate::simd::{Simd, WIDE_LANES};
 
 /// Square of the sine of the derivatives, and of the ratio of their lengths, above which a normal
@@ -53,12 +53,15 @@ impl Maps {
     };
 
     #[inline(always)]
-    fn gather(&mut self, found: &[Candidate; WIDE_LANES], instances: &[Instance]) {
-        for (k, candidate) in found.iter().enumerate() {
-            if self.instance[k] == candidate.instance {
+    fn gather(&mut self, numbers: &[u32; WIDE_LANES], instances: &[Instance]) {
+        if self.instance == *numbers {
+            return;
+        }
+        for (k, &number) in numbers.iter().enumerate() {
+            if self.instance[k] == number {
                 continue;
             }
-            let instance = &instances[candidate.instance as usize];
+            let instance = &instances[number as usize];
             let map = &instance.world_from_cluster;
             let axes = [
                 map.matrix3.x_axis,
@@ -70,7 +73,7 @@ impl Maps {
                 (to[0][k], to[1][k], to[2][k]) = (from.x, from.y, from.z);
             }
             self.stretch[k] = instance.stretch;
-            self.instance[k] = candidate.instance;
+            self.instance[k] = number;
         }
     }
 
@@ -151,21 +154,41 @@ impl Places {
         }
     }
 
+    /// As [`Self::set`], for the rays of eight: points are `center` and `radius` times those
+    /// given.
+    #[inline(always)]
+    pub(super) fn set_eight(
+        &mut self,
+        eight: usize,
+        (center, radius): (DVec3, f64),
+        roots: &Roots,
+    ) {
+        self.known |= 0xff << (eight * WIDE_LANES);
+        for r in 0..3 {
+            let to = &mut self.point[r].as_chunks_mut::<WIDE_LANES>().0[eight];
+            for (to, from) in to.iter_mut().zip(&roots.point[r]) {
+                *to = center[r] + from * radius;
+            }
+            self.by_u[r].as_chunks_mut().0[eight] = roots.by_u[r];
+            self.by_v[r].as_chunks_mut().0[eight] = roots.by_v[r];
+        }
+    }
+
     /// Brings points to the world and finds normals; what is not surely regular is left out.
     #[inline(always)]
     pub(super) fn complete<S: Simd>(
         &mut self,
         s: S,
-        found: &[Candidate; RAYS],
+        numbers: &[u32; RAYS],
         instances: &[Instance],
     ) {
         let mut regular = 0;
-        for (group, found) in found.as_chunks::<WIDE_LANES>().0.iter().enumerate() {
+        for (group, numbers) in numbers.as_chunks().0.iter().enumerate() {
             let [lanes, ..] = (self.known >> (group * WIDE_LANES)).to_le_bytes();
             if lanes == 0 {
                 continue;
             }
-            self.maps.gather(found, instances);
+            self.maps.gather(numbers, instances);
             let maps = &self.maps;
             let mut point = maps.turned(s, load(s, &self.point, group));
             for (part, origin) in point.iter_mut().zip(&maps.axes[3]) {
@@ -187,9 +210,9 @@ impl Places {
                 & s.lt_d(s.splat_d(SQUARES[0]), square)
                 & s.lt_d(square, s.splat_d(SQUARES[1]));
             regular |= u64::from(bits & u32::from(lanes)) << (group * WIDE_LANES);
-            let length = s.sqrt_d(square);
+            let inverse = s.div_d(s.splat_d(1.0), s.sqrt_d(square));
             for part in &mut normal {
-                *part = s.div_d(*part, length);
+                *part = s.mul_d(*part, inverse);
             }
             store(s, point, &mut self.point, group);
             store(s, normal, &mut self.normal, group);

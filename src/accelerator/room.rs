@@ -1,5 +1,7 @@
 //! What packets of rays remember.
 
+use glam::DVec2;
+
 use super::beam::{Beam, RAYS, Rays};
 use super::expansion::TERMS;
 use super::fans::Fans;
@@ -7,7 +9,7 @@ use super::leaf::Rest;
 use super::meetings::Meetings;
 use super::model::Models;
 use super::places::Places;
-use super::trace::Candidate;
+use super::trace::{Candidate, CandidateKind};
 use super::walk::Walker;
 use super::windows::Waiting;
 use crate::intersect::Rect;
@@ -25,13 +27,12 @@ pub(super) struct PacketRoom {
     pub(super) roots: Box<Met>,
     pub(super) blurred: Box<Blurred>,
     pub(super) beam: Box<Beam>,
-    pub(super) top_beam: Box<Beam>,
     pub(super) rays: Box<Rays>,
     pub(super) local: Box<Rays>,
     pub(super) from: [f64; RAYS],
+    /// The end of what is of interest: the nearest root so far, where a bit of `met` is set.
     pub(super) until: [f64; RAYS],
-    /// The nearest root of each ray so far; of use where a bit of `met` is set.
-    pub(super) found: Box<[Candidate; RAYS]>,
+    pub(super) found: Box<Found>,
     pub(super) places: Box<Places>,
     pub(super) met: u64,
     pub(super) stack: Vec<(u32, f32)>,
@@ -51,12 +52,11 @@ impl Default for PacketRoom {
             roots: Box::new(Met::NONE),
             blurred: Box::new(Blurred::NONE),
             beam: Box::new(Beam::NONE),
-            top_beam: Box::new(Beam::NONE),
             rays: Box::new(Rays::NONE),
             local: Box::new(Rays::NONE),
             from: [0.0; RAYS],
             until: [0.0; RAYS],
-            found: Box::new([Candidate::NONE; RAYS]),
+            found: Box::new(Found::NONE),
             places: Box::new(Places::NONE),
             met: 0,
             stack: Vec::new(),
@@ -65,6 +65,77 @@ impl Default for PacketRoom {
             walkers: Vec::new(),
             meetings: Box::new(Meetings::NONE),
             nets: Box::new([[[0.0; WIDE_LANES]; 4]; TERMS]),
+        }
+    }
+}
+
+/// What the rays of a packet have met: of use where a bit of `met` is set.
+#[derive(Debug)]
+pub(super) struct Found {
+    /// A bit for each that met a surface and not a triangle, and for each that only touches it.
+    pub(super) on_surface: u64,
+    pub(super) tangential: u64,
+    pub(super) instance: [u32; RAYS],
+    /// The piece or the triangle.
+    pub(super) number: [u32; RAYS],
+    /// Parameters of the piece, or barycentric.
+    pub(super) u: [f64; RAYS],
+    pub(super) v: [f64; RAYS],
+}
+
+impl Found {
+    const NONE: Self = Self {
+        on_surface: 0,
+        tangential: 0,
+        instance: [0; RAYS],
+        number: [0; RAYS],
+        u: [0.0; RAYS],
+        v: [0.0; RAYS],
+    };
+
+    /// Takes what ray `lane` has met.
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, candidate: &Candidate) {
+        let (on_surface, touches, number, u, v) = match candidate.kind {
+            CandidateKind::Surface {
+                piece,
+                u,
+                v,
+                tangential,
+            } => (true, tangential, piece, u, v),
+            CandidateKind::Triangle { index, barycentric } => {
+                (false, false, index, barycentric.x, barycentric.y)
+            }
+        };
+        let bit = 1 << lane;
+        self.on_surface = self.on_surface & !bit | u64::from(on_surface) << lane;
+        self.tangential = self.tangential & !bit | u64::from(touches) << lane;
+        self.instance[lane] = candidate.instance;
+        self.number[lane] = number;
+        (self.u[lane], self.v[lane]) = (u, v);
+    }
+
+    /// What ray `lane` has met, at the ray parameter `t`.
+    #[inline(always)]
+    pub(super) fn candidate(&self, lane: usize, t: f64) -> Candidate {
+        let (u, v) = (self.u[lane], self.v[lane]);
+        let kind = if self.on_surface >> lane & 1 == 1 {
+            CandidateKind::Surface {
+                piece: self.number[lane],
+                u,
+                v,
+                tangential: self.tangential >> lane & 1 == 1,
+            }
+        } else {
+            CandidateKind::Triangle {
+                index: self.number[lane],
+                barycentric: DVec2::new(u, v),
+            }
+        };
+        Candidate {
+            t,
+            instance: self.instance[lane],
+            kind,
         }
     }
 }
@@ -88,6 +159,22 @@ impl Met {
         x: [0.0; ROOTS],
         y: [0.0; ROOTS],
     };
+
+    /// Adds the roots of eight rays side by side, when there are none but such yet.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
+    pub(super) fn push_eight(&mut self, eight: usize, x: &[f32; RAYS], y: &[f32; RAYS]) {
+        let place = self.count / WIDE_LANES;
+        for (k, lane) in self.lanes.as_chunks_mut::<WIDE_LANES>().0[place]
+            .iter_mut()
+            .enumerate()
+        {
+            *lane = (eight * WIDE_LANES + k) as u8;
+        }
+        self.x.as_chunks_mut::<WIDE_LANES>().0[place] = x.as_chunks().0[eight];
+        self.y.as_chunks_mut::<WIDE_LANES>().0[place] = y.as_chunks().0[eight];
+        self.count += WIDE_LANES;
+    }
 
     /// Adds a root; says whether there was room for it.
     #[inline(always)]

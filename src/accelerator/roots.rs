@@ -3,13 +3,22 @@
 use glam::{DVec2, DVec3};
 
 use super::Cluster;
-use super::cells::Cell;
-use super::finish::{self, Finish, Lines, Roots};
+use super::cells::{Cell, Piece};
+use super::finish::{self, Eight, Finish, Lines, Roots};
+use super::leaf::Bits;
 use super::packet::Tracer;
 use super::trace::{Candidate, CandidateKind, ClusterRay, keeps, settle};
-use crate::intersect::newton::Newton;
-use crate::intersect::{Intersector, Rect, Target};
+use crate::intersect::subdivide::Subdivide;
+use crate::intersect::{Rect, Target};
 use crate::simd::{Simd, WIDE_LANES};
+
+/// Parameters of a piece may be this much beyond its borders.
+const EDGE: f64 = 1e-12;
+
+#[inline(always)]
+fn inside(x: f64) -> bool {
+    (-EDGE..=1.0 + EDGE).contains(&x)
+}
 
 impl<S: Simd> Tracer<'_, '_, S> {
     /// Finishes eight roots in double precision and takes those that count.
@@ -32,9 +41,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
             start[0][k] = middle[0] + half[0] * f64::from(met.x[from]);
             start[1][k] = middle[1] + half[1] * f64::from(met.y[from]);
         }
+        let eight = Eight::new(lanes);
         let beam = &self.packet.beam;
         let (center, radius) = finish::ball(piece, &cluster.tree);
-        let lines = Lines::of(beam, &lanes, center, radius);
+        let lines = Lines::of(beam, &eight, center, radius);
         let axes = [beam.across[0], beam.across[1], beam.main];
         let wanted = (1_u32 << used) - 1;
         let net = cluster.pieces.net(piece);
@@ -47,17 +57,78 @@ impl<S: Simd> Tracer<'_, '_, S> {
             wanted,
         };
         let roots = finish.roots(self.s, piece.is_rational);
-        let offset = center[beam.main] * beam.sign;
+        let offset = center[beam.main] * beam.sign - beam.start;
         let pace = radius * beam.sign;
+        let (time, paces) = (eight.of(&beam.time), eight.of(&beam.pace));
+        let mut t = [0.0; WIDE_LANES];
+        for k in 0..WIDE_LANES {
+            t[k] = time[k] + (offset + pace * roots.point[axes[2]][k]) * paces[k];
+        }
+        if let Eight::Whole(eight) = eight
+            && !cell.is_trimmed
+            && self.all_count(eight, &t, &roots)
+        {
+            self.take_eight(eight, (piece, cell.piece), &t, &roots);
+            return;
+        }
         for (k, &lane) in lanes[..used].iter().enumerate() {
             let lane = usize::from(lane);
             if roots.found >> k & 1 == 0 {
                 self.subdivide(cluster, cell, cell.rect(), lane);
                 continue;
             }
-            let zeta = offset + pace * roots.point[axes[2]][k];
-            let t = self.packet.beam.time_at(lane, zeta);
-            self.offer(lane, (cluster, cell), (t, &roots, k), |v| v);
+            self.offer(lane, (cluster, cell), (t[k], &roots, k), |v| v);
+        }
+    }
+
+    /// Whether the roots of eight rays side by side count, one and all.
+    #[inline(always)]
+    fn all_count(&self, eight: usize, t: &[f64; WIDE_LANES], roots: &Roots) -> bool {
+        let (from, until) = (&self.packet.from, &self.packet.until);
+        let from: &[f64; WIDE_LANES] = &from.as_chunks().0[eight];
+        let until: &[f64; WIDE_LANES] = &until.as_chunks().0[eight];
+        let mut all = [true; WIDE_LANES];
+        for k in 0..WIDE_LANES {
+            all[k] =
+                inside(roots.u[k]) & inside(roots.v[k]) & (t[k] >= from[k]) & (t[k] < until[k]);
+        }
+        roots.found == 0xff && all == [true; WIDE_LANES]
+    }
+
+    /// Keeps the roots of eight rays side by side in a piece.
+    #[inline(always)]
+    fn take_eight(
+        &mut self,
+        eight: usize,
+        (piece, number): (&Piece, u32),
+        t: &[f64; WIDE_LANES],
+        roots: &Roots,
+    ) {
+        let packet = &mut *self.packet;
+        let found = &mut packet.found;
+        let bits = 0xff << (eight * WIDE_LANES);
+        found.on_surface |= bits;
+        found.tangential &= !bits;
+        found.instance.as_chunks_mut().0[eight] = [self.instance; WIDE_LANES];
+        found.number.as_chunks_mut().0[eight] = [number; WIDE_LANES];
+        for (to, from) in [(&mut found.u, &roots.u), (&mut found.v, &roots.v)] {
+            let to: &mut [f64; WIDE_LANES] = &mut to.as_chunks_mut().0[eight];
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = from.clamp(0.0, 1.0);
+            }
+        }
+        packet
+            .places
+            .set_eight(eight, (piece.center, piece.radius), roots);
+        packet.until.as_chunks_mut().0[eight] = *t;
+        packet.met |= bits;
+        if self.any {
+            self.alive &= !bits;
+            for lane in Bits(bits) {
+                packet.beam.end(lane);
+            }
+        } else {
+            packet.beam.shorten_eight(eight, t);
         }
     }
 
@@ -71,8 +142,6 @@ impl<S: Simd> Tracer<'_, '_, S> {
         (t, roots, k): (f64, &Roots, usize),
         turn: impl Fn(DVec3) -> DVec3,
     ) {
-        const EDGE: f64 = 1e-12;
-        let inside = |x: f64| (-EDGE..=1.0 + EDGE).contains(&x);
         if !(inside(roots.u[k]) && inside(roots.v[k])) {
             return;
         }
@@ -118,7 +187,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
     #[inline(always)]
     pub(super) fn keep(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
         let packet = &mut *self.packet;
-        packet.found[lane] = candidate;
+        packet.found.set(lane, &candidate);
         packet.places.set(lane, place);
         packet.met |= 1 << lane;
         packet.until[lane] = candidate.t;
@@ -153,7 +222,8 @@ impl<S: Simd> Tracer<'_, '_, S> {
             rows: [DVec3::ZERO; 3],
             stray: f64::INFINITY,
         };
-        Newton::roots(self.scratch, &target);
+        self.scratch.roots.clear();
+        self.s.apart(Subdivide(self.scratch, &target));
         let place = (&self.rays[lane], instance);
         settle(place, cluster, (piece, line.slack), &mut self.scratch.roots);
         for k in 0..self.scratch.roots.len() {

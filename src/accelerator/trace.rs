@@ -40,18 +40,6 @@ pub(super) enum CandidateKind {
     },
 }
 
-impl Candidate {
-    /// Of a ray that met nothing.
-    pub(super) const NONE: Self = Self {
-        t: f64::INFINITY,
-        instance: 0,
-        kind: CandidateKind::Triangle {
-            index: 0,
-            barycentric: DVec2::ZERO,
-        },
-    };
-}
-
 impl Accelerator<'_> {
     /// The first hit with `t` in `range`, or nothing.
     pub fn nearest(&self, ray: &Ray, range: Range<f64>, workspace: &mut Workspace) -> Option<Hit> {

@@ -9,7 +9,7 @@ use super::beam::RAYS;
 use super::distance::Cells;
 use super::leaf::{self, Bits, Seen, Verdict};
 use super::room::{Blurred, Met};
-use crate::simd::{LANES, PerLane, Simd};
+use crate::simd::{LANES, PerLane, Simd, WIDE_LANES};
 
 /// Parts that wait at most.
 const CAPACITY: usize = 1024;
@@ -27,10 +27,11 @@ pub(super) struct Waiting {
     count: usize,
     /// Parts that may still be looked into.
     left: usize,
-    lane: [u8; CAPACITY],
-    depth: [u8; CAPACITY],
-    low: [[f32; CAPACITY]; 2],
-    high: [[f32; CAPACITY]; 2],
+    /// Of each part, with room to take sixteen at once.
+    lane: [u8; CAPACITY + LANES],
+    depth: [u8; CAPACITY + LANES],
+    low: [[f32; CAPACITY + LANES]; 2],
+    high: [[f32; CAPACITY + LANES]; 2],
     /// Of each ray: see [`Seen`].
     place: [[f32; RAYS]; 2],
     tilt: [[f32; RAYS]; 2],
@@ -52,7 +53,7 @@ pub(super) struct Batch {
 
 /// The lanes of a group.
 #[inline(always)]
-fn lanes(values: &mut [f32; RAYS], group: usize) -> &mut [f32; LANES] {
+fn lanes_of(values: &mut [f32; RAYS], group: usize) -> &mut [f32; LANES] {
     &mut values.as_chunks_mut::<LANES>().0[group]
 }
 
@@ -60,10 +61,10 @@ impl Waiting {
     pub(super) const NONE: Self = Self {
         count: 0,
         left: 0,
-        lane: [0; CAPACITY],
-        depth: [0; CAPACITY],
-        low: [[0.0; CAPACITY]; 2],
-        high: [[0.0; CAPACITY]; 2],
+        lane: [0; CAPACITY + LANES],
+        depth: [0; CAPACITY + LANES],
+        low: [[0.0; CAPACITY + LANES]; 2],
+        high: [[0.0; CAPACITY + LANES]; 2],
         place: [[0.0; RAYS]; 2],
         tilt: [[0.0; RAYS]; 2],
         error: [[0.0; RAYS]; 2],
@@ -86,9 +87,9 @@ impl Waiting {
         verdict: &Verdict,
     ) {
         for k in 0..2 {
-            s.store(seen.place[k], lanes(&mut self.place[k], group));
-            s.store(seen.tilt[k], lanes(&mut self.tilt[k], group));
-            s.store(seen.error[k], lanes(&mut self.error[k], group));
+            s.store(seen.place[k], lanes_of(&mut self.place[k], group));
+            s.store(seen.tilt[k], lanes_of(&mut self.tilt[k], group));
+            s.store(seen.error[k], lanes_of(&mut self.error[k], group));
         }
         self.left += verdict.open.count_ones() as usize * PARTS;
         for k in Bits(u64::from(verdict.open)) {
@@ -158,7 +159,9 @@ impl Waiting {
     #[inline(always)]
     pub(super) fn take(&mut self) -> Option<Batch> {
         let count = self.count.min(LANES);
-        let last = self.count.checked_sub(1)?;
+        if count == 0 {
+            return None;
+        }
         self.count -= count;
         self.left = self.left.saturating_sub(count);
         let mut batch = Batch {
@@ -171,14 +174,17 @@ impl Waiting {
             tilt: [[0.0; LANES]; 2],
             error: [[0.0; LANES]; 2],
         };
+        // What is beyond the last is of no account.
+        let parts = self.count..self.count + LANES;
+        batch.lane.copy_from_slice(&self.lane[parts.clone()]);
+        batch.depth.copy_from_slice(&self.depth[parts.clone()]);
+        for side in 0..2 {
+            batch.low[side].copy_from_slice(&self.low[side][parts.clone()]);
+            batch.high[side].copy_from_slice(&self.high[side][parts.clone()]);
+        }
         for k in 0..LANES {
-            let from = (self.count + k).min(last);
-            let lane = usize::from(self.lane[from]) % RAYS;
-            batch.lane[k] = self.lane[from];
-            batch.depth[k] = self.depth[from];
+            let lane = usize::from(batch.lane[k]) % RAYS;
             for side in 0..2 {
-                batch.low[side][k] = self.low[side][from];
-                batch.high[side][k] = self.high[side][from];
                 batch.place[side][k] = self.place[side][lane];
                 batch.tilt[side][k] = self.tilt[side][lane];
                 batch.error[side][k] = self.error[side][lane];
@@ -238,32 +244,54 @@ pub(super) fn group_of(lanes: u64, group: usize) -> u32 {
 }
 
 /// Looks for the roots of rays in their cells, and into parts of these for rays for which it is
-/// not clear; what single precision does not do for is left to the last of the rooms.
+/// not clear; what single precision does not do for is left to the last of the rooms. The result
+/// says how many rays do not pass their cells by.
+///
+/// Of the roots those of eight rays side by side come first, eight by eight.
 #[inline(always)]
 pub(super) fn look<S: Simd, C: Company<S>, const RATIONAL: bool>(
     s: S,
     company: &mut C,
     lanes: u64,
     (waiting, roots, blurred): (&mut Waiting, &mut Met, &mut Blurred),
-) {
+) -> u32 {
+    let mut verdict = Verdict::NONE;
+    let (mut looked, mut single) = (0, 0_u64);
+    let (mut x, mut y) = ([0.0; RAYS], [0.0; RAYS]);
     for group in 0..RAYS / LANES {
         let part = group_of(lanes, group);
         if part == 0 {
             continue;
         }
         let approach = company.approach::<RATIONAL>(s, group);
-        let verdict =
-            leaf::meet::<S, _, RATIONAL>(s, company.cells(group), &approach, group, part, waiting);
+        let part = part & !approach.beside;
+        if part == 0 {
+            continue;
+        }
+        looked += part.count_ones();
+        let at = (group, part);
+        let cells = company.cells(group);
+        leaf::meet::<S, _, RATIONAL>(s, cells, &approach, at, waiting, &mut verdict);
         for k in Bits(u64::from(verdict.blurred)) {
             blurred.add_rest(group * LANES + k, &verdict.rest, k);
         }
-        for k in Bits(u64::from(verdict.met)) {
-            // There is room for the first of every ray.
-            roots.push(group * LANES + k, verdict.x[k], verdict.y[k]);
+        *lanes_of(&mut x, group) = verdict.x;
+        *lanes_of(&mut y, group) = verdict.y;
+        single |= u64::from(verdict.met) << (group * LANES);
+    }
+    // There is room for the first of every ray.
+    for eight in 0..RAYS / WIDE_LANES {
+        let bits = 0xff << (eight * WIDE_LANES);
+        if single & bits == bits {
+            single &= !bits;
+            roots.push_eight(eight, &x, &y);
         }
     }
+    for lane in Bits(single) {
+        roots.push(lane, x[lane], y[lane]);
+    }
     while let Some(batch) = waiting.take() {
-        let verdict = leaf::again::<S, _, RATIONAL>(s, company.cells_of(&batch), &batch);
+        leaf::again::<S, _, RATIONAL>(s, company.cells_of(&batch), &batch, &mut verdict);
         waiting.go_on(&batch, &verdict, blurred);
         waiting.give_up(blurred);
         for k in Bits(u64::from(verdict.blurred)) {
@@ -277,4 +305,5 @@ pub(super) fn look<S: Simd, C: Company<S>, const RATIONAL: bool>(
             }
         }
     }
+    looked
 }

@@ -3,7 +3,7 @@
 mod edge;
 pub(crate) mod net;
 pub(crate) mod newton;
-mod subdivide;
+pub(crate) mod subdivide;
 mod tangent;
 pub(crate) mod triangle;
 mod twofold;

@@ -240,39 +240,76 @@ pub(crate) fn restrict<C: Coefficient>(
     u: (f64, f64),
     v: (f64, f64),
 ) {
-    type Split<C> = fn(&mut [C], &mut [C], Degrees, f64);
-    for (split, (start, end)) in [(split_u as Split<C>, u), (split_v, v)] {
-        if end < 1.0 {
-            spare.copy_from_slice(net);
-            split(net, spare, degrees, end);
-        }
-        if start > 0.0 {
-            spare.copy_from_slice(net);
-            split(spare, net, degrees, start / end);
-        }
+    if u.1 < 1.0 {
+        spare.copy_from_slice(net);
+        split_u(net, spare, degrees, u.1);
     }
+    if u.0 > 0.0 {
+        spare.copy_from_slice(net);
+        split_u(spare, net, degrees, u.0 / u.1);
+    }
+    if v.1 < 1.0 {
+        spare.copy_from_slice(net);
+        split_v(net, spare, degrees, v.1);
+    }
+    if v.0 > 0.0 {
+        spare.copy_from_slice(net);
+        split_v(spare, net, degrees, v.0 / v.1);
+    }
+}
+
+/// Comparisons side by side, so that none waits for the one before.
+const CHAINS: usize = 4;
+
+/// The lesser; `a` where `b` is not a number.
+#[inline(always)]
+fn lesser(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+
+/// The greater; `a` where `b` is not a number.
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
+/// The greatest of values; zero if there is none above.
+#[inline(always)]
+fn greatest(values: impl Iterator<Item = f64>) -> f64 {
+    let mut most = [0.0; CHAINS];
+    for (k, value) in values.enumerate() {
+        most[k % CHAINS] = greater(most[k % CHAINS], value);
+    }
+    greater(greater(most[0], most[1]), greater(most[2], most[3]))
 }
 
 /// Least and greatest coefficient.
 #[inline(always)]
 pub(crate) fn range(net: &[f64]) -> (f64, f64) {
-    let start = (f64::INFINITY, f64::NEG_INFINITY);
-    net.iter()
-        .fold(start, |(min, max), &c| (min.min(c), max.max(c)))
+    let (mut low, mut high) = ([f64::INFINITY; CHAINS], [f64::NEG_INFINITY; CHAINS]);
+    let (many, rest) = net.as_chunks::<CHAINS>();
+    for four in many {
+        for k in 0..CHAINS {
+            (low[k], high[k]) = (lesser(low[k], four[k]), greater(high[k], four[k]));
+        }
+    }
+    for &c in rest {
+        (low[0], high[0]) = (lesser(low[0], c), greater(high[0], c));
+    }
+    let ([a, b, c, d], [e, f, g, h]) = (low, high);
+    (
+        lesser(lesser(a, b), lesser(c, d)),
+        greater(greater(e, f), greater(g, h)),
+    )
 }
 
 /// The largest steps between neighbouring coefficients, along u and along v.
 #[inline(always)]
 pub(crate) fn variation(net: &[f64], degrees: Degrees) -> (f64, f64) {
     let row = degrees.q + 1;
-    let along_u = net
-        .iter()
-        .zip(&net[row..])
-        .fold(0.0, |max: f64, (a, b)| max.max((b - a).abs()));
-    let along_v = net
-        .chunks_exact(row)
-        .flat_map(|line| line.windows(2))
-        .fold(0.0, |max: f64, pair| max.max((pair[1] - pair[0]).abs()));
+    let along_u = greatest(net.iter().zip(&net[row..]).map(|(a, b)| (b - a).abs()));
+    let steps = |line: &[f64]| greatest(line.iter().zip(&line[1..]).map(|(a, b)| (b - a).abs()));
+    let along_v = greatest(net.chunks_exact(row).map(steps));
     (along_u, along_v)
 }
 
@@ -281,16 +318,11 @@ pub(crate) fn variation(net: &[f64], degrees: Degrees) -> (f64, f64) {
 pub(crate) fn deviation(net: &[f64], degrees: Degrees, du: f64, dv: f64) -> f64 {
     let row = degrees.q + 1;
     let (p, q) = (degrees.p as f64, degrees.q as f64);
-    let along_u = net
-        .iter()
-        .zip(&net[row..])
-        .fold(0.0, |max: f64, (a, b)| max.max((p * (b - a) - du).abs()));
-    let along_v = net
-        .chunks_exact(row)
-        .flat_map(|line| line.windows(2))
-        .fold(0.0, |max: f64, pair| {
-            max.max((q * (pair[1] - pair[0]) - dv).abs())
-        });
+    let stray_u = |(a, b): (&f64, &f64)| (p * (b - a) - du).abs();
+    let along_u = greatest(net.iter().zip(&net[row..]).map(stray_u));
+    let stray_v = |(a, b): (&f64, &f64)| (q * (b - a) - dv).abs();
+    let strays = |line: &[f64]| greatest(line.iter().zip(&line[1..]).map(stray_v));
+    let along_v = greatest(net.chunks_exact(row).map(strays));
     along_u + along_v
 }
 

@@ -9,8 +9,9 @@
 use glam::DVec4;
 
 use super::net;
-use super::subdivide::subdivide;
+use super::subdivide::Subdivide;
 use super::{Intersector, Root, Scratch, Target};
+use crate::simd::{Portable, Simd};
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,7 +50,7 @@ impl Intersector for Newton {
                 Decision::Open => {}
             }
         }
-        subdivide(scratch, target);
+        Portable.apart(Subdivide(scratch, target));
     }
 }
 

@@ -13,6 +13,7 @@ use super::net::{self, Degrees, bernstein};
 use super::newton::{Inverse, STEPS, UNIQUE, WIDENED, within};
 use super::tangent::{Contact, contact, distances};
 use super::{Line, PieceNet, Rect, Root, Scratch, Target};
+use crate::simd::{Part, Simd};
 
 /// A Jacobian whose inverse blows up the rounding errors to this part of a cell is taken for
 /// singular.
@@ -29,12 +30,29 @@ const THIN: f64 = 1e-4;
 const PATIENCE: u32 = 2000;
 
 /// Appends all roots of a cell to those of the scratch, by subdivision.
-#[inline(never)]
-pub(super) fn subdivide(scratch: &mut Scratch, target: &Target<'_>) {
+pub(crate) struct Subdivide<'a>(pub(crate) &'a mut Scratch, pub(crate) &'a Target<'a>);
+
+impl<S: Simd> Part<S> for Subdivide<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: S) {
+        let Self(scratch, target) = self;
+        let cubic = Degrees { p: 3, q: 3 };
+        if target.piece.degrees == cubic {
+            // As below, with a number of turns that is known.
+            subdivide(scratch, target, cubic);
+        } else {
+            subdivide(scratch, target, target.piece.degrees);
+        }
+    }
+}
+
+#[inline(always)]
+fn subdivide(scratch: &mut Scratch, target: &Target<'_>, degrees: Degrees) {
     let (piece, line) = (&target.piece, &target.line);
-    let degrees = piece.degrees;
     let size = degrees.len();
-    start(scratch, piece, line, &target.cell);
+    start(scratch, (piece, degrees), line, &target.cell);
     let (half_u, half_v) = (&net::HALF[degrees.p], &net::HALF[degrees.q]);
     let mut visited = 0;
     while let Some(rect) = pop(scratch, size) {
@@ -87,13 +105,19 @@ enum Verdict {
     Split,
 }
 
+#[inline(always)]
 fn excludes((min, max): (f64, f64), slack: f64) -> bool {
     min > slack || max < -slack
 }
 
 /// Puts the distance nets of the cell on the empty stack.
-fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) {
-    let degrees = piece.degrees;
+#[inline(always)]
+fn start(
+    scratch: &mut Scratch,
+    (piece, degrees): (&PieceNet<'_>, Degrees),
+    line: &Line,
+    cell: &Rect,
+) {
     let size = degrees.len();
     let Scratch {
         stack, net, spare, ..
@@ -114,6 +138,7 @@ fn start(scratch: &mut Scratch, piece: &PieceNet<'_>, line: &Line, cell: &Rect) 
 }
 
 /// Moves the top of the stack to `scratch.net`.
+#[inline(always)]
 fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
     let rest = scratch.stack.len().checked_sub(2 * size + 4)?;
     let frame = &scratch.stack[rest..];
@@ -127,6 +152,7 @@ fn pop(scratch: &mut Scratch, size: usize) -> Option<Rect> {
 }
 
 /// Pushes both halves of the cell, cut across the direction of the larger variation.
+#[inline(always)]
 fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
     let size = degrees.len();
     let Scratch { stack, net, .. } = scratch;
@@ -178,6 +204,7 @@ fn split(scratch: &mut Scratch, rect: Rect, degrees: Degrees) {
 }
 
 /// Exclusion, uniqueness and iteration on the preconditioned net of a regular cell.
+#[inline(always)]
 fn examine(
     spare: &mut [f64],
     net: &[f64],
@@ -210,15 +237,9 @@ fn examine(
 /// Newton's step is taken while it halves the residual; the chord step `x - G(x)` contracts
 /// by the deviation in any case. A border point where the residual stays is no root, and then
 /// there is none: it would have attracted the iteration.
+#[inline(always)]
 fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
-    let at = |x: f64, y: f64| {
-        let u = bernstein(degrees.p, 0.5 * (x + 1.0));
-        let v = bernstein(degrees.q, 0.5 * (y + 1.0));
-        (
-            net::evaluate(g1, degrees, &u, &v),
-            net::evaluate(g2, degrees, &u, &v),
-        )
-    };
+    let at = |x: f64, y: f64| both(g1, g2, degrees, x, y);
     let clamp = |x: f64| x.clamp(-WIDENED, WIDENED);
     let (mut x, mut y) = (0.0_f64, 0.0_f64);
     let (mut f1, mut f2) = at(x, y);
@@ -241,7 +262,10 @@ fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
         }
         let moved = (nx - x).abs().max((ny - y).abs());
         (x, y) = (nx, ny);
-        (f1, f2) = next.unwrap_or_else(|| at(x, y));
+        (f1, f2) = match next {
+            Some(next) => next,
+            None => at(x, y),
+        };
         if moved < 1e-15 {
             // Settled: a root within the widened cell leaves no more than rounding errors.
             let settled = f1[0].abs().max(f2[0].abs()) <= 4.0 * slack + 1e-12;
@@ -255,8 +279,20 @@ fn iterate(g1: &[f64], g2: &[f64], degrees: Degrees, slack: f64) -> Verdict {
     Verdict::Split
 }
 
+/// Two nets and their derivatives at a place, in coordinates from -1 to 1.
+#[inline(always)]
+fn both(g1: &[f64], g2: &[f64], degrees: Degrees, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
+    let u = bernstein(degrees.p, 0.5 * (x + 1.0));
+    let v = bernstein(degrees.q, 0.5 * (y + 1.0));
+    (
+        net::evaluate(g1, degrees, &u, &v),
+        net::evaluate(g2, degrees, &u, &v),
+    )
+}
+
 /// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
 /// seen from its edge.
+#[inline(always)]
 fn examine_flat(
     spare: &mut [f64],
     net: &[f64],
@@ -298,6 +334,7 @@ fn examine_flat(
 
 /// Stands for a cell that cannot be resolved: the contact next to it, and its corners if the
 /// ray may run along it.
+#[inline(never)]
 fn unresolved_roots(roots: &mut Vec<Root>, target: &Target<'_>, rect: Rect) {
     let middle = |(a, b): (f64, f64)| f64::midpoint(a, b);
     let root = |u, v| Root {
@@ -330,6 +367,7 @@ fn unresolved_roots(roots: &mut Vec<Root>, target: &Target<'_>, rect: Rect) {
 ///
 /// `room` is the size of the cell. `None` if the root turns out to lie beyond the border of
 /// the piece by more than the errors.
+#[inline(always)]
 fn polish(piece: &PieceNet<'_>, line: &Line, near: (f64, f64), room: (f64, f64)) -> Option<Root> {
     let (mut u, mut v) = near;
     let mut uncertain = 0.0;
