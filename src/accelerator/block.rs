@@ -103,17 +103,14 @@ impl Block {
 
     /// The cells that the ray's line may meet within `range`, nearest tangent plane first.
     #[inline(always)]
-    pub(crate) fn meet(
+    pub(crate) fn meet<S: Simd>(
         &self,
+        s: S,
         ray: &LocalRay,
         range: &Range<f32>,
         found: &mut [Encounter; WIDTH],
     ) -> usize {
-        let mut lanes = Lanes::NONE;
-        // Without branches, for eight cells at once.
-        for k in 0..WIDTH {
-            self.lane(k, ray, range, &mut lanes);
-        }
+        let lanes = s.apart(OfRay(self, ray, range));
         let mut count = 0;
         for slot in 0..self.count as usize {
             if lanes.beside[slot] != 0 {
@@ -320,6 +317,23 @@ struct BeamLanes {
     /// One where all rays certainly miss the cell.
     beside: [u32; WIDTH],
     near: [f32; WIDTH],
+}
+
+/// Asks the cells of a block about a ray.
+struct OfRay<'a>(&'a Block, &'a LocalRay, &'a Range<f32>);
+
+impl<S: Simd> Part<S> for OfRay<'_> {
+    type Output = Lanes;
+
+    #[inline(always)]
+    fn run(self, _: S) -> Lanes {
+        let mut lanes = Lanes::NONE;
+        // Without branches, for eight cells at once.
+        for k in 0..WIDTH {
+            self.0.lane(k, self.1, self.2, &mut lanes);
+        }
+        lanes
+    }
 }
 
 /// Asks the cells of a block about a beam. In many places it would not be compiled for eight cells

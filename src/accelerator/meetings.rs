@@ -1,7 +1,5 @@
 //! Rays that do not run side by side, each at a cell of its own.
 
-use std::ops::Range;
-
 use super::approach::{Approach, Shape, Sight, height, reach};
 use super::beam::RAYS;
 use super::cells::Cell;
@@ -110,7 +108,8 @@ impl Meetings {
         (self.count, self.frameless, self.is_rational) = (0, 0, false);
     }
 
-    /// Adds a ray, by its number `lane`, and a cell of an instance.
+    /// Adds a ray, by its number `lane`, between two lengths from its origin that are still of
+    /// interest, and a cell of an instance.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
@@ -118,7 +117,7 @@ impl Meetings {
     )]
     pub(super) fn put(
         &mut self,
-        (lane, course, range): (usize, &Course, &Range<f64>),
+        (lane, course, [near, far]): (usize, &Course, [f64; 2]),
         (instance, cell, is_rational): (u32, &Cell, bool),
         model: &Model,
     ) {
@@ -141,8 +140,7 @@ impl Meetings {
             }
             self.bulge[axis][k] = model.bulge[axis];
         }
-        let local = |t: f64| ((t - course.shift) / course.unit - way) as f32;
-        let (near, far) = (local(range.start), local(range.end));
+        let (near, far) = ((near - way) as f32, (far - way) as f32);
         self.near[k] = near - near.abs() * ROUNDING;
         self.far[k] = far + far.abs() * ROUNDING;
         self.weight_stray[k] = model.weight_stray;

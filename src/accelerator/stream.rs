@@ -61,7 +61,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                 } = &mut *self.packet;
                 let walker = &mut walkers[lane];
                 let range = from[lane]..until[lane];
-                let stop = walker.go_on(self.accelerator, &self.rays[lane], &range);
+                let stop = walker.go_on(self.s, self.accelerator, &self.rays[lane], &range);
                 let number = walker.instance;
                 let instance = &self.accelerator.instances[number as usize];
                 let cluster = &self.accelerator.clusters[instance.cluster as usize];
@@ -71,12 +71,13 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                         if cell.is_coarse() {
                             let at = (instance.cluster, cluster);
                             let instructions = self.accelerator.instructions;
-                            walker.divide(fans.of(instructions, at, cell), &range);
+                            walker.divide(self.s, fans.of(instructions, at, cell), &range);
                             continue;
                         }
                         let model = models.of(self.s, instance.cluster, cluster, cell);
                         let is_rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
-                        let ray = (lane, &walker.course, &range);
+                        let lengths = [range.start, range.end].map(|t| walker.ray.length(t));
+                        let ray = (lane, &walker.course, lengths);
                         meetings.put(ray, (number, cell, is_rational), model);
                         break;
                     }
@@ -230,11 +231,12 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         } = walkers[usize::from(meetings.lane[meeting])].course;
         let towards = DVec3::from_array(center) - origin;
         let way = towards.dot(direction);
-        let place = (direction * way - towards) / radius;
+        let place = (direction * way - towards) * radius.recip();
         let main = direction.abs().max_position();
         let [i, j] = [[1, 2], [0, 2], [0, 1]][main];
+        let pace = direction[main].recip();
         for (axis, side) in [(0, i), (1, j)] {
-            let slope = direction[side] / direction[main];
+            let slope = direction[side] * pace;
             batch.lines.slope[axis][k] = slope;
             batch.lines.constant[axis][k] = place[side] - slope * place[main];
         }

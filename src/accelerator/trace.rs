@@ -14,6 +14,7 @@ use crate::intersect::net::evaluate_at;
 use crate::intersect::newton::UNIQUE;
 use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, Touch};
+use crate::simd::Portable;
 
 /// Rounding error of a distance in a piece of size one, a few operations wide.
 const SLACK: f64 = 4e-15;
@@ -304,7 +305,8 @@ impl<I: Intersector, C: Collector> Visitor for CellVisitor<'_, I, C> {
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
         let block = &self.cluster.blocks[number];
         let mut found = [Encounter::NONE; WIDTH];
-        let count = block.meet(&self.local, &self.local.range(range), &mut found);
+        let local = self.local.range(range);
+        let count = block.meet(Portable, &self.local, &local, &mut found);
         for encounter in &found[..count] {
             // What was found in the cells before bounds the rest.
             if encounter.near > self.local.range(range).end {

@@ -51,12 +51,18 @@ pub(crate) struct LocalRay {
     pub(crate) origin: [f32; 3],
     pub(crate) direction: [f32; 3],
     inverse: [f32; 3],
-    /// The ray parameter of the origin, and how much of it is one unit of the tree.
+    /// The ray parameter of the origin, and how many units of the tree one of it is.
     shift: f64,
-    unit: f64,
+    pace: f64,
 }
 
 impl LocalRay {
+    /// How far from the origin a ray parameter is, in units of the tree.
+    #[inline(always)]
+    pub(crate) fn length(&self, t: f64) -> f64 {
+        (t - self.shift) * self.pace
+    }
+
     /// A range of the ray parameter in units of the tree, rounded outwards.
     #[inline(always)]
     #[expect(
@@ -64,7 +70,7 @@ impl LocalRay {
         reason = "rounded outwards in the next line"
     )]
     pub(crate) fn range(&self, range: &Range<f64>) -> Range<f32> {
-        let local = |t: f64| ((t - self.shift) / self.unit) as f32;
+        let local = |t: f64| self.length(t) as f32;
         let (start, end) = (local(range.start), local(range.end));
         let grown = |t: f32| t.abs() * ROUNDING + f32::MIN_POSITIVE;
         start - grown(start)..end + grown(end)
@@ -112,7 +118,7 @@ impl From<&Course> for LocalRay {
                 }
             }),
             shift: course.shift,
-            unit: course.unit,
+            pace: course.unit.recip(),
         }
     }
 }
@@ -392,11 +398,9 @@ impl Node {
         for axis in 0..3 {
             let (o, inverse) = (ray.origin[axis], ray.inverse[axis]);
             // By the sign of the ray, so that the inverted box of no child is never entered.
-            let (entry, exit) = if inverse < 0.0 {
-                (&self.max[axis], &self.min[axis])
-            } else {
-                (&self.min[axis], &self.max[axis])
-            };
+            let sides = [&self.min[axis], &self.max[axis]];
+            let back = usize::from(inverse < 0.0);
+            let (entry, exit): ([f32; WIDTH], [f32; WIDTH]) = (*sides[back], *sides[1 - back]);
             for k in 0..WIDTH {
                 let (a, b) = ((entry[k] - o) * inverse, (exit[k] - o) * inverse);
                 near[k] = if a > near[k] { a } else { near[k] };

@@ -8,6 +8,7 @@ use super::Accelerator;
 use super::block::{Block, Encounter};
 use super::cells::Cell;
 use super::tree::{Course, LocalRay, WIDTH};
+use crate::simd::Simd;
 
 /// What a ray comes to.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +33,7 @@ pub(super) struct Walker {
     instances: Range<usize>,
     top_ray: LocalRay,
     top_stack: Vec<(u32, f32)>,
-    ray: LocalRay,
+    pub(super) ray: LocalRay,
     stack: Vec<(u32, f32)>,
     found: Encounters,
     /// The parts of a coarse cell of the block, and what may be met of them.
@@ -62,9 +63,9 @@ impl Encounters {
 
     /// Begins with a block.
     #[inline(always)]
-    fn begin(&mut self, block: &Block, ray: &LocalRay, range: &Range<f32>) {
+    fn begin<S: Simd>(&mut self, s: S, block: &Block, ray: &LocalRay, range: &Range<f32>) {
         self.next = 0;
-        self.count = block.meet(ray, range, &mut self.found);
+        self.count = block.meet(s, ray, range, &mut self.found);
     }
 
     /// The slot of the next cell.
@@ -115,16 +116,17 @@ impl Walker {
 
     /// Goes on with the parts of the coarse cell that it came to.
     #[inline(always)]
-    pub(super) fn divide(&mut self, parts: &Block, range: &Range<f64>) {
+    pub(super) fn divide<S: Simd>(&mut self, s: S, parts: &Block, range: &Range<f64>) {
         self.parts = parts.cells;
         self.found_parts
-            .begin(parts, &self.ray, &self.ray.range(range));
+            .begin(s, parts, &self.ray, &self.ray.range(range));
     }
 
     /// Goes on to what the ray may meet next within `range`.
     #[inline(always)]
-    pub(super) fn go_on(
+    pub(super) fn go_on<S: Simd>(
         &mut self,
+        s: S,
         accelerator: &Accelerator<'_>,
         ray: &Ray,
         range: &Range<f64>,
@@ -147,7 +149,8 @@ impl Walker {
                     .next_leaf(&self.ray, &local, &mut self.stack, 0);
                 if let Some(number) = leaf {
                     self.block = number;
-                    self.found.begin(&cluster.blocks[number], &self.ray, &local);
+                    let block = &cluster.blocks[number];
+                    self.found.begin(s, block, &self.ray, &local);
                     continue;
                 }
             }
