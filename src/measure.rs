@@ -2,7 +2,8 @@
 //!
 //! Files say little about bodies, so they are found: faces of one group whose borders meet belong
 //! together, and they are a body if every border meets another one and rays cross them an even
-//! number of times. The same rays tell for each face which side is outside, whatever way its parameters run.
+//! number of times. The same rays tell for each face which side is outside, whatever way its
+//! parameters run. What lies in a body is another one, unless the file says that it is a void.
 
 use std::collections::BTreeMap;
 
@@ -14,8 +15,10 @@ use crate::{Accelerator, METHODS, Workspace};
 
 mod contact;
 mod sides;
+mod voids;
 
 use contact::{Connected, connected};
+use voids::Place;
 
 /// What gaps between the faces of a body may let out, as a share of its area.
 const LEAK: f64 = 1e-4;
@@ -44,24 +47,10 @@ impl Measure {
         let [first, rest @ ..] = self.bodies.as_slice() else {
             return None;
         };
-        let mut total = first.clone();
-        for body in rest {
-            let volume = total.volume + body.volume;
-            let centroid = (total.centroid * total.volume + body.centroid * body.volume) / volume;
-            let moved = |body: &Body| body.inertia + about(body.centroid - centroid) * body.volume;
-            total = Body {
-                name: String::new(),
-                faces: total.faces + body.faces,
-                turned: total.turned + body.turned,
-                sides: [total.sides.as_slice(), &body.sides].concat(),
-                area: total.area + body.area,
-                area_error: total.area_error + body.area_error,
-                volume,
-                volume_error: total.volume_error + body.volume_error,
-                centroid,
-                inertia: moved(&total) + moved(body),
-            };
-        }
+        let mut total = rest
+            .iter()
+            .fold(first.clone(), |all, body| all.with(body, 1.0));
+        total.name = String::new();
         Some(total)
     }
 }
@@ -81,9 +70,11 @@ fn about(place: DVec3) -> DMat3 {
 pub struct Body {
     /// The name of the innermost node around its first face that has one, or of that face.
     pub name: String,
-    /// How many faces it has.
+    /// How many faces it has, those of its voids among them.
     pub faces: usize,
-    /// How many of them have a normal that points inwards.
+    /// How many voids are in it, of those that the file says are voids.
+    pub voids: usize,
+    /// How many faces have a normal that points inwards.
     pub turned: usize,
     /// Its faces.
     pub sides: Vec<Side>,
@@ -99,6 +90,39 @@ pub struct Body {
     pub centroid: DVec3,
     /// Its tensor of inertia about the centre of mass, for density one.
     pub inertia: DMat3,
+}
+
+impl Body {
+    /// Both as one, or with a weight of -1 what is left of the first around the second.
+    fn with(&self, other: &Self, weight: f64) -> Self {
+        let volume = self.volume + weight * other.volume;
+        let moments = self.centroid * self.volume + other.centroid * (weight * other.volume);
+        let centroid = moments / volume;
+        let moved = |body: &Self| body.inertia + about(body.centroid - centroid) * body.volume;
+        let is_void = weight < 0.0;
+        let sides = other.sides.iter().map(|side| Side {
+            sign: weight * side.sign,
+            ..*side
+        });
+        Self {
+            name: self.name.clone(),
+            faces: self.faces + other.faces,
+            voids: self.voids + if is_void { 1 } else { other.voids },
+            turned: self.turned
+                + if is_void {
+                    other.faces - other.turned
+                } else {
+                    other.turned
+                },
+            sides: self.sides.iter().copied().chain(sides).collect(),
+            area: self.area + other.area,
+            area_error: self.area_error + other.area_error,
+            volume,
+            volume_error: self.volume_error + other.volume_error,
+            centroid,
+            inertia: moved(self) + moved(other) * weight,
+        }
+    }
 }
 
 /// A face of a body.
@@ -120,6 +144,8 @@ struct Face {
     placement: usize,
     /// The innermost group around it.
     group: Option<NodeId>,
+    /// Where in a solid with voids it is.
+    place: Option<Place>,
     /// The name of a body that it belongs to.
     name: String,
 }
@@ -152,6 +178,7 @@ impl Face {
             number,
             placement: index,
             group,
+            place: Place::of(scene, placement),
             name: name.unwrap_or(&patch.name).clone(),
             patch,
         }
@@ -217,30 +244,31 @@ pub fn measure(scene: &Scene) -> Measure {
         bodies: Vec::new(),
         open_faces: 0,
     };
-    for part in measured {
+    for part in &measured {
         result.area += part.sum.area();
         result.area_error += part.sum.area_error();
-        match part.body {
-            Some(body) => result.bodies.push(body),
-            None => result.open_faces += part.faces,
-        }
+        result.open_faces += part.body.as_ref().map_or(part.faces, |_| 0);
     }
+    result.bodies = voids::subtracted(&measured);
     result
 }
 
 /// Faces that hang together.
-struct Part {
+struct Part<'a> {
     /// Number of the first one.
     first: u32,
     faces: usize,
+    /// Where in a solid with voids all of them are.
+    place: Option<&'a Place>,
+    bounds: Aabb,
     sum: Integrals,
     body: Option<Body>,
 }
 
-impl Part {
+impl<'a> Part<'a> {
     fn measure(
         accelerator: Option<&Accelerator<'_>>,
-        part: &Connected<'_>,
+        part: &Connected<'a>,
         workspace: &mut Workspace,
     ) -> Self {
         let faces = &part.faces;
@@ -265,6 +293,7 @@ impl Part {
         let body = is_body.then(|| Body {
             name: faces[0].name.clone(),
             faces: faces.len(),
+            voids: 0,
             turned,
             sides: faces
                 .iter()
@@ -281,9 +310,12 @@ impl Part {
             centroid: origin + sum.moment() / sum.volume(),
             inertia: inertia(&sum),
         });
+        let place = faces[0].place.as_ref();
         Self {
             first: faces[0].number,
             faces: faces.len(),
+            place: place.filter(|_| faces.iter().all(|face| face.place.as_ref() == place)),
+            bounds,
             sum,
             body,
         }

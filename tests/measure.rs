@@ -76,6 +76,23 @@ fn solids_by_construction_are_bodies() {
 }
 
 #[test]
+fn voids_of_a_solid_are_not_of_its_body() {
+    let found = measured("hollow.igs");
+    let [body] = found.bodies.as_slice() else {
+        panic!("{found:?}");
+    };
+    assert_eq!((body.faces, body.voids, body.turned), (12, 1, 0));
+    assert_eq!(found.open_faces, 0);
+    // A box of 4 x 3 x 2 around one of 2 x 1 x 1.
+    assert!((body.volume - 22.0).abs() < 1e-12, "{body:?}");
+    assert!((body.area - 62.0).abs() < 1e-12);
+    assert!(body.centroid.distance(DVec3::new(2.0, 1.5, 1.0)) < 1e-12);
+    let about_x = (24.0 * (9.0 + 4.0) - 2.0 * (1.0 + 1.0)) / 12.0;
+    assert!((body.inertia.x_axis.x - about_x).abs() < 1e-12, "{body:?}");
+    assert_eq!(found.total().map(|all| all.volume), Some(body.volume));
+}
+
+#[test]
 fn surfaces_with_a_border_are_no_bodies() {
     for name in ["teapot.obj", "two_surfaces.igs"] {
         let found = measured(name);

@@ -183,6 +183,27 @@ fn methods_of_volumes_agree_as_they_should() {
     );
 }
 
+#[test]
+fn voids_are_told_and_subtracted() {
+    let place = Place::new();
+    let answer = json(
+        &place,
+        "volume samples/hollow.igs --json --slices 4 --method cavalieri",
+    );
+    assert_eq!(answer["bodies"][0]["voids"], 1);
+    for found in [&answer["total"]["volume"], &answer["volumes"][0]] {
+        let found = found.as_f64().unwrap();
+        assert!((found - 22.0).abs() < 1e-6, "{answer}");
+    }
+    for line in [
+        "volume samples/hollow.igs",
+        "info samples/hollow.igs --measure",
+    ] {
+        let run = place.run(line);
+        assert!(run.stdout.contains(", 1 void"), "{}", run.stdout);
+    }
+}
+
 /// Contours of a slanted prism, one for each height.
 fn prism(heights: &[f64]) -> String {
     let mut text = String::from("layer,x,y,z\n");

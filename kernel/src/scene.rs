@@ -106,6 +106,8 @@ pub struct Node {
     pub children: Vec<Child>,
     /// Curves and points inside.
     pub wires: Vec<WireId>,
+    /// How many of the last children are shells of voids in the solid that the others bound.
+    pub voids: usize,
 }
 
 impl Default for Node {
@@ -115,6 +117,7 @@ impl Default for Node {
             parent_from_node: DAffine3::IDENTITY,
             children: Vec::new(),
             wires: Vec::new(),
+            voids: 0,
         }
     }
 }

@@ -31,6 +31,7 @@ pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
         let _ = writeln!(text, "    open     {faces} faces belong to no closed body");
     }
     for body in &measure.bodies {
+        let voids = voids(body);
         let name = if body.name.is_empty() {
             "(no name)"
         } else {
@@ -42,7 +43,7 @@ pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
         };
         let _ = writeln!(
             text,
-            "    body     {name}: {} faces{turned}, volume {:.12}{} (to {:.1e}), area {:.12}{} (to {:.1e})",
+            "    body     {name}: {} faces{turned}{voids}, volume {:.12}{} (to {:.1e}), area {:.12}{} (to {:.1e})",
             body.faces,
             body.volume,
             power(3),
@@ -53,6 +54,15 @@ pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
         );
     }
     text
+}
+
+/// How many voids a body has, to stand after what is said of its faces; nothing if there are none.
+pub(super) fn voids(body: &Body) -> String {
+    match body.voids {
+        0 => String::new(),
+        1 => ", 1 void".to_owned(),
+        voids => format!(", {voids} voids"),
+    }
 }
 
 /// The same with all numbers.
@@ -78,6 +88,7 @@ pub(super) fn body(body: &Body) -> Value {
         "name": body.name,
         "faces": body.faces,
         "faces_inside_out": body.turned,
+        "voids": body.voids,
         "area": body.area,
         "area_error": body.area_error,
         "volume": body.volume,

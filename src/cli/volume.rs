@@ -172,9 +172,10 @@ fn describe(text: &mut String, name: &str, body: &Body) {
     // Writing into a string cannot fail.
     let _ = write!(
         text,
-        "  {name}{turned}\n    volume    {:.12} (to {:.1e})\n    area      {:.12} (to {:.1e})\n    \
+        "  {name}{turned}{}\n    volume    {:.12} (to {:.1e})\n    area      {:.12} (to {:.1e})\n    \
          centroid  {:.12} {:.12} {:.12}\n    \
          inertia   xx {:.9e} yy {:.9e} zz {:.9e} xy {:.9e} yz {:.9e} zx {:.9e}\n",
+        sizes::voids(body),
         body.volume,
         body.volume_error,
         body.area,

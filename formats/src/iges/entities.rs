@@ -41,8 +41,10 @@ pub(super) enum Content {
         /// Its boundaries.
         boundary: Boundary,
     },
-    /// Pointers to the members of a group, a definition or a solid.
+    /// Pointers to the members of a group, a definition or a shell.
     Members(Vec<i64>),
+    /// Pointers to the outer shell of a solid, and to those of its voids.
+    Solid(i64, Vec<i64>),
     /// Pointers to the members of an assembly, each with one to its transformation, or zero.
     Placed(Vec<(i64, i64)>),
     /// A definition or another entity, placed once or often.
@@ -85,10 +87,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
     let mut name = String::new();
     let content = match entry.kind {
-        186 => Content::Members(with_flags(&mut parameters, |p| {
-            let shell = [p.integer()?, p.integer()?][0];
-            Ok(vec![shell])
-        })?),
+        186 => {
+            let [shell, _] = [parameters.integer()?, parameters.integer()?];
+            Content::Solid(shell, with_flags(&mut parameters)?)
+        }
         308 | 320 => {
             parameters.integer()?;
             name = parameters.text();
@@ -110,7 +112,7 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             Content::Placed(placed?)
         }
         430 => Content::Members(vec![parameters.integer()?]),
-        514 => Content::Members(with_flags(&mut parameters, |_| Ok(Vec::new()))?),
+        514 => Content::Members(with_flags(&mut parameters)?),
         kind => face(kind, &mut parameters)?,
     };
     let better = trailing_name(file, &mut parameters);
@@ -169,6 +171,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
                     _ => vec![surface],
                 },
                 Some(Content::Members(members)) => members,
+                Some(Content::Solid(shell, voids)) => [vec![shell], voids].concat(),
                 Some(Content::Placed(placed)) => placed.iter().map(|(solid, _)| *solid).collect(),
                 _ => Vec::new(),
             });
@@ -198,12 +201,9 @@ fn operands(parameters: &mut Parameters<'_>) -> Result<(Vec<i64>, bool), Problem
     ))
 }
 
-/// Pointers of which each is followed by a flag, after those that `first` reads.
-fn with_flags(
-    parameters: &mut Parameters<'_>,
-    first: impl Fn(&mut Parameters<'_>) -> Result<Vec<i64>, Problem>,
-) -> Result<Vec<i64>, Problem> {
-    let mut pointers = first(parameters)?;
+/// Pointers of which each is followed by a flag, after their number.
+fn with_flags(parameters: &mut Parameters<'_>) -> Result<Vec<i64>, Problem> {
+    let mut pointers = Vec::new();
     let count = parameters.count()?;
     for _ in 0..parameters.expect(count, "members")? {
         pointers.push(parameters.integer()?);

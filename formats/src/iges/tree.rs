@@ -267,12 +267,9 @@ impl<'a, 'b> Tree<'a, 'b> {
         } else {
             entry.color
         };
-        let name = match entity.name.as_str() {
-            "" => entry.label.clone(),
-            name => name.to_owned(),
-        };
+        let own = Some(&entity.name).filter(|name| !name.is_empty());
         let mut node = Node {
-            name,
+            name: own.unwrap_or(&entry.label).clone(),
             ..Node::default()
         };
         match &entity.content {
@@ -292,10 +289,13 @@ impl<'a, 'b> Tree<'a, 'b> {
                     let text = "its bodies are shown whole, also inside each other";
                     self.problem(index, Problem::Unsupported(text.to_owned()));
                 }
-                for &member in members {
-                    node.children
-                        .extend(self.member(index, member, color, depth));
-                }
+                node.children = self.members(index, members, color, depth);
+            }
+            Content::Solid(shell, voids) => {
+                node.children = self.members(index, &[*shell], color, depth);
+                let voids = self.members(index, voids, color, depth);
+                node.voids = voids.len();
+                node.children.extend(voids);
             }
             Content::Placed(members) => {
                 for &(member, matrix) in members {
@@ -354,6 +354,11 @@ impl<'a, 'b> Tree<'a, 'b> {
         };
         let node = self.scene.add_node(node).map_err(Problem::Geometry)?;
         Ok(Some(Child::Node(node)))
+    }
+
+    fn members(&mut self, parent: usize, all: &[i64], color: i64, depth: usize) -> Vec<Child> {
+        let child = |&pointer| self.member(parent, pointer, color, depth);
+        all.iter().filter_map(child).collect()
     }
 
     /// A member of a group, definition or shell.

@@ -253,6 +253,7 @@ impl<'a> Converter<'a> {
             parent_from_node: reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node),
             children,
             wires,
+            voids: 0,
         });
         match made {
             Ok(id) => Made::Node(id),
