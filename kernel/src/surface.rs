@@ -201,9 +201,9 @@ impl Surface {
         let (span_u, span_v) = (self.knots_u.span(uv.x), self.knots_v.span(uv.y));
         let (p, q) = (self.knots_u.degree(), self.knots_v.degree());
         let (mut size, mut weight) = (0.0_f64, f64::INFINITY);
-        let rows = self.points.chunks_exact(self.knots_v.count());
-        for row in rows.skip(span_u - p).take(p + 1) {
-            for h in &row[span_v - q..=span_v] {
+        for i in span_u - p..=span_u {
+            let first = i * self.knots_v.count() + span_v - q;
+            for h in &self.points[first..][..=q] {
                 size = size.max(h.truncate().length());
                 weight = weight.min(h.w);
             }
@@ -240,10 +240,11 @@ impl Surface {
         let rows_u = self.knots_u.basis::<N, ROOM>(span_u, uv.x);
         let rows_v = self.knots_v.basis::<N, ROOM>(span_v, uv.y);
         let mut sums = [[DVec4::ZERO; N]; N];
-        let rows = self.points.chunks_exact(self.knots_v.count());
-        for (i, points) in rows.skip(span_u - p).take(p + 1).enumerate() {
+        let count = self.knots_v.count();
+        for i in 0..=p {
+            let first = (span_u - p + i) * count + span_v - q;
             let mut row = [DVec4::ZERO; N];
-            for (j, &point) in points[span_v - q..][..=q].iter().enumerate() {
+            for (j, &point) in self.points[first..][..=q].iter().enumerate() {
                 for b in 0..N {
                     row[b] += point * rows_v[b][j];
                 }

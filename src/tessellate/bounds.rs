@@ -5,6 +5,8 @@
 //! With `X = w S`: for `Su`, `N = Xu w - X wu =: M` and k = 2; for `Suu`, `N = Mu w - 2 wu M` and
 //! k = 3; for `Suv`, `N = Mv w - 2 wv M`.
 
+use std::cell::Cell;
+
 use glam::{DVec3, DVec4};
 
 use super::net::{Net, ORDERS, Rows, by_row};
@@ -15,7 +17,12 @@ impl Net<'_> {
     /// Bounds over all of the net.
     pub(super) fn spread(&self) -> Spread {
         if self.has_weights {
-            self.instructions.run(Quotients(self))
+            let mut room = ROOM.take();
+            room.points.clear();
+            room.weights.clear();
+            let spread = self.instructions.run(Quotients(self, &mut room));
+            ROOM.set(room);
+            spread
         } else {
             self.instructions.run(Plain(self))
         }
@@ -168,10 +175,22 @@ impl Ball {
     }
 }
 
-/// The task to bound derivatives as quotients.
-struct Quotients<'a>(&'a Net<'a>);
+/// Room for products of nets, and of their weights.
+#[derive(Default)]
+struct Room {
+    points: Vec<DVec4>,
+    weights: Vec<f64>,
+}
 
-impl Task for Quotients<'_> {
+thread_local! {
+    /// Kept from one task to the next.
+    static ROOM: Cell<Room> = Cell::default();
+}
+
+/// The task to bound derivatives as quotients.
+struct Quotients<'a, 'r>(&'a Net<'a>, &'r mut Room);
+
+impl Task for Quotients<'_, '_> {
     type Output = Spread;
 
     #[inline(always)]
@@ -180,7 +199,7 @@ impl Task for Quotients<'_> {
     }
 }
 
-impl Quotients<'_> {
+impl Quotients<'_, '_> {
     /// The bounds with nets of `ROW` points a row, or any number where that is zero.
     #[inline(always)]
     fn spread<const ROW: usize>(self) -> Spread {
@@ -194,8 +213,9 @@ impl Quotients<'_> {
             (2 * p + 1) * square_row,
             (3 * p + 1) * cube_row,
         ];
-        let mut room = vec![DVec4::ZERO; one + 3 * two + three];
-        let (scaled, rest) = room.split_at_mut(one);
+        let Room { points, weights } = self.1;
+        points.resize(one + 3 * two + three, DVec4::ZERO);
+        let (scaled, rest) = points.split_at_mut(one);
         for ((to, from), factor) in scaled.iter_mut().zip(self.0.all()).zip(&degrees.binomials) {
             *to = *from * *factor;
         }
@@ -208,9 +228,11 @@ impl Quotients<'_> {
             Grid::new(xuv, shorter),
             Grid::new(xvv, shortest),
         );
-        let mut weights = vec![0.0; two + three];
-        let (square, cube) = weights.split_at_mut(two);
-        x.weigh(x, square, square_row);
+        weights.extend(x.points.iter().map(|h| h.w));
+        weights.resize(x.points.len() + two + three, 0.0);
+        let (own, products) = weights.split_at_mut(x.points.len());
+        let (square, cube) = products.split_at_mut(two);
+        Grid::new(&*own, row).weigh(x, square, square_row);
         Grid::new(&*square, square_row).weigh(x, cube, cube_row);
         let (m_u, rest) = rest.split_at_mut(two);
         let (m_v, rest) = rest.split_at_mut(two);
@@ -340,20 +362,10 @@ impl Grid<'_, DVec4> {
         self.add(other, 1.0, sum, length);
         other.add(self, -1.0, sum, length);
     }
-
-    /// The product of two nets' weights.
-    #[inline(always)]
-    fn weigh(self, other: Self, product: &mut [f64], length: usize) {
-        let mut own = vec![0.0; self.points.len()];
-        for (weight, h) in own.iter_mut().zip(self.points) {
-            *weight = h.w;
-        }
-        Grid::new(&own[..], self.row).weigh(other, product, length);
-    }
 }
 
 impl Grid<'_, f64> {
-    /// The product with another net's weights.
+    /// The product of weights with those of another net.
     #[inline(always)]
     fn weigh(self, other: Grid<'_, DVec4>, product: &mut [f64], length: usize) {
         for (i, own) in self.points.chunks_exact(self.stride).enumerate() {
@@ -445,12 +457,14 @@ mod tests {
                         let max = min + shape * width;
                         let rect = Rect { min, max };
                         let full = pieces.spread(&rect);
-                        let rough = pieces.spread_until(&rect, |_| true);
+                        let rough = pieces.spread_until(&rect, |_| false, || true);
+                        let whole = pieces.spread_until(&rect, |_| true, || false);
                         for _ in 0..50 {
                             let place = DVec2::new(rng.f64(), rng.f64());
                             let d = surface.derivatives(rect.min + rect.size() * place);
-                            check(&full, &d, rect.size(), degrees);
-                            check(&rough, &d, rect.size(), degrees);
+                            for spread in [&full, &rough, &whole] {
+                                check(spread, &d, rect.size(), degrees);
+                            }
                         }
                         if shape.min_element() > 0.0 {
                             let radius = |s: &Spread| s.duu.radius + s.duv.radius + s.dvv.radius;

@@ -11,20 +11,23 @@ use crate::simd::{Simd, Task};
 const SIDE: usize = 4;
 
 /// Samples that are evaluated side by side.
-const GROUP: usize = 4;
+const GROUP: usize = 8;
+
+/// How many groups there are.
+const GROUPS: usize = 2;
 
 /// How many samples differ.
 const DISTINCT: usize = 13;
 
 /// Points on a triangle, as shares of its corners: 12 spread over it and its sides, and the middle,
 /// which fills what is left.
-const SAMPLES: [[f64; 3]; 4 * GROUP] = samples();
+const SAMPLES: [[f64; 3]; GROUPS * GROUP] = samples();
 
 /// Points along a side of the nets that are evaluated side by side, at most.
 const ROOM: usize = 10;
 
-const fn samples() -> [[f64; 3]; 4 * GROUP] {
-    let mut samples = [[1.0 / 3.0; 3]; 4 * GROUP];
+const fn samples() -> [[f64; 3]; GROUPS * GROUP] {
+    let mut samples = [[1.0 / 3.0; 3]; GROUPS * GROUP];
     let (mut next, mut i) = (0, 0);
     while i < SIDE {
         let mut j = 0;
@@ -59,8 +62,8 @@ pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]
         return SAMPLES[..DISTINCT].iter().map(off).fold(0.0, f64::max);
     };
     let (u, v) = (piece.u(), piece.v());
-    let mut places = [[[0.0; GROUP]; 2]; 4];
-    let mut points = [[[0.0; GROUP]; 3]; 4];
+    let mut places = [[[0.0; GROUP]; 2]; GROUPS];
+    let mut points = [[[0.0; GROUP]; 3]; GROUPS];
     for (number, shares) in SAMPLES.into_iter().enumerate() {
         let (group, lane) = (number / GROUP, number % GROUP);
         let (uv, flat) = mix(shares);
@@ -82,8 +85,8 @@ pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]
 /// belong to them.
 struct Distances<'a> {
     piece: &'a BezierSurface,
-    places: [[[f64; GROUP]; 2]; 4],
-    points: [[[f64; GROUP]; 3]; 4],
+    places: [[[f64; GROUP]; 2]; GROUPS],
+    points: [[[f64; GROUP]; 3]; GROUPS],
 }
 
 impl Task for Distances<'_> {

@@ -20,6 +20,9 @@ const FUTILE: f64 = 1e-3;
 /// A step this small, as a share of the edge, is not made smaller.
 const LEAST: f64 = 1e-6;
 
+/// More than this part of what equal steps can use is too much for them.
+const HOPE: f64 = 1.03;
+
 /// What is nearer to a vertex than this share of the tolerance is there.
 const SAME: f64 = 1e-3;
 
@@ -102,19 +105,31 @@ impl<'a> Walker<'a> {
     /// `least` is how many steps there are at least.
     pub(super) fn chain(&self, least: usize) -> Chain {
         let kinks = self.kinks();
-        let (mut stations, mut ratios) = self.walk(1.0, &kinks, f64::INFINITY);
+        let (mut stations, ratios) = self.walk(1.0, &kinks, f64::INFINITY, |_, _| false);
         let steps = ratios.len();
-        let used: f64 = ratios.iter().map(|r| r.sqrt()).sum();
-        let even = ((used / steps as f64).powi(2) * 1.02).max(0.1);
+        let uses: Vec<f64> = ratios.iter().map(|r| r.sqrt()).collect();
+        let even = ((uses.iter().sum::<f64>() / steps as f64).powi(2) * 1.02).max(0.1);
         if steps > 1 && even < 1.0 {
-            let first = stations[1].places[0].t - stations[0].places[0].t;
-            let first = first * (even / ratios[0].max(1e-9)).sqrt();
-            let (again, shares) = self.walk(even, &kinks, first);
-            if shares.len() <= steps {
-                (stations, ratios) = (again, shares);
+            let place = |k: usize| stations[k].places[0].t;
+            let first = (place(1) - place(0)) * (even / ratios[0].max(1e-9)).sqrt();
+            // As the first walk tells: more is left than as many steps can use.
+            let is_hopeless = |done: usize, t: f64| {
+                let next = stations[1..].partition_point(|s| s.places[0].t <= t);
+                let left: f64 = uses.iter().skip(next + 1).sum();
+                let own = uses.get(next).filter(|_| stations.len() == steps + 1);
+                own.is_some_and(|own| {
+                    let share = (place(next + 1) - t) / (place(next + 1) - place(next));
+                    let room = steps.saturating_sub(done) as f64 * even.sqrt();
+                    own * share + left > HOPE * room
+                })
+            };
+            let (again, shares) = self.walk(even, &kinks, first, is_hopeless);
+            let end = place(stations.len() - 1);
+            if shares.len() <= steps && again[again.len() - 1].places[0].t >= end {
+                stations = again;
             }
         }
-        if ratios.len() < least {
+        if stations.len() <= least {
             stations = self.divided(least);
         }
         self.cross_creases(&mut stations);
@@ -199,15 +214,22 @@ impl<'a> Walker<'a> {
     }
 
     /// Steps of which none uses more than `share` of the limits, and what each uses; none passes one
-    /// of the `kinks`. The first one is tried with a length.
-    fn walk(&self, share: f64, kinks: &[f64], first: f64) -> (Vec<Station>, Vec<f64>) {
+    /// of the `kinks`. The first one is tried with a length. Ends before its time where it `is_hopeless`
+    /// after so many steps to a parameter.
+    fn walk(
+        &self,
+        share: f64,
+        kinks: &[f64],
+        first: f64,
+        is_hopeless: impl Fn(usize, f64) -> bool,
+    ) -> (Vec<Station>, Vec<f64>) {
         let range = self.uses[0].curve.domain();
         let whole = range.end - range.start;
         let shortest = whole * LEAST;
         let mut stations = vec![self.end_station(0)];
         let mut ratios = Vec::new();
         let (mut t, mut step) = (range.start, first.clamp(shortest, whole));
-        while t < range.end {
+        while t < range.end && !is_hopeless(ratios.len(), t) {
             let last = &stations[stations.len() - 1];
             let limit = kinks[kinks.partition_point(|&kink| kink <= t)];
             let reached = |to: f64| {
@@ -395,11 +417,8 @@ impl<'a> Walker<'a> {
             let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
             aside + spread.chord(b - a, size) + spread.chord(off, size)
         };
-        bound(
-            &face
-                .pieces
-                .spread_until(&rect, |rough| bound(rough) <= enough),
-        )
+        let is_enough = |coarse: &Spread| bound(coarse) <= enough;
+        bound(&face.pieces.spread_until(&rect, is_enough, || false))
     }
 
     /// Adds the points where a curve passes a line across which its surface has a crease.

@@ -21,6 +21,9 @@ const ROUNDS: usize = 60;
 /// Vertices of one face.
 const MOST_VERTICES: usize = 20_000_000;
 
+/// Vertices for which there is room from the start, for each stretch of boundary.
+const ROOM: usize = 2;
+
 /// Corners that are one point of space, and no farther apart than this share of the domain, are one:
 /// between them is the gap of a loop, which may run back over its own curves.
 const SAME: f64 = 1e-5;
@@ -118,19 +121,21 @@ impl<'a> Mesher<'a> {
         limits: &'a Limits,
     ) -> (Self, Vec<usize>) {
         let corners = || stretches.iter().flat_map(|s| s.ends);
+        let count = ROOM * stretches.len();
         let bounds = Rect::around(corners().map(|c| c.uv));
         let mut mesher = Self {
             face,
             limits,
-            plane: ConstrainedDelaunayTriangulation::new(),
+            plane: ConstrainedDelaunayTriangulation::with_capacity(count, 3 * count, 2 * count),
             vertices: Vec::new(),
-            fixed: HashMap::new(),
+            fixed: HashMap::with_capacity(stretches.len()),
             bounds,
             scale: scale(face, &bounds, limits),
             known: Vec::new(),
             trusts_count: None,
         };
-        let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> = HashMap::new();
+        let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> =
+            HashMap::with_capacity(stretches.len());
         let near = face.pieces.domain().size() * SAME;
         // What dots connect is one vertex.
         let mut spans: HashMap<u32, DVec2> = HashMap::new();
@@ -138,7 +143,7 @@ impl<'a> Mesher<'a> {
             let [a, b] = stretch.ends;
             *spans.entry(a.id).or_insert(near) += (a.uv - b.uv).abs();
         }
-        let mut owners: HashMap<[u32; 2], usize> = HashMap::new();
+        let mut owners: HashMap<[u32; 2], usize> = HashMap::with_capacity(stretches.len());
         let mut conflicts = Vec::new();
         let mut handles = Vec::new();
         for stretch in stretches {
@@ -163,7 +168,8 @@ impl<'a> Mesher<'a> {
                 continue;
             }
             let pair = pair(a, b);
-            if !mesher.plane.can_add_constraint(a, b) {
+            let is_side = mesher.plane.get_edge_from_neighbors(a, b).is_some();
+            if !is_side && !mesher.plane.can_add_constraint(a, b) {
                 conflicts.push(stretch.edge);
                 let crossed: Vec<_> = mesher
                     .plane
@@ -178,7 +184,7 @@ impl<'a> Mesher<'a> {
                 continue;
             }
             mesher.plane.add_constraint(a, b);
-            if !mesher.plane.exists_constraint(a, b) {
+            if !is_side && !mesher.plane.exists_constraint(a, b) {
                 // Another vertex lies on the way.
                 conflicts.push(stretch.edge);
             }
@@ -466,8 +472,8 @@ impl<'a> Mesher<'a> {
         // What is seen to be too far needs no better bound.
         let points = corners.map(|v| v.position);
         let is_far = || deviation::triangle(&self.face.pieces, uvs, points) - gap > limit;
-        let is_enough = |rough: &Spread| bound(rough) <= limit || is_far();
-        let bound = bound(&self.face.pieces.spread_until(&rect, is_enough));
+        let is_enough = |coarse: &Spread| bound(coarse) <= limit;
+        let bound = bound(&self.face.pieces.spread_until(&rect, is_enough, is_far));
         (bound / limit, bound + gap)
     }
 

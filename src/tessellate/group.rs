@@ -339,8 +339,9 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
     let mut normals: Vec<DVec3> = Vec::new();
     let mut parameters: Vec<DVec2> = Vec::new();
     let mut triangles = Vec::new();
-    // For every vertex its copies, one for each side of a crease.
-    let mut copies: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices.len()];
+    // For every vertex its first copy, and all others, one for each side of a crease.
+    let mut first: Vec<Option<u32>> = vec![None; mesh.vertices.len()];
+    let mut others: HashMap<u32, Vec<u32>> = HashMap::new();
     let mut sampled: f64 = 0.0;
     let mut gap: f64 = 0.0;
     for &corners in &mesh.triangles {
@@ -356,7 +357,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         let mut triangle = corners.map(|k| {
             let vertex = &mesh.vertices[k as usize];
             let creased = face.pieces.is_creased(vertex.uv);
-            if !creased && let Some(&copy) = copies[k as usize].first() {
+            if !creased && let Some(copy) = first[k as usize] {
                 return copy;
             }
             let normal = if creased || vertex.normal == DVec3::ZERO {
@@ -365,15 +366,19 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
                 vertex.normal
             };
             let normal = if flipped { -normal } else { normal };
-            let same = |&&copy: &&u32| normals[copy as usize].angle_between(normal) < CREASE;
-            if let Some(&copy) = copies[k as usize].iter().find(same) {
+            let same = |copy: &u32| normals[*copy as usize].angle_between(normal) < CREASE;
+            let more = others.get(&k).into_iter().flatten().copied();
+            if let Some(copy) = first[k as usize].into_iter().chain(more).find(same) {
                 return copy;
             }
             let copy = u32::try_from(positions.len()).unwrap_or(u32::MAX);
             positions.push(vertex.position);
             normals.push(normal);
             parameters.push(vertex.uv);
-            copies[k as usize].push(copy);
+            match &mut first[k as usize] {
+                Some(_) => others.entry(k).or_default().push(copy),
+                none => *none = Some(copy),
+            }
             gap = gap.max(vertex.gap);
             copy
         });

@@ -1,6 +1,8 @@
 //! The control points of a part of a piece, and of its derivatives, in Bernstein form.
 
+use std::cell::Cell;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use glam::{DVec2, DVec3, DVec4};
 use kernel::BezierSurface;
@@ -10,8 +12,9 @@ use crate::simd::{Instructions, Simd, Task};
 /// What all nets of a surface have in common: of its own degrees, and of those of its lines.
 #[derive(Debug)]
 pub(super) struct Family {
-    /// `[2 i + j]`: whether u, and whether v, has no extent.
-    members: [Degrees; 4],
+    degrees: [usize; 2],
+    /// `[2 i + j]`: whether u, and whether v, has no extent; made when they are first asked for.
+    members: [OnceLock<Degrees>; 4],
     pub(super) instructions: Instructions,
 }
 
@@ -37,11 +40,18 @@ pub(super) struct Degrees {
 
 impl Family {
     pub(super) fn new(degree_u: usize, degree_v: usize) -> Self {
-        let degrees = [[degree_u, degree_v], [degree_u, 0], [0, degree_v], [0, 0]];
         Self {
-            members: degrees.map(|[p, q]| Degrees::new(p, q)),
+            degrees: [degree_u, degree_v],
+            members: Default::default(),
             instructions: Instructions::best(),
         }
+    }
+
+    /// What nets have in common that have no extent along u, or along v.
+    fn member(&self, flat: [bool; 2]) -> &Degrees {
+        let [p, q] = self.degrees;
+        let degrees = || Degrees::new(if flat[0] { 0 } else { p }, if flat[1] { 0 } else { q });
+        self.members[2 * usize::from(flat[0]) + usize::from(flat[1])].get_or_init(degrees)
     }
 }
 
@@ -80,6 +90,11 @@ impl Degrees {
     }
 }
 
+thread_local! {
+    /// Room for coefficients, kept from one net to the next.
+    static COEFFICIENTS: Cell<Vec<DVec4>> = const { Cell::new(Vec::new()) };
+}
+
 /// The part of a piece over a rectangle, with its derivatives.
 pub(super) struct Net<'a> {
     pub(super) degrees: &'a Degrees,
@@ -88,6 +103,12 @@ pub(super) struct Net<'a> {
     /// that are left, or zero of degree zero where nothing is.
     coefficients: Vec<DVec4>,
     pub(super) has_weights: bool,
+}
+
+impl Drop for Net<'_> {
+    fn drop(&mut self) {
+        COEFFICIENTS.set(std::mem::take(&mut self.coefficients));
+    }
 }
 
 impl<'a> Net<'a> {
@@ -149,7 +170,7 @@ impl<'a> Restriction<'a, '_> {
         let [u, v] = &self.part;
         let whole = [self.piece.u(), self.piece.v()];
         let flat = [u.start >= u.end, v.start >= v.end];
-        let degrees = &self.family.members[2 * usize::from(flat[0]) + usize::from(flat[1])];
+        let degrees = self.family.member(flat);
         let (p, points) = (self.piece.degree_u(), self.piece.homogeneous());
         let row = if ROW == 0 {
             self.piece.degree_v() + 1
@@ -157,8 +178,10 @@ impl<'a> Restriction<'a, '_> {
             ROW
         };
         let count = degrees.offsets[6];
-        let mut coefficients = vec![DVec4::ZERO; count.max(points.len())];
-        coefficients[..points.len()].copy_from_slice(points);
+        let mut coefficients = COEFFICIENTS.take();
+        coefficients.clear();
+        coefficients.extend_from_slice(points);
+        coefficients.resize(count.max(points.len()), DVec4::ZERO);
         let (a, b) = (share(u.start, &whole[0]), share(u.end, &whole[0]));
         for j in 0..row {
             cut(&mut coefficients[j..points.len()], p, row, a, b);

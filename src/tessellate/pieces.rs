@@ -147,6 +147,7 @@ impl Rect {
 #[derive(Debug)]
 pub(crate) struct Pieces<'a> {
     pub(super) surface: &'a Surface,
+    domain: Rect,
     /// Borders of the pieces along u and v.
     breaks: [Vec<f64>; 2],
     /// Breaks inside the domain at which a first derivative jumps.
@@ -215,8 +216,13 @@ impl<'a> Pieces<'a> {
             .map(|net| Piece::new(&family, net))
             .collect();
         let breaks = [surface.knots_u().breaks(), surface.knots_v().breaks()];
+        let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
         let mut pieces = Self {
             surface,
+            domain: Rect {
+                min: DVec2::new(u.start, v.start),
+                max: DVec2::new(u.end, v.end),
+            },
             breaks,
             creases: [Vec::new(), Vec::new()],
             list,
@@ -228,12 +234,7 @@ impl<'a> Pieces<'a> {
     }
 
     pub(crate) fn domain(&self) -> Rect {
-        let ends = |k: usize| (self.breaks[k][0], self.breaks[k][self.breaks[k].len() - 1]);
-        let ((u0, u1), (v0, v1)) = (ends(0), ends(1));
-        Rect {
-            min: DVec2::new(u0, v0),
-            max: DVec2::new(u1, v1),
-        }
+        self.domain
     }
 
     fn columns(&self) -> usize {
@@ -247,9 +248,9 @@ impl<'a> Pieces<'a> {
 
     /// The piece that a rectangle lies in, if it is one.
     pub(super) fn piece_around(&self, rect: &Rect) -> Option<&BezierSurface> {
-        let [u, v] = [0, 1].map(|axis| self.spans(axis, rect.min[axis], rect.max[axis]));
-        let is_one = u.len() == 1 && v.len() == 1;
-        is_one.then(|| &self.list[u.start * self.columns() + v.start].net)
+        let [rows, columns] = self.around(rect);
+        let is_one = rows.len() == 1 && columns.len() == 1;
+        is_one.then(|| &self.piece(rows.start, columns.start).net)
     }
 
     /// What bounds are computed with.
@@ -277,34 +278,63 @@ impl<'a> Pieces<'a> {
 
     /// Bounds over a rectangle inside the domain.
     pub(crate) fn spread(&self, rect: &Rect) -> Spread {
-        self.bounds(rect, None::<fn(&Spread) -> bool>)
+        self.joint(self.around(rect), |i, j| self.part(i, j, rect).spread())
     }
 
-    /// The same, or rough ones, which cost less, where they are `enough`.
-    pub(super) fn spread_until(&self, rect: &Rect, enough: impl Fn(&Spread) -> bool) -> Spread {
-        self.bounds(rect, self.is_rational.then_some(enough))
-    }
-
-    fn bounds(&self, rect: &Rect, enough: Option<impl Fn(&Spread) -> bool>) -> Spread {
-        let [rows, columns] = [0, 1].map(|axis| self.spans(axis, rect.min[axis], rect.max[axis]));
-        if rows.len() == 1 && columns.len() == 1 {
-            let part = self.part(rows.start, columns.start, rect);
-            let rough = enough.and_then(|enough| Some(part.rough()).filter(enough));
+    /// The same, or coarser ones, which cost less, where they are `enough` or better ones would be
+    /// `futile`.
+    pub(super) fn spread_until(
+        &self,
+        rect: &Rect,
+        enough: impl Fn(&Spread) -> bool,
+        futile: impl Fn() -> bool,
+    ) -> Spread {
+        let around = self.around(rect);
+        let whole = self.joint(around.clone(), |i, j| self.piece(i, j).spread);
+        if enough(&whole) {
+            return whole;
+        }
+        let [rows, columns] = around.clone();
+        if let ([i, j], 1, 1) = ([rows.start, columns.start], rows.len(), columns.len()) {
+            let part = self.part(i, j, rect);
+            // What has no extent one way takes as long either way.
+            let is_area = self.is_rational && rect.size().min_element() > 0.0;
+            let rough = is_area.then(|| part.rough());
+            let rough = rough.filter(|rough| enough(rough) || futile());
             return rough.unwrap_or_else(|| part.spread());
         }
-        let all = rows.flat_map(|i| columns.clone().map(move |j| [i, j]));
-        let parts: Vec<Part<'_>> = all.map(|[i, j]| self.part(i, j, rect)).collect();
-        let union = |spreads: &mut dyn Iterator<Item = Spread>| {
-            spreads.reduce(Spread::union).unwrap_or_default()
-        };
-        let rough = || union(&mut parts.iter().map(Part::rough));
-        let rough = enough.and_then(|enough| Some(rough()).filter(enough));
-        rough.unwrap_or_else(|| union(&mut parts.iter().map(Part::spread)))
+        if self.is_rational {
+            let rough = self.joint(around, |i, j| self.part(i, j, rect).rough());
+            if enough(&rough) || futile() {
+                return rough;
+            }
+        }
+        self.spread(rect)
+    }
+
+    /// The rows and columns of the pieces that a rectangle lies in.
+    fn around(&self, rect: &Rect) -> [Range<usize>; 2] {
+        [0, 1].map(|axis| self.spans(axis, rect.min[axis], rect.max[axis]))
+    }
+
+    /// Bounds over what of several pieces they are given for.
+    fn joint(
+        &self,
+        [rows, columns]: [Range<usize>; 2],
+        each: impl Fn(usize, usize) -> Spread,
+    ) -> Spread {
+        let all = rows.flat_map(|i| columns.clone().map(move |j| (i, j)));
+        let spreads = all.map(|(i, j)| each(i, j));
+        spreads.reduce(Spread::union).unwrap_or_default()
+    }
+
+    fn piece(&self, i: usize, j: usize) -> &Piece {
+        &self.list[i * self.columns() + j]
     }
 
     /// What of a piece lies in a rectangle.
     fn part(&self, i: usize, j: usize, rect: &Rect) -> Part<'_> {
-        let piece = &self.list[i * self.columns() + j];
+        let piece = self.piece(i, j);
         let (u, v) = (piece.net.u(), piece.net.v());
         let part_u = part(rect.min.x..rect.max.x, &u);
         let part_v = part(rect.min.y..rect.max.y, &v);
@@ -323,8 +353,7 @@ impl<'a> Pieces<'a> {
             self.spans(0, inside.x, inside.x).start,
             self.spans(1, inside.y, inside.y).start,
         );
-        let piece = &self.list[i * self.columns() + j].net;
-        let [du, dv] = corner_derivatives(piece, uv);
+        let [du, dv] = corner_derivatives(&self.piece(i, j).net, uv);
         regular_normal([du, dv], [0.0; 2]).or_else(|| self.surface.normal(uv.midpoint(inside)))
     }
 
@@ -377,8 +406,7 @@ impl<'a> Pieces<'a> {
                 uv[other] = start + (end - start) * share;
                 let side = |along: usize| {
                     let (i, j) = if axis == 0 { (along, k) } else { (k, along) };
-                    let piece = &self.list[i * self.columns() + j].net;
-                    corner_derivatives(piece, uv)[axis]
+                    corner_derivatives(&self.piece(i, j).net, uv)[axis]
                 };
                 let (before, after) = (side(at - 1), side(at));
                 before.distance(after) > SMOOTH * (before.length() + after.length())

@@ -5,8 +5,8 @@
 //! and the points along each lie as dense as the largest error there asks for; where rows
 //! would be far denser than most of their length needs, the face is divided first.
 
-use glam::{DVec2, DVec3};
-use kernel::SurfaceDerivatives;
+use glam::{DVec2, DVec3, DVec4};
+use kernel::{Surface, SurfaceDerivatives};
 
 use super::Limits;
 use super::pieces::Rect;
@@ -21,6 +21,9 @@ pub(super) struct Seed {
 
 /// Rows that are denser than needed by this factor on average are divided.
 const UNEVEN: f64 = 1.6;
+
+/// Ways of control points that differ by this share are one.
+const EXTRUDED: f64 = 1e-9;
 
 /// Levels of division.
 const LEVELS: u32 = 8;
@@ -102,12 +105,37 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut V
     }
 }
 
-/// Where along an axis a block is looked at: several places in each piece, as shares.
+/// Where along an axis a block is looked at: several places in each piece, as shares; one where all
+/// are alike.
 fn samples(face: &Face<'_>, axis: usize, from: f64, to: f64) -> Vec<f64> {
-    let count = (4 * face.pieces.count(axis, from, to)).clamp(8, 48);
+    let count = if is_extruded(face.pieces.surface, axis) {
+        1
+    } else {
+        (4 * face.pieces.count(axis, from, to)).clamp(8, 48)
+    };
     (0..count)
         .map(|k| (k as f64 + 0.5) / count as f64)
         .collect()
+}
+
+/// Whether a surface is a curve that moves along an axis without turning.
+fn is_extruded(surface: &Surface, axis: usize) -> bool {
+    let knots = [surface.knots_u(), surface.knots_v()];
+    if (knots[axis].degree(), knots[axis].count()) != (1, 2) {
+        return false;
+    }
+    let net = surface.homogeneous();
+    let ends = |k: usize| match axis {
+        0 => [net[k], net[k + net.len() / 2]],
+        _ => [net[2 * k], net[2 * k + 1]],
+    };
+    let way = |[from, to]: [DVec4; 2]| to / to.w - from / from.w;
+    let first = way(ends(0));
+    let near = EXTRUDED * first.length();
+    (0..net.len() / 2).map(ends).all(|ends| {
+        let is_even = (ends[0].w - ends[1].w).abs() <= EXTRUDED * ends[0].w;
+        is_even && way(ends).distance(first) <= near
+    })
 }
 
 /// How many steps there are per unit along a length of one, constant between places.
@@ -206,7 +234,7 @@ pub(super) fn turns(d: &SurfaceDerivatives) -> DVec2 {
     let (length_u, length_v) = (d.du.length(), d.dv.length());
     let turn = |along_u: f64, along_v: f64| {
         let part = |bend: f64, length: f64| if length > 0.0 { bend / length } else { 0.0 };
-        part(along_u, length_u).hypot(part(along_v, length_v))
+        DVec2::new(part(along_u, length_u), part(along_v, length_v)).length()
     };
     let (l, m, n) = (d.duu.dot(normal), d.duv.dot(normal), d.dvv.dot(normal));
     DVec2::new(turn(l, m), turn(m, n))

@@ -463,11 +463,10 @@ impl Sewer<'_, '_> {
             return false;
         }
         let place = (&self.faces[short.face], &short.curve);
-        let points = &long.trail.points;
-        let step = (points.len() / 24).max(1);
-        let inner = points[1..points.len() - 1].iter().step_by(step);
-        let mut stays = inner.map(|p| short.trail.is_near(place, p.1, reach));
-        stays.len() > 0 && stays.all(|stays| stays)
+        let count = long.trail.points.len();
+        let inner = (1..count - 1).step_by((count / 24).max(1));
+        let is_near = |k: usize| short.trail.is_near_point(place, (&long.trail, k), reach);
+        inner.len() > 0 && inner.into_iter().all(is_near)
     }
 
     fn join(&mut self, a: usize, b: usize) {

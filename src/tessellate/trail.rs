@@ -110,16 +110,6 @@ impl Trail {
         (found.1 <= reach).then_some(found)
     }
 
-    /// Whether a point of the curve is no farther from `target` than `reach`.
-    pub(super) fn is_near(
-        &self,
-        place: (&Face<'_>, &Curve<DVec2>),
-        target: DVec3,
-        reach: f64,
-    ) -> bool {
-        self.search(place, target, reach..reach, None).1 <= reach
-    }
-
     /// The same on a curve that may come back to where it was; the place is expected at a share
     /// of its length.
     pub(super) fn project_beside(
@@ -130,6 +120,41 @@ impl Trail {
     ) -> (f64, f64) {
         let expected = Some(share * self.length());
         self.search(place, target, 0.0..f64::INFINITY, expected)
+    }
+
+    /// Whether a point of the curve is no farther from `target` than `reach`.
+    pub(super) fn is_near(
+        &self,
+        place: (&Face<'_>, &Curve<DVec2>),
+        target: DVec3,
+        reach: f64,
+    ) -> bool {
+        self.search(place, target, reach..reach, None).1 <= reach
+    }
+
+    /// The same of a point of another trail, by its number: it is looked for first where both are equally
+    /// far along, from the same ends or from opposite ones.
+    pub(super) fn is_near_point(
+        &self,
+        place: (&Face<'_>, &Curve<DVec2>),
+        (other, number): (&Self, usize),
+        reach: f64,
+    ) -> bool {
+        let target = other.points[number].1;
+        let share = other.lengths[number] / other.length();
+        let start = other.points[0].1;
+        let ends = [self.points[0].1, self.points[self.points.len() - 1].1];
+        let is_turned = start.distance_squared(ends[1]) < start.distance_squared(ends[0]);
+        let share = if is_turned { 1.0 - share } else { share };
+        let (chord, t) = self.at(share * self.length());
+        let found = approach(place, target, t, self.around(chord), reach);
+        found.1 <= reach || self.is_near(place, target, reach)
+    }
+
+    /// The parameters around a chord and its neighbours.
+    fn around(&self, chord: usize) -> Range<f64> {
+        let last = self.points.len() - 1;
+        self.points[chord.saturating_sub(1)].0..self.points[(chord + 2).min(last)].0
     }
 
     /// Whether both ends and the middle are near another curve, which has a trail of its own.
@@ -188,9 +213,7 @@ impl Trail {
     ) -> (f64, f64) {
         let more = |along: f64| expected.map_or(0.0, |at| ASTRAY * (along - at).abs());
         let look = |k: usize, t: f64| {
-            let low = self.points[k.saturating_sub(1)].0;
-            let high = self.points[(k + 2).min(self.points.len() - 1)].0;
-            let found = approach((face, curve), target, t, low..high, wanted.start);
+            let found = approach((face, curve), target, t, self.around(k), wanted.start);
             (found, found.1 + more(self.along(found.0)))
         };
         let equal = |k: usize| EQUAL * self.points[k].1.distance(self.points[k + 1].1);
@@ -204,6 +227,12 @@ impl Trail {
             }
             seen = Some(k);
         }
+        // What is expected that much farther on can only be worse.
+        let is_far = |k: usize| {
+            let (from, to) = (self.lengths[k], self.lengths[k + 1]);
+            let beside = |at: f64| (from - at).max(at - to);
+            expected.is_some_and(|at| ASTRAY * (beside(at) - (to - from)) >= least)
+        };
         let chord = |(k, w): (usize, &[(f64, DVec3)])| {
             let way = w[1].1 - w[0].1;
             let share = (target - w[0].1).dot(way) / way.length_squared();
@@ -225,8 +254,12 @@ impl Trail {
                 least,
             }
         };
-        let mut chords: Vec<_> = self.points.windows(2).enumerate().map(chord).collect();
-        chords.retain(|chord| chord.least <= wanted.end);
+        let windows = self.points.windows(2).enumerate();
+        let near = windows.filter(|(k, _)| !is_far(*k)).map(chord);
+        let most = wanted.end;
+        let mut chords: Vec<_> = near
+            .filter(|chord| chord.least <= most && chord.least < least)
+            .collect();
         loop {
             // The neighbours of what was looked at have been, too.
             let is_seen = |chord: &Chord| seen.is_some_and(|k| chord.number.abs_diff(k) <= 1);

@@ -12,7 +12,9 @@ const DIFFERENCE: f64 = 0.5;
 impl Mesher<'_> {
     /// The triangles that belong to the face.
     pub(super) fn inner(&mut self) -> Vec<Inner> {
-        let counted = self.counted().filter(|inside| {
+        // Without loops there is nothing to count.
+        let is_cut = self.face.region.is_some();
+        let counted = is_cut.then(|| self.counted()).flatten().filter(|inside| {
             let trusted = self.trusts_count;
             trusted.unwrap_or_else(|| self.agrees(inside))
         });
@@ -20,7 +22,7 @@ impl Mesher<'_> {
         let faces = self.plane.inner_faces().map(|face| face.fix());
         let belongs = |face: &FixedFaceHandle<InnerTag>| match &counted {
             Some(inside) => inside[face.index()],
-            // The boundary is not closed, or runs twice: look at every triangle.
+            // There is none, it is not closed, or it runs twice: look at every triangle.
             None => self.is_inside(*face),
         };
         let named = |face: FixedFaceHandle<InnerTag>| Inner {
@@ -72,9 +74,6 @@ impl Mesher<'_> {
     /// Whether most of what was counted belongs to the face by its loops, and the other way
     /// round.
     fn agrees(&self, inside: &[bool]) -> bool {
-        if self.face.region.is_none() {
-            return true;
-        }
         let (mut all, mut different) = (0.0, 0.0);
         for face in self.plane.inner_faces() {
             let counted = inside[face.index()];
