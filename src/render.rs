@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use glam::{DVec2, DVec3};
-use kernel::{Camera, Projection, Ray, Sky};
+use kernel::{Camera, Lens, Projection, Ray, Sky};
 use rayon::prelude::*;
 
 use crate::accelerator::{Accelerator, Workspace};
@@ -97,6 +97,10 @@ fn paint_all(
         accelerator,
         integrator,
         camera,
+        rays: FilmRays::new(
+            camera,
+            DVec2::new(options.width.into(), options.height.into()),
+        ),
         options,
         found,
     };
@@ -140,6 +144,7 @@ struct Painter<'a> {
     accelerator: &'a Accelerator<'a>,
     integrator: Integrator<'a>,
     camera: &'a Camera,
+    rays: FilmRays,
     options: &'a RenderOptions,
     /// What the rays through the middles of all pixels meet, if that is known.
     found: Option<&'a [Option<Hit>]>,
@@ -153,7 +158,7 @@ impl Painter<'_> {
         let started = Instant::now();
         let rays: Vec<_> = pixels(tile)
             .flat_map(|(x, y)| self.places(x, y))
-            .map(|place| self.ray(place))
+            .map(|place| self.rays.through(place))
             .collect();
         let mut hits = Vec::new();
         if let Some(found) = self.found {
@@ -221,14 +226,6 @@ impl Painter<'_> {
         samples.chain(self.central_ray().then_some(corner + 0.5))
     }
 
-    fn ray(&self, place: DVec2) -> Ray {
-        let size = DVec2::new(
-            f64::from(self.options.width),
-            f64::from(self.options.height),
-        );
-        film_ray(self.camera, size, place)
-    }
-
     /// Colour and data of a pixel from the hits of its rays and the light along them.
     fn develop(&self, hits: &[Option<Hit>], light: &[Radiance]) -> Pixel {
         let mut sum = Radiance::default();
@@ -272,16 +269,33 @@ fn pixel_data(camera: &Camera, hit: &Hit) -> PixelData {
 #[must_use]
 pub fn over_sky(film: Film, camera: &Camera, sky: &Sky) -> Film {
     let size = DVec2::new(f64::from(film.width()), f64::from(film.height()));
+    let rays = FilmRays::new(camera, size);
     film.over_each(|x, y| {
         let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-        sky.color(film_ray(camera, size, place).direction)
+        sky.color(rays.through(place).direction)
     })
 }
 
-/// The ray through a place on a film of the given size, both in pixels from the upper left.
-pub(crate) fn film_ray(camera: &Camera, size: DVec2, place: DVec2) -> Ray {
-    let film = place / size * 2.0 - 1.0;
-    camera.ray(DVec2::new(film.x, -film.y), size.x / size.y)
+/// Rays through places on a film.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FilmRays {
+    lens: Lens,
+    size: DVec2,
+}
+
+impl FilmRays {
+    /// Through a film of the given size in pixels.
+    pub(crate) fn new(camera: &Camera, size: DVec2) -> Self {
+        let lens = camera.lens(size.x / size.y);
+        Self { lens, size }
+    }
+
+    /// The ray through a place in pixels from the upper left.
+    #[inline]
+    pub(crate) fn through(&self, place: DVec2) -> Ray {
+        let film = place / self.size * 2.0 - 1.0;
+        self.lens.ray(DVec2::new(film.x, -film.y))
+    }
 }
 
 /// Where points of the world are on a film, in pixels, and how far along the view.

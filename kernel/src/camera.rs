@@ -165,16 +165,48 @@ impl Camera {
     ///
     /// The direction has component one along the view, so `t` is the depth.
     pub fn ray(&self, film: DVec2, aspect: f64) -> Ray {
+        self.lens(aspect).ray(film)
+    }
+
+    /// The camera as it takes pictures with the given ratio of width to height.
+    pub fn lens(&self, aspect: f64) -> Lens {
         let shorter = shorter_side(aspect);
-        let (half, parallel) = match self.projection {
+        let (half, is_parallel) = match self.projection {
             Projection::Perspective { vertical_fov } => {
                 (DVec2::new(aspect, 1.0) * (vertical_fov * 0.5).tan(), false)
             }
             Projection::PerspectiveShorter { fov } => (shorter * (fov * 0.5).tan(), false),
             Projection::Orthographic { extent } => (shorter * (extent * 0.5), true),
         };
-        let offset = self.right * (film.x * half.x) + self.up * (film.y * half.y);
-        if parallel {
+        Lens {
+            eye: self.eye,
+            forward: self.forward,
+            right: self.right,
+            up: self.up,
+            half,
+            is_parallel,
+        }
+    }
+}
+
+/// A camera for pictures of one shape; see [`Camera::ray`].
+#[derive(Clone, Copy, Debug)]
+pub struct Lens {
+    eye: DVec3,
+    forward: DVec3,
+    right: DVec3,
+    up: DVec3,
+    /// Half the extents of the film, at distance one for perspective.
+    half: DVec2,
+    is_parallel: bool,
+}
+
+impl Lens {
+    /// The ray through `film`, from (-1, -1) at the lower left to (1, 1) at the upper right.
+    #[inline]
+    pub fn ray(&self, film: DVec2) -> Ray {
+        let offset = self.right * (film.x * self.half.x) + self.up * (film.y * self.half.y);
+        if self.is_parallel {
             Ray {
                 origin: self.eye + offset,
                 direction: self.forward,

@@ -40,7 +40,7 @@ mod trim;
 
 pub use bezier::BezierSurface;
 pub use bounds::Aabb;
-pub use camera::{Camera, Projection};
+pub use camera::{Camera, Lens, Projection};
 pub use curve::{Curve, CurveDerivatives};
 pub use error::Error;
 pub use interval::Interval;

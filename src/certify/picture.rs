@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{Certificate, Certifier};
 use crate::accelerator::{Accelerator, Workspace};
 use crate::film::Film;
-use crate::render::film_ray;
+use crate::render::FilmRays;
 
 /// Accuracy that is promised of a hit, relative to the scene's size.
 const ACCURACY: f64 = 1e-9;
@@ -36,13 +36,13 @@ pub fn certify_film(
     let certifier = Certifier::build(accelerator.scene());
     let accuracy = ACCURACY * accelerator.bounds().diagonal();
     let (width, height) = (film.width(), film.height());
-    let size = DVec2::new(f64::from(width), f64::from(height));
+    let rays = FilmRays::new(camera, DVec2::new(f64::from(width), f64::from(height)));
     let rows: Vec<Vec<_>> = (0..height)
         .into_par_iter()
         .map_init(Workspace::default, |workspace, y| {
             let certify = |x| {
                 let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-                let ray = film_ray(camera, size, place);
+                let ray = rays.through(place);
                 let answer = accelerator.nearest(&ray, 0.0..f64::INFINITY, workspace);
                 let certificate = certifier.certify(&ray).beside(answer.as_ref());
                 let accuracy = accuracy / ray.direction.length();

@@ -14,7 +14,7 @@ use super::soup::{Smooth, Soup};
 use crate::accelerator::{Accelerator, Workspace};
 use crate::film::Film;
 use crate::intersect::METHODS;
-use crate::render::{Eye, RenderOptions, film_ray, render};
+use crate::render::{Eye, FilmRays, RenderOptions, render};
 
 /// Rays along the side of a pixel where silhouettes are compared finely.
 const FINE: u32 = 4;
@@ -375,13 +375,13 @@ fn silhouettes(
     let unsure: Vec<usize> = (0..own.len())
         .filter(|&k| own_edges[k] || other_edges[k] || own[k] != other[k])
         .collect();
-    let size = stage.size();
+    let film = FilmRays::new(&stage.camera, stage.size());
     let fine = |k: &usize| {
         let corner = DVec2::new((k % width) as f64, (k / width) as f64);
         let rays: Vec<_> = (0..FINE * FINE)
             .map(|j| {
                 let within = DVec2::new(f64::from(j % FINE), f64::from(j / FINE)) + 0.5;
-                film_ray(&stage.camera, size, corner + within / f64::from(FINE))
+                film.through(corner + within / f64::from(FINE))
             })
             .collect();
         let ranges = vec![0.0..f64::INFINITY; rays.len()];

@@ -264,11 +264,16 @@ fn in_packets(accelerator: &Accelerator<'_>, view: &View) -> Trace {
     let mut answers = vec![None; count];
     let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
     let everywhere: Vec<Range<f64>> = vec![0.0..f64::INFINITY; (BLOCK * BLOCK) as usize];
+    let (mut pixels, mut rays) = (Vec::new(), Vec::new());
     for (y, x) in blocks(&(0..view.height), &(0..view.width), BLOCK) {
-        let parts = blocks(&y, &x, BLOCK / 2);
-        let pixels = parts.flat_map(|(y, x)| y.flat_map(move |y| x.clone().map(move |x| (x, y))));
-        let pixels: Vec<_> = pixels.collect();
-        let rays: Vec<_> = pixels.iter().map(|&(x, y)| view.ray(x, y)).collect();
+        pixels.clear();
+        for (y, x) in blocks(&y, &x, BLOCK / 2) {
+            for y in y {
+                pixels.extend(x.clone().map(|x| (x, y)));
+            }
+        }
+        rays.clear();
+        rays.extend(pixels.iter().map(|&(x, y)| view.ray(x, y)));
         accelerator.nearest_many(&rays, &everywhere[..rays.len()], &mut workspace, &mut hits);
         for (&(x, y), hit) in pixels.iter().zip(&hits) {
             answers[(y * view.width + x) as usize] = hit.as_ref().map(found);

@@ -5,7 +5,7 @@ use kernel::{Aabb, BezierSurface, Camera, Patch, Ray, Scene, Shape, Surface, Tri
 
 use super::{ACCURACY, Counts};
 use crate::intersect::net::{Degrees, evaluate_points};
-use crate::render::film_ray;
+use crate::render::FilmRays;
 
 /// All surfaces of a scene in the world; those shown many times stand here as often.
 #[derive(Debug)]
@@ -246,6 +246,7 @@ impl Planes {
 #[derive(Clone, Debug)]
 pub(super) struct View {
     camera: Camera,
+    rays: FilmRays,
     pub(super) width: u32,
     pub(super) height: u32,
     /// Half the extents of the film, at distance one for perspective.
@@ -265,6 +266,7 @@ impl View {
         };
         Self {
             half: DVec2::new(across.dot(camera.right()), across.dot(camera.up())),
+            rays: FilmRays::new(camera, DVec2::new(f64::from(width), f64::from(height))),
             camera: camera.clone(),
             width,
             height,
@@ -279,7 +281,7 @@ impl View {
     /// The ray through the middle of a pixel.
     pub(super) fn ray(&self, x: u32, y: u32) -> Ray {
         let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-        film_ray(&self.camera, self.size(), place)
+        self.rays.through(place)
     }
 
     /// The width of a pixel at a ray parameter; that is the depth, as rays of a camera have
