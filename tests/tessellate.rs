@@ -88,3 +88,27 @@ fn bodies_with_poles_are_closed() {
         assert_eq!(closed.count(), *count, "{}", file.display());
     }
 }
+
+#[test]
+fn shells_of_voids_look_into_them() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let import = formats::open(root.join("samples/hollow.igs"), &Limits::default()).unwrap();
+    let result = tessellate(&import.scene, &TessellateOptions::default());
+    let mut volumes: Vec<_> = result.shells.iter().map(|shell| shell.volume).collect();
+    volumes.sort_by(f64::total_cmp);
+    assert!(result.shells.iter().all(|shell| shell.is_closed()));
+    assert!(volumes.len() == 2 && (volumes[0] + 2.0).abs() < 1e-12);
+    assert!((volumes[1] - 24.0).abs() < 1e-12);
+    // What is written encloses what is left.
+    let enclosed: f64 = result
+        .faces
+        .iter()
+        .flatten()
+        .flat_map(|face| {
+            let at = |k: u32| face.mesh.positions()[k as usize];
+            let volume = move |t: &[u32; 3]| at(t[0]).dot(at(t[1]).cross(at(t[2]))) / 6.0;
+            face.mesh.triangles().iter().map(volume)
+        })
+        .sum();
+    assert!((enclosed - 22.0).abs() < 1e-12, "{enclosed}");
+}

@@ -1,6 +1,6 @@
 //! Faces that can share edges, and their triangles.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Mesh, Patch, PatchId, Scene, Seam, Shape};
@@ -29,6 +29,8 @@ const CREASE: f64 = std::f64::consts::PI / 180.0;
 pub(super) struct Group {
     members: Vec<PatchId>,
     scale: f64,
+    /// Those of the members that bound voids, where the file says so.
+    voids: HashSet<PatchId>,
 }
 
 /// What a group becomes.
@@ -52,6 +54,9 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     // is lengthened there at most.
     let mut frames: Vec<Option<(usize, DAffine3)>> = vec![None; nodes.len()];
     let mut scales = vec![0.0_f64; nodes.len()];
+    // Whether all below a node bounds a void, and the patches of which this is so.
+    let mut in_void = vec![false; nodes.len()];
+    let mut voids = HashSet::new();
     if let Some(root) = scene.root() {
         scales[root.index()] = stretch(&scene.node(root).parent_from_node);
         frames[root.index()] = Some((root.index(), DAffine3::IDENTITY));
@@ -66,9 +71,11 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         let next = numbers.len();
         let bits = map.to_cols_array().map(f64::to_bits);
         let number = *numbers.entry((shared, bits)).or_insert(next);
-        for child in &node.children {
+        for (k, child) in node.children.iter().enumerate() {
+            let is_void = in_void[index] || k + node.voids >= node.children.len();
             match child {
                 Child::Node(id) => {
+                    in_void[id.index()] |= is_void;
                     let below = &scene.node(*id).parent_from_node;
                     let scale = scales[index] * stretch(below);
                     scales[id.index()] = scales[id.index()].max(scale);
@@ -80,6 +87,9 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
                 }
                 Child::Item(item) => {
                     if let Shape::Patch(id) = item.shape {
+                        if is_void {
+                            voids.insert(id);
+                        }
                         let (own, scale) = places.entry(id).or_default();
                         own.push(number);
                         *scale = scale.max(scales[index]);
@@ -93,6 +103,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         own.sort_unstable();
         let group = groups.entry(own).or_default();
         group.members.push(id);
+        group.voids.extend(voids.get(&id));
         group.scale = group.scale.max(scale);
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
@@ -196,6 +207,7 @@ impl Group {
                 patch,
                 mesh,
                 points,
+                is_void: self.voids.contains(&patch),
             });
         }
         let (turned, shells) = shells(&parts);

@@ -23,7 +23,8 @@ pub struct Shell {
     pub triangles: usize,
     /// Area of the triangles, in the coordinates in which they were sewn.
     pub area: f64,
-    /// What a closed shell encloses; without meaning for an open one.
+    /// What a closed shell encloses, below zero for the void of a solid; without meaning for an open
+    /// one.
     pub volume: f64,
 }
 
@@ -40,6 +41,8 @@ pub(super) struct Part<'a> {
     pub(super) mesh: &'a Triangles,
     /// The group's number of every vertex.
     pub(super) points: Vec<u32>,
+    /// Whether it bounds a void of a solid.
+    pub(super) is_void: bool,
 }
 
 impl Part<'_> {
@@ -138,11 +141,12 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
             *last = index;
         }
         shell.euler += number(shell.triangles);
-        // Closed shells have their volume inside, open ones look where most of them did.
+        // Closed shells have their volume inside, but for those of voids, and open ones look where
+        // most of them did.
         let signed = |&k: &usize| if turned[k] { -1.0 } else { 1.0 } * parts[k].area();
         let balance: f64 = members.iter().map(signed).sum();
         let wrong = if shell.is_closed() {
-            shell.volume < 0.0
+            (shell.volume < 0.0) != members.iter().all(|&k| parts[k].is_void)
         } else {
             balance < 0.0
         };
