@@ -90,6 +90,15 @@ pub(crate) fn tell_wires(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
+/// Notes the solids of which some shells bound voids.
+pub(crate) fn tell_voids(scene: &Scene, warnings: &mut Warnings) {
+    for node in scene.nodes().iter().filter(|node| node.voids > 0) {
+        let place = Place::item(0, format!("node \"{}\"", node.name));
+        let text = "that shells bound voids of a solid is not written; they are shells like others";
+        warnings.unsupported(place, text);
+    }
+}
+
 /// The turn that brings the upward axis `from` to the upward axis `to`; all its numbers are
 /// 0, 1 or -1.
 pub(crate) fn turn(from: UpAxis, to: UpAxis) -> DMat3 {

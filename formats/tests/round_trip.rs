@@ -490,3 +490,22 @@ fn curves_without_a_surface_are_reported() {
         assert!(is_told, "{}", writer.name);
     }
 }
+
+#[test]
+fn voids_that_become_shells_are_reported() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../samples/hollow.igs");
+    let scene = open(&file, &Limits::default()).expect("a sample").scene;
+    for writer in WRITERS {
+        let export = (writer.write)(&scene, "hollow").expect("a file");
+        let mut problems = export
+            .warnings
+            .as_slice()
+            .iter()
+            .map(|w| w.problem.to_string());
+        assert!(
+            problems.any(|text| text.contains("voids")),
+            "{}",
+            writer.name
+        );
+    }
+}

@@ -15,7 +15,7 @@ use kernel::{Scene, UpAxis};
 use self::cards::Record;
 use self::tree::Tree;
 use super::{error, global};
-use crate::write::{Export, Writer, tell_wires, turn};
+use crate::write::{Export, Writer, tell_voids, tell_wires, turn};
 use crate::{Error, Place};
 
 /// The row of this format.
@@ -35,6 +35,7 @@ const DATE: &str = "19700101.000000";
 fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let mut tree = Tree::new(scene);
     tell_wires(scene, &mut tree.warnings);
+    tell_voids(scene, &mut tree.warnings);
     let what = [
         (scene.cameras.len(), "cameras"),
         (scene.lights.len(), "lights"),

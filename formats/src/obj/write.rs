@@ -14,7 +14,7 @@ use kernel::{
 mod materials;
 
 use super::FORMAT;
-use crate::write::{Export, Writer, has_weights, push_number, turn};
+use crate::write::{Export, Writer, has_weights, push_number, tell_voids, turn};
 use crate::{Error, Place, Warnings};
 
 /// The row of this format.
@@ -112,6 +112,7 @@ fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings)
         let text = "OBJ files have no unit of length; their numbers stay as they are";
         warnings.unsupported(Place::item(0, format!("the unit {}", unit.name)), text);
     }
+    tell_voids(scene, warnings);
     let mut shown = HashSet::new();
     for placement in placements.iter().filter(|p| !shown.insert(p.shape)) {
         let name = match placement.shape {
