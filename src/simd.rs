@@ -143,9 +143,6 @@ pub(crate) trait Simd: Copy {
     fn sqrt_d(self, a: Self::D) -> Self::D;
     /// A bit for each lane in which `a < b`.
     fn lt_d(self, a: Self::D, b: Self::D) -> u32;
-
-    /// `a b + c` of four coordinates.
-    fn fma_4(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4];
 }
 
 /// A number for all lanes, or one for each.
@@ -389,10 +386,5 @@ impl Simd for Portable {
     fn lt_d(self, a: Self::D, b: Self::D) -> u32 {
         let [a, b, c, d] = parts!(a, b => a.simd_lt(b).to_bitmask());
         a | b << 2 | c << 4 | d << 6
-    }
-
-    #[inline(always)]
-    fn fma_4(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
-        [0, 1, 2, 3].map(|r| a[r] * b[r] + c[r])
     }
 }

@@ -72,8 +72,8 @@ impl<S: Simd, const FOR: u8, const N: usize> Part<S> for WithRoom<'_, FOR, N> {
     type Output = Expansion;
 
     #[inline(always)]
-    fn run(self, s: S) -> Expansion {
-        Expansion::with_room::<S, FOR, N>(s, self.0.points, self.0.degrees, self.1)
+    fn run(self, _: S) -> Expansion {
+        Expansion::with_room::<FOR, N>(self.0.points, self.0.degrees, self.1)
     }
 }
 
@@ -84,7 +84,7 @@ impl Expansion {
         let Degrees { p, q } = piece.degrees;
         if p == 3 && q == 3 {
             // Known degrees unroll the loops.
-            Self::with_room::<S, FOR, ORDER>(s, piece.points, Degrees { p: 3, q: 3 }, rect)
+            Self::with_room::<FOR, ORDER>(piece.points, Degrees { p: 3, q: 3 }, rect)
         } else if p.max(q) < ORDER {
             s.apart(WithRoom::<FOR, ORDER>(piece, rect))
         } else {
@@ -94,8 +94,7 @@ impl Expansion {
 
     /// As [`Self::of`], for degrees below `N`.
     #[inline(always)]
-    fn with_room<S: Simd, const FOR: u8, const N: usize>(
-        s: S,
+    fn with_room<const FOR: u8, const N: usize>(
         net: &[[f64; 4]],
         degrees: Degrees,
         rect: &Rect,
@@ -108,12 +107,16 @@ impl Expansion {
             for j in 0..=q {
                 let point = &net[i * (q + 1) + j];
                 for l in 0..=q {
-                    line[l] = s.fma_4(*point, [along_v[j][l]; 4], line[l]);
+                    for r in 0..4 {
+                        line[l][r] += point[r] * along_v[j][l];
+                    }
                 }
             }
             for k in 0..=p {
                 for l in 0..=q {
-                    terms[k][l] = s.fma_4(line[l], [along_u[i][k]; 4], terms[k][l]);
+                    for r in 0..4 {
+                        terms[k][l][r] += line[l][r] * along_u[i][k];
+                    }
                 }
             }
         }
@@ -126,7 +129,7 @@ impl Expansion {
         let frame = Frame::of(&low);
         let mut sums = Sums::default();
         let mut own = [[0.0; 4]; TERMS];
-        sums.add_low::<S, FOR>(s, &frame, &low, &mut own);
+        sums.add_low::<FOR>(&frame, &low, &mut own);
         let mut dropped = [0.0; 4];
         if N > ORDER {
             for (k, line) in terms[..=p].iter().enumerate() {
@@ -217,10 +220,7 @@ impl Expansion {
             let mut stray = [0.0; 4];
             for (t, term) in self.terms.iter().enumerate() {
                 let share = us[t / ORDER] * vs[t % ORDER];
-                let count = COUNTS.derivative[t] * share;
-                for (sum, term) in stray.iter_mut().zip(term) {
-                    *sum += term.abs() * count;
-                }
+                add(&mut stray, term, COUNTS.derivative[t] * share);
             }
             // As [`GROWTH`].
             let [u, v] = [us[1], vs[1]];
@@ -363,16 +363,17 @@ const COUNTS: Counts = {
 
 /// Adds the sizes of a term, so many times.
 #[inline(always)]
-fn add<S: Simd>(s: S, sum: &mut [f64; 4], term: &[f64; 4], count: f64) {
-    *sum = s.fma_4(term.map(f64::abs), [count; 4], *sum);
+fn add(sum: &mut [f64; 4], term: &[f64; 4], count: f64) {
+    for r in 0..4 {
+        sum[r] += term[r].abs() * count;
+    }
 }
 
 impl Sums {
     /// Adds the terms that are kept; `own` takes them in the frame.
     #[inline(always)]
-    fn add_low<S: Simd, const FOR: u8>(
+    fn add_low<const FOR: u8>(
         &mut self,
-        s: S,
         frame: &Frame,
         terms: &[[f64; 4]; TERMS],
         own: &mut [[f64; 4]; TERMS],
@@ -387,30 +388,35 @@ impl Sums {
         }
         let mut weights = [0.0; 4];
         for t in 0..TERMS {
-            for (column, coordinate) in columns.iter().zip(terms[t]) {
-                own[t] = s.fma_4(*column, [coordinate; 4], own[t]);
+            for r in 0..4 {
+                own[t][r] = columns[0][r] * terms[t][0]
+                    + columns[1][r] * terms[t][1]
+                    + columns[2][r] * terms[t][2]
+                    + columns[3][r] * terms[t][3];
             }
             if t > 0 {
-                add(s, &mut weights, &own[t], 1.0);
+                add(&mut weights, &own[t], 1.0);
             }
         }
         self.weight = weights[3];
         // Few sums at a time stay in registers.
         let mut derivatives = [0.0; 4];
         for (t, own) in own.iter().enumerate() {
-            add(s, &mut derivatives, own, COUNTS.derivative[t]);
+            add(&mut derivatives, own, COUNTS.derivative[t]);
         }
         let (mut half, mut bulge) = ([0.0; 4], [0.0; 4]);
         for (t, own) in own.iter().enumerate() {
-            add(s, &mut half, own, COUNTS.half[t]);
-            bulge = s.fma_4(*own, [COUNTS.bulge[t]; 4], bulge);
+            add(&mut half, own, COUNTS.half[t]);
+            for r in 0..4 {
+                bulge[r] += own[r] * COUNTS.bulge[t];
+            }
         }
         (self.half, self.bulge) = (half, bulge);
         if FOR == HIERARCHY {
             let mut cuts = [[0.0; 4]; 2];
             for (t, own) in own.iter().enumerate() {
-                add(s, &mut cuts[0], own, COUNTS.cut[0][t]);
-                add(s, &mut cuts[1], own, COUNTS.cut[1][t]);
+                add(&mut cuts[0], own, COUNTS.cut[0][t]);
+                add(&mut cuts[1], own, COUNTS.cut[1][t]);
             }
             for r in 0..4 {
                 self.cut[0][r] = cuts[0][r] * GROWTH[0][r];
@@ -423,16 +429,16 @@ impl Sums {
                 for r in 0..4 {
                     relative[r] = term[r] * inverse - center[r] * weight;
                 }
-                add(s, &mut sizes, &relative, 1.0);
+                add(&mut sizes, &relative, 1.0);
             }
             self.half_size = [sizes[0], sizes[1], sizes[2]];
         }
         if FOR == SOLVER {
             let mut second = [[0.0; 4]; 3];
             for (t, own) in own.iter().enumerate() {
-                add(s, &mut second[0], own, COUNTS.second[0][t]);
-                add(s, &mut second[1], own, COUNTS.second[1][t]);
-                add(s, &mut second[2], own, COUNTS.second[2][t]);
+                add(&mut second[0], own, COUNTS.second[0][t]);
+                add(&mut second[1], own, COUNTS.second[1][t]);
+                add(&mut second[2], own, COUNTS.second[2][t]);
             }
             self.second = second;
         }

@@ -164,12 +164,6 @@ impl Simd for V4 {
     fn lt_d(self, a: __m512d, b: __m512d) -> u32 {
         u32::from(self.avx512f._mm512_cmp_pd_mask::<LESS>(a, b))
     }
-
-    #[inline(always)]
-    fn fma_4(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
-        let (a, b, c) = (pulp::cast(a), pulp::cast(b), pulp::cast(c));
-        pulp::cast(self.fma._mm256_fmadd_pd(a, b, c))
-    }
 }
 
 impl Simd for V3 {
@@ -365,11 +359,5 @@ impl Simd for V3 {
         let high = self.avx._mm256_cmp_pd::<LESS>(a[1], b[1]);
         let low = self.avx._mm256_movemask_pd(low).cast_unsigned();
         low | self.avx._mm256_movemask_pd(high).cast_unsigned() << 4
-    }
-
-    #[inline(always)]
-    fn fma_4(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
-        let (a, b, c) = (pulp::cast(a), pulp::cast(b), pulp::cast(c));
-        pulp::cast(self.fma._mm256_fmadd_pd(a, b, c))
     }
 }
