@@ -83,7 +83,7 @@ impl Hull {
         hull
     }
 
-    /// The rays as a beam in other coordinates, see [`super::beam::Beam::fill`]: in those of a hierarchy.
+    /// The rays as a beam in the coordinates of a hierarchy, see [`super::beam::Beam::fill`].
     /// Nothing if they do not run side by side, as far as this tells.
     #[inline(always)]
     pub(super) fn extent(&self, map: &DAffine3) -> Option<Extent> {

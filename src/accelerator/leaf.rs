@@ -81,13 +81,13 @@ impl Verdict {
     /// Takes the roots of some rays.
     #[inline(always)]
     fn take<S: Simd>(&mut self, s: S, new: u32, [x, y]: [S::F; 2]) {
-        let (mut xs, mut ys) = ([0.0; LANES], [0.0; LANES]);
         if self.met == 0 {
             s.store(x, &mut self.x);
             s.store(y, &mut self.y);
             self.met = new;
             return;
         }
+        let (mut xs, mut ys) = ([0.0; LANES], [0.0; LANES]);
         s.store(x, &mut xs);
         s.store(y, &mut ys);
         for lane in Bits(u64::from(new)) {

@@ -258,20 +258,19 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let map = cluster.tree.map() * instance.cluster_from_world;
         // Until a cell may be met, bounds of the rays are enough.
         let rough = hull.extent(&map);
-        let mut far = f32::INFINITY;
-        let mut outline = None;
-        let mut extent = match rough {
-            Some(extent) => extent,
-            None => match self.fill(&map, None) {
-                None => return false,
-                Some(extent) => {
-                    outline = Some(Outline::of(&extent));
-                    far = self.packet.beam.farthest(self.s);
-                    extent
-                }
-            },
+        let (mut is_exact, mut far) = (rough.is_none(), f32::INFINITY);
+        let first = if is_exact {
+            self.fill(&map, None)
+        } else {
+            rough
         };
-        let whole = extent.bounds();
+        let Some(mut extent) = first else {
+            return false;
+        };
+        if is_exact {
+            far = self.packet.beam.farthest(self.s);
+        }
+        let mut outline = Outline::of(&extent);
         self.packet.stack.clear();
         self.packet.stack.push((0, f32::NEG_INFINITY));
         while let Some((child, near)) = self.packet.stack.pop() {
@@ -285,18 +284,17 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 continue;
             }
             let block = &cluster.blocks[(child & !IS_LEAF) as usize];
-            if outline.is_none() {
-                if block.meets_beam(self.s, &whole, far) == 0 {
+            if !is_exact {
+                if block.meets_beam(self.s, &outline.whole, far) == 0 {
                     continue;
                 }
                 let Some(exact) = self.fill(&map, Some(extent.main)) else {
                     return false;
                 };
-                extent = exact;
+                (is_exact, extent, outline) = (true, exact, Outline::of(&exact));
                 far = self.packet.beam.farthest(self.s);
             }
-            let outline = outline.get_or_insert_with(|| Outline::of(&extent));
-            far = self.block(cluster, block, outline, far);
+            far = self.block(cluster, block, &mut outline, far);
             if self.alive == 0 {
                 break;
             }
