@@ -106,6 +106,18 @@ pub(crate) trait Simd: Copy {
     fn splat(self, x: f32) -> Self::F;
     fn load(self, from: &[f32; LANES]) -> Self::F;
     fn store(self, x: Self::F, to: &mut [f32; LANES]);
+    /// Half as many, and zeros beside them.
+    #[inline(always)]
+    fn load_half(self, from: &[f32; WIDE_LANES]) -> Self::F {
+        self.load(&pulp::cast([*from, [0.0; WIDE_LANES]]))
+    }
+    /// Of the first half.
+    #[inline(always)]
+    fn store_half(self, x: Self::F, to: &mut [f32; WIDE_LANES]) {
+        let mut all = [0.0; LANES];
+        self.store(x, &mut all);
+        to.copy_from_slice(&all[..WIDE_LANES]);
+    }
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;

@@ -8,6 +8,7 @@ use super::approach::View;
 use super::beam::Beam;
 use super::cells::{Cell, CellFrame};
 use super::hull::BeamBounds;
+use super::leaf::Bits;
 use super::room::part_of;
 use super::tree::{LocalRay, Tree, WIDTH};
 use crate::intersect::Rect;
@@ -112,10 +113,7 @@ impl Block {
     ) -> usize {
         let lanes = s.apart(OfRay(self, ray, range));
         let mut count = 0;
-        for slot in 0..self.count as usize {
-            if lanes.beside[slot] != 0 {
-                continue;
-            }
+        for slot in Bits(u64::from(lanes.met)) {
             let mut place = count;
             while place > 0 && lanes.time[found[place - 1].slot] > lanes.time[slot] {
                 found[place] = found[place - 1];
@@ -217,15 +215,12 @@ impl Block {
         s: S,
         beam: &BeamBounds,
         far: f32,
-        found: &mut [(u32, f32); WIDTH],
+        found: &mut [(usize, f32); WIDTH],
     ) -> usize {
         let lanes = s.apart(OfBeam(self, beam, far));
         let mut count = 0;
-        for slot in 0..self.count {
-            if lanes.beside[slot as usize] != 0 {
-                continue;
-            }
-            let near = lanes.near[slot as usize];
+        for slot in Bits(u64::from(lanes.met)) {
+            let near = lanes.near[slot];
             let mut place = count;
             while place > 0 && found[place - 1].1 > near {
                 found[place] = found[place - 1];
@@ -240,8 +235,14 @@ impl Block {
     /// A bit for each cell that rays of the beam may meet before `far`.
     #[inline(always)]
     pub(super) fn meets_beam<S: Simd>(&self, s: S, beam: &BeamBounds, far: f32) -> u32 {
-        let lanes = s.apart(OfBeam(self, beam, far));
-        (0..WIDTH).fold(0, |bits, k| bits | (1 - lanes.beside[k]) << k)
+        s.apart(OfBeam(self, beam, far)).met
+    }
+
+    /// A bit for each of the cells that is not `beside`.
+    #[inline(always)]
+    fn of_these(&self, beside: &[u32; WIDTH]) -> u32 {
+        let all = (1 << self.count) - 1;
+        (0..WIDTH).fold(0, |bits, k| bits | (1 - beside[k]) << k) & all
     }
 
     /// A cell as a beam sees it, but for what only its pieces know.
@@ -314,6 +315,8 @@ impl Block {
 /// What eight cells say of a beam.
 #[repr(align(32))]
 struct BeamLanes {
+    /// A bit for each cell that it may meet.
+    met: u32,
     /// One where all rays certainly miss the cell.
     beside: [u32; WIDTH],
     near: [f32; WIDTH],
@@ -332,6 +335,7 @@ impl<S: Simd> Part<S> for OfRay<'_> {
         for k in 0..WIDTH {
             self.0.lane(k, self.1, self.2, &mut lanes);
         }
+        lanes.met = self.0.of_these(&lanes.beside);
         lanes
     }
 }
@@ -346,6 +350,7 @@ impl<S: Simd> Part<S> for OfBeam<'_> {
     #[inline(always)]
     fn run(self, _: S) -> BeamLanes {
         let mut lanes = BeamLanes {
+            met: 0,
             beside: [0; WIDTH],
             near: [0.0; WIDTH],
         };
@@ -353,6 +358,7 @@ impl<S: Simd> Part<S> for OfBeam<'_> {
         for k in 0..WIDTH {
             self.0.beam_lane(k, self.1, self.2, &mut lanes);
         }
+        lanes.met = self.0.of_these(&lanes.beside);
         lanes
     }
 }
@@ -360,6 +366,8 @@ impl<S: Simd> Part<S> for OfBeam<'_> {
 /// What eight cells say of a ray.
 #[repr(align(32))]
 struct Lanes {
+    /// A bit for each cell that it may meet.
+    met: u32,
     /// One where the ray certainly misses the cell within the range.
     beside: [u32; WIDTH],
     s: [f32; WIDTH],
@@ -373,6 +381,7 @@ struct Lanes {
 
 impl Lanes {
     const NONE: Self = Self {
+        met: 0,
         beside: [0; WIDTH],
         s: [0.0; WIDTH],
         t: [0.0; WIDTH],

@@ -229,7 +229,7 @@ impl<S: Simd> Company<S> for Meetings {
         let to = &mut self.batch;
         let coordinates = if self.is_rational { 4 } else { 3 };
         to.flat = 0;
-        for (slot, &lane) in batch.lane.iter().enumerate() {
+        for (slot, &lane) in batch.lane[..batch.count].iter().enumerate() {
             let (group, k) = (
                 usize::from(lane) / LANES % GROUPS,
                 usize::from(lane) % LANES,

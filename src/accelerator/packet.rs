@@ -366,12 +366,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 }
             }
             for &(slot, start) in &found[..count] {
-                let cell = block.cells[slot as usize];
+                let cell = block.cells[slot];
                 // What is at hand tells itself which rays pass it by.
                 let lanes = if !cell.is_coarse() && self.is_at_hand(&cell) {
                     self.near(slot, &near)
                 } else {
-                    self.passing(cluster, block, slot as usize, &near)
+                    self.passing(cluster, block, slot, &near)
                 };
                 if lanes != 0 && cell.is_coarse() {
                     coarse[divided] = (cell, start);
@@ -407,7 +407,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
 
     /// The rays of the groups that are `near` to a slot of a block.
     #[inline(always)]
-    fn near(&self, slot: u32, near: &[u32; RAYS / LANES]) -> u64 {
+    fn near(&self, slot: usize, near: &[u32; RAYS / LANES]) -> u64 {
         let group = |(group, near): (usize, &u32)| {
             u64::from(near >> slot & 1) * (0xffff << (group * LANES))
         };

@@ -8,6 +8,8 @@ use std::ops::Range;
 use glam::{DAffine3, DMat3, DVec3};
 use kernel::{Aabb, Ray};
 
+use crate::simd::{Portable, Simd};
+
 /// Children of a node.
 pub(crate) const WIDTH: usize = 8;
 
@@ -333,7 +335,7 @@ impl Tree {
         let base = stack.len();
         self.begin(stack);
         let mut local = ray.range(range);
-        while let Some(number) = self.next_leaf(ray, &local, stack, base) {
+        while let Some(number) = self.next_leaf(Portable, ray, &local, stack, base) {
             if !visitor.leaf(number, range) {
                 stack.truncate(base);
                 return;
@@ -353,8 +355,9 @@ impl Tree {
     /// The next leaf that the ray passes within `range`, roughly from near to far; what is
     /// still to be searched is on the stack above `base`.
     #[inline(always)]
-    pub(crate) fn next_leaf(
+    pub(crate) fn next_leaf<S: Simd>(
         &self,
+        s: S,
         ray: &LocalRay,
         range: &Range<f32>,
         stack: &mut Vec<(u32, f32)>,
@@ -369,7 +372,7 @@ impl Tree {
                 return Some((child & !IS_LEAF) as usize);
             }
             let node = &self.nodes[child as usize];
-            let (near, mut mask) = node.slabs(ray, range);
+            let (near, mut mask) = node.slabs(s, ray, range);
             let first = stack.len();
             while mask != 0 {
                 let k = mask.trailing_zeros() as usize;
@@ -393,28 +396,26 @@ impl Node {
     /// Where the ray enters each of the eight boxes, and a bit for each that it passes within
     /// `range`.
     #[inline(always)]
-    fn slabs(&self, ray: &LocalRay, range: &Range<f32>) -> ([f32; WIDTH], u32) {
-        let (mut near, mut far) = ([f32::NEG_INFINITY; WIDTH], [f32::INFINITY; WIDTH]);
+    fn slabs<S: Simd>(&self, s: S, ray: &LocalRay, range: &Range<f32>) -> ([f32; WIDTH], u32) {
+        let (mut near, mut far) = (s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY));
         for axis in 0..3 {
-            let (o, inverse) = (ray.origin[axis], ray.inverse[axis]);
             // By the sign of the ray, so that the inverted box of no child is never entered.
             let sides = [&self.min[axis], &self.max[axis]];
-            let back = usize::from(inverse < 0.0);
-            let (entry, exit): ([f32; WIDTH], [f32; WIDTH]) = (*sides[back], *sides[1 - back]);
-            for k in 0..WIDTH {
-                let (a, b) = ((entry[k] - o) * inverse, (exit[k] - o) * inverse);
-                near[k] = if a > near[k] { a } else { near[k] };
-                far[k] = if b < far[k] { b } else { far[k] };
-            }
+            let back = usize::from(ray.inverse[axis] < 0.0);
+            let (o, inverse) = (s.splat(ray.origin[axis]), s.splat(ray.inverse[axis]));
+            let [entry, exit] = [s.load_half(sides[back]), s.load_half(sides[1 - back])];
+            near = s.max(s.mul(s.sub(entry, o), inverse), near);
+            far = s.min(s.mul(s.sub(exit, o), inverse), far);
         }
-        let mut mask = 0;
-        for k in 0..WIDTH {
-            near[k] -= near[k].abs() * ROUNDING;
-            far[k] += far[k].abs() * ROUNDING;
-            let passes = near[k] <= far[k] && near[k] <= range.end && far[k] >= range.start;
-            mask |= u32::from(passes) << k;
-        }
-        (near, mask)
+        let rounding = s.splat(ROUNDING);
+        near = s.fnma(s.abs(near), rounding, near);
+        far = s.fma(s.abs(far), rounding, far);
+        let passes = s.bits(s.le(near, far))
+            & s.bits(s.le(near, s.splat(range.end)))
+            & s.bits(s.le(s.splat(range.start), far));
+        let mut start = [0.0; WIDTH];
+        s.store_half(near, &mut start);
+        (start, passes & ((1 << WIDTH) - 1))
     }
 }
 

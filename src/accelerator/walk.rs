@@ -105,10 +105,15 @@ impl Walker {
     /// Begins with another ray.
     #[inline(always)]
     pub(super) fn begin(&mut self, accelerator: &Accelerator<'_>, ray: &Ray) {
-        self.top_ray = accelerator.top.local_ray(ray);
         self.top_stack.clear();
-        accelerator.top.begin(&mut self.top_stack);
-        (self.instance, self.instances) = (0, 0..0);
+        self.instance = 0;
+        self.instances = 0..accelerator.instances.len();
+        // One alone needs no hierarchy.
+        if self.instances.len() > 1 {
+            self.instances = 0..0;
+            self.top_ray = accelerator.top.local_ray(ray);
+            accelerator.top.begin(&mut self.top_stack);
+        }
         self.stack.clear();
         self.found.clear();
         self.found_parts.clear();
@@ -146,7 +151,7 @@ impl Walker {
                 let cluster = &accelerator.clusters[instance.cluster as usize];
                 let leaf = cluster
                     .tree
-                    .next_leaf(&self.ray, &local, &mut self.stack, 0);
+                    .next_leaf(s, &self.ray, &local, &mut self.stack, 0);
                 if let Some(number) = leaf {
                     self.block = number;
                     let block = &cluster.blocks[number];
@@ -157,7 +162,7 @@ impl Walker {
             let Some(number) = self.instances.next() else {
                 let top = &accelerator.top;
                 let local = self.top_ray.range(range);
-                match top.next_leaf(&self.top_ray, &local, &mut self.top_stack, 0) {
+                match top.next_leaf(s, &self.top_ray, &local, &mut self.top_stack, 0) {
                     Some(leaf) => self.instances = top.leaf(leaf),
                     None => return Stop::End,
                 }
