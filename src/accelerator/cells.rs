@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
-use super::expansion::{Expansion, FRAME, HIERARCHY};
+use super::expansion::{DIVISION, Expansion, FRAME, HIERARCHY};
 use super::tree::WIDTH;
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
@@ -437,7 +437,11 @@ impl Task for Outlined<'_> {
             later,
             ..
         } = self.divider;
-        let local = Expansion::of::<S, HIERARCHY>(s, net, self.rect);
+        let local = if self.halvings > 0 {
+            Expansion::of::<S, DIVISION>(s, net, self.rect)
+        } else {
+            Expansion::of::<S, HIERARCHY>(s, net, self.rect)
+        };
         let (middle, half) = (local.middle * *radius + *center, local.half_size * *radius);
         let is_uneven = local.excess() > 1.0;
         let is_coarse = is_uneven && self.halvings == 0 && *later > 0;

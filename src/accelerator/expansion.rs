@@ -29,13 +29,16 @@ const DEGENERATE: f64 = 1e-6;
 /// A part whose weight may sink below this share of that in its middle has no frame.
 const LEAST_WEIGHT: f64 = 0.25;
 
-/// To expand a part only for its frame and what bounds the rest, [`HIERARCHY`] for where it lies
-/// and where it is best cut, too, and [`SOLVER`] for its second derivatives instead.
+/// To expand a part only for its frame and what bounds the rest, [`HIERARCHY`] for where it lies,
+/// too, [`DIVISION`] for where it is best cut instead if it is too uneven, and [`SOLVER`] for its
+/// second derivatives.
 pub(super) const FRAME: u8 = 0;
 /// See [`FRAME`].
 pub(super) const HIERARCHY: u8 = 1;
 /// See [`FRAME`].
-pub(super) const SOLVER: u8 = 2;
+pub(super) const DIVISION: u8 = 2;
+/// See [`FRAME`].
+pub(super) const SOLVER: u8 = 3;
 
 /// A part of a piece, in the units of the piece.
 #[derive(Clone, Debug)]
@@ -58,10 +61,10 @@ pub(super) struct Expansion {
     pub(super) second: [[f64; 4]; 3],
     /// For each of the four: bounds what higher powers than those kept contribute.
     pub(super) dropped: [f64; 4],
-    /// For the [`HIERARCHY`]: the part lies within this of its middle along each axis; infinite
-    /// if unknown.
+    /// For the [`HIERARCHY`], and a [`DIVISION`] without a cut: the part lies within this of its
+    /// middle along each axis; infinite if unknown.
     pub(super) half_size: DVec3,
-    /// For the [`HIERARCHY`]: whether a cut along v would make it more even than one along u.
+    /// For a [`DIVISION`] of what is too uneven: whether a cut along v would make it more even than one along u.
     pub(super) cut_v: bool,
 }
 
@@ -129,7 +132,7 @@ impl Expansion {
         let frame = Frame::of(&low);
         let mut sums = Sums::default();
         let mut own = [[0.0; 4]; TERMS];
-        sums.add_low::<FOR>(&frame, &low, &mut own);
+        sums.add_low::<FOR, N>(&frame, &low, &mut own);
         let mut dropped = [0.0; 4];
         if N > ORDER {
             for (k, line) in terms[..=p].iter().enumerate() {
@@ -370,9 +373,10 @@ fn add(sum: &mut [f64; 4], term: &[f64; 4], count: f64) {
 }
 
 impl Sums {
-    /// Adds the terms that are kept; `own` takes them in the frame.
+    /// Adds the terms that are kept; `own` takes them in the frame. No more than what is needed to
+    /// cut an uneven part if that is what it is for.
     #[inline(always)]
-    fn add_low<const FOR: u8>(
+    fn add_low<const FOR: u8, const N: usize>(
         &mut self,
         frame: &Frame,
         terms: &[[f64; 4]; TERMS],
@@ -404,15 +408,16 @@ impl Sums {
         for (t, own) in own.iter().enumerate() {
             add(&mut derivatives, own, COUNTS.derivative[t]);
         }
-        let (mut half, mut bulge) = ([0.0; 4], [0.0; 4]);
-        for (t, own) in own.iter().enumerate() {
-            add(&mut half, own, COUNTS.half[t]);
-            for r in 0..4 {
-                bulge[r] += own[r] * COUNTS.bulge[t];
-            }
+        // The derivatives of the weight are not expected.
+        let expected = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
+        for r in 0..4 {
+            let (x, y) = (own[ORDER][r], own[1][r]);
+            self.linear[r] = (x - expected[0][r]).abs() + (y - expected[1][r]).abs() + LINEAR;
+            self.stray[r] = derivatives[r] + self.linear[r];
         }
-        (self.half, self.bulge) = (half, bulge);
-        if FOR == HIERARCHY {
+        // Terms that are not kept make it no less.
+        let is_uneven = excess(&self.stray) > 1.0;
+        if FOR == DIVISION && (is_uneven || N > ORDER) {
             let mut cuts = [[0.0; 4]; 2];
             for (t, own) in own.iter().enumerate() {
                 add(&mut cuts[0], own, COUNTS.cut[0][t]);
@@ -422,6 +427,19 @@ impl Sums {
                 self.cut[0][r] = cuts[0][r] * GROWTH[0][r];
                 self.cut[1][r] = cuts[1][r] * GROWTH[1][r];
             }
+        }
+        if FOR == DIVISION && is_uneven {
+            return;
+        }
+        let (mut half, mut bulge) = ([0.0; 4], [0.0; 4]);
+        for (t, own) in own.iter().enumerate() {
+            add(&mut half, own, COUNTS.half[t]);
+            for r in 0..4 {
+                bulge[r] += own[r] * COUNTS.bulge[t];
+            }
+        }
+        (self.half, self.bulge) = (half, bulge);
+        if FOR == HIERARCHY || FOR == DIVISION {
             let center = frame.center.extend(0.0).to_array();
             let mut sizes = [0.0; 4];
             for term in &terms[1..] {
@@ -441,13 +459,6 @@ impl Sums {
                 add(&mut second[2], own, COUNTS.second[2][t]);
             }
             self.second = second;
-        }
-        // The derivatives of the weight are not expected.
-        let expected = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
-        for r in 0..4 {
-            let (x, y) = (own[ORDER][r], own[1][r]);
-            self.linear[r] = (x - expected[0][r]).abs() + (y - expected[1][r]).abs() + LINEAR;
-            self.stray[r] = derivatives[r] + self.linear[r];
         }
     }
 

@@ -15,7 +15,7 @@ use crate::simd::{LANES, PerLane, Simd, WIDE_LANES};
 const CAPACITY: usize = 1024;
 
 /// Halvings and narrowings of a part at most.
-const DEPTH: u8 = 16;
+const DEPTH: u8 = 8;
 
 /// Parts of a cell that are looked into for each ray that asks for it, on the average; what is
 /// then still not clear is left to subdivision in double precision.
