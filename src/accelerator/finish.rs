@@ -5,13 +5,14 @@ use kernel::MAX_DEGREE;
 use super::beam::{Beam, RAYS};
 use super::cells::Piece;
 use super::expansion::ORDER;
+use super::leaf::BLURRED;
 use super::tree::Tree;
 use crate::intersect::net::Degrees;
 use crate::simd::{Part, PerLane, Simd, WIDE_LANES};
 
 /// Roots of up to eight rays with one piece, in double precision.
 pub(super) struct Roots {
-    /// A bit for each ray that converged.
+    /// A bit for each ray that converged to a root near its start.
     pub(super) found: u32,
     pub(super) u: [f64; WIDE_LANES],
     pub(super) v: [f64; WIDE_LANES],
@@ -100,8 +101,10 @@ pub(super) struct Finish<'a, C> {
     /// Both axes across and the main one.
     pub(super) axes: [usize; 3],
     pub(super) lines: &'a Lines,
-    /// Where the iteration starts, along u and v.
+    /// Where the iteration starts, along u and v, and half of the cell: the root is near the start
+    /// beside it ([`BLURRED`]), or another.
     pub(super) start: [[f64; WIDE_LANES]; 2],
+    pub(super) half: [C; 2],
     /// A bit for each root that is wanted.
     pub(super) wanted: u32,
 }
@@ -136,12 +139,17 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
             axes,
             lines,
             start,
+            half,
             wanted,
         } = self.0;
+        let reach = s.splat_d(2.0 * f64::from(BLURRED));
+        let [reach_u, reach_v] = half.each_ref().map(|half| half.lanes(s));
+        let (reach_u, reach_v) = (s.mul_d(reach_u, reach), s.mul_d(reach_v, reach));
+        let first = [s.load_d(&start[0]), s.load_d(&start[1])];
         let [i, j, main] = axes;
         let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
         let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];
-        let (mut u, mut v) = (s.load_d(&start[0]), s.load_d(&start[1]));
+        let [mut u, mut v] = first;
         let mut roots = Roots {
             found: 0,
             u: [0.0; WIDE_LANES],
@@ -187,7 +195,9 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
                 & s.lt_d(s.abs_d(s.sub_d(v, half)), inside);
             let small = done | nearly & within;
             if small & wanted == wanted || step == LAST_STEPS - 1 {
-                roots.found = small & wanted;
+                let near = s.lt_d(s.abs_d(s.sub_d(u, first[0])), reach_u)
+                    & s.lt_d(s.abs_d(s.sub_d(v, first[1])), reach_v);
+                roots.found = small & near & wanted;
                 s.store_d(u, &mut roots.u);
                 s.store_d(v, &mut roots.v);
                 let weight = if RATIONAL {

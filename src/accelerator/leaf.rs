@@ -9,8 +9,12 @@ use crate::simd::{LANES, Part, PerLane, Simd};
 /// Uniqueness is proven below one; less bounds the number of steps.
 const SURE: f32 = 0.9;
 
-/// Larger errors than this part of a cell are not for single precision.
-const BLURRED: f32 = 0.01;
+/// Larger errors than this part of a cell are not for single precision: what it finds is nearer
+/// to a root than twice as much.
+pub(super) const BLURRED: f32 = 0.1;
+
+/// A flat cell is seen too badly from its edge beyond this.
+const SHARP: f32 = 0.01;
 
 /// After a step of Newton's shorter than this one more without new derivatives is the last.
 const CLOSE: f32 = 1e-2;
@@ -127,7 +131,8 @@ fn change<S: Simd, C: PerLane<S, Lanes = S::F>>(
 /// From the middle the derivatives change by `E - g c`, with `c` the change of those of what
 /// stands across the cell and `g` the tilt: only a product of two vectors grows with the tilt.
 /// Multiplied by the inverse in the middle, with rows of `E` below `k`, one plus the change can
-/// be inverted where `|g c| + k / (1 - k) |g| |c| < 1`, for all of the window at once.
+/// be inverted where `|g c| + k / (1 - k) |g| |c| < 1`, for all of the window at once. What is
+/// `blurred` of the derivatives by rounding belongs to `k`.
 #[inline(always)]
 fn contraction<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
@@ -135,7 +140,7 @@ fn contraction<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     place: [S::F; 2],
     tilt: [S::F; 2],
     half: [S::F; 2],
-    inverse: &Matrix<S::F>,
+    (inverse, blurred): (&Matrix<S::F>, S::F),
 ) -> (u32, S::F) {
     let one = s.splat(1.0);
     let [ax, ay] = change(s, cells, 0, half);
@@ -151,7 +156,7 @@ fn contraction<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
         ];
     }
     let [k1, k2] = inverse.abs(s).times(s, rows);
-    let along = s.max(k1, k2);
+    let along = s.add(s.max(k1, k2), blurred);
     let [g1, g2] = inverse.times(s, tilt);
     let (g1, g2) = (s.abs(g1), s.abs(g2));
     let across = s.mul(s.max(g1, g2), s.add(cx, cy));
@@ -350,19 +355,20 @@ impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         verdict.met = 0;
         let distance = distance::<S, C, RATIONAL>(s, cells, place, tilt, window.middle);
         let inverse = Matrix::inverse(s, &distance);
-        let (unique, contraction) =
-            contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, &inverse);
         // Errors along the tilt grow no more than it shrinks.
         let [any, along] = error;
         let [a, b, c, d] = inverse.abs(s).0;
         let [g1, g2] = inverse.times(s, tilt);
         let tilted = s.mul(along, s.max(s.abs(g1), s.abs(g2)));
         let grown = s.fma(any, s.max(s.add(a, b), s.add(c, d)), tilted);
+        let blurred = (&inverse, grown);
+        let (unique, contraction) =
+            contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, blurred);
         let amplified = s.mul(grown, s.add(s.splat(1.0), contraction));
         let known = s.bits(s.lt(amplified, s.splat(BLURRED)));
         // Of a flat cell seen from its edge the parts are seen no better.
         let total = s.fma(along, s.max(s.abs(tilt[0]), s.abs(tilt[1])), any);
-        let sharp = s.bits(s.lt(total, s.splat(BLURRED)));
+        let sharp = s.bits(s.lt(total, s.splat(SHARP)));
         verdict.blurred = lanes & (unique & !known | cells.flat & !sharp);
         let active = lanes & unique & known;
         let middle = Middle { distance, inverse };

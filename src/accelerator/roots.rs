@@ -54,6 +54,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             axes,
             lines: &lines,
             start,
+            half,
             wanted,
         };
         let roots = finish.roots(self.s, piece.is_rational);

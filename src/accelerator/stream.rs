@@ -176,6 +176,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
             axes: [[0; 3]; WIDE_LANES],
             way: [0.0; WIDE_LANES],
             start: [[0.0; WIDE_LANES]; 2],
+            half: [[0.0; WIDE_LANES]; 2],
         };
         for k in 0..used {
             self.prepare(first + k, k, &mut batch);
@@ -188,6 +189,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                 axes: [0, 1, 2],
                 lines,
                 start,
+                half: batch.half,
                 wanted,
             };
             finish.roots(self.s, is_rational)
@@ -198,6 +200,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                 axes: batch.axes[0],
                 lines,
                 start,
+                half: batch.half.map(|half| half[0]),
                 wanted,
             };
             finish.roots(self.s, true)
@@ -224,6 +227,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         let (middle, half) = meetings.part[meeting];
         batch.start[0][k] = middle[0] + half[0] * x;
         batch.start[1][k] = middle[1] + half[1] * y;
+        (batch.half[0][k], batch.half[1][k]) = (half[0], half[1]);
         let piece = &cluster.pieces.pieces[meetings.cell[meeting].piece as usize];
         let (center, radius) = finish::ball(piece, &cluster.tree);
         let Course {
@@ -289,5 +293,7 @@ struct Batch {
     axes: [[usize; 3]; WIDE_LANES],
     /// From the origin of the ray to where it is nearest to the middle of the piece.
     way: [f64; WIDE_LANES],
+    /// See [`Finish`].
     start: [[f64; WIDE_LANES]; 2],
+    half: [[f64; WIDE_LANES]; 2],
 }
