@@ -156,14 +156,17 @@ impl Painter<'_> {
         let mut stats = RenderStats::default();
         let cells_before = workspace.cells_examined();
         let started = Instant::now();
-        let rays: Vec<_> = pixels(tile)
+        let per_pixel = self.rays_per_pixel();
+        let count = (tile.x.len() * tile.y.len()) * per_pixel;
+        let mut rays = Vec::with_capacity(count);
+        // Nested iterators are slow to step through from outside.
+        pixels(tile)
             .flat_map(|(x, y)| self.places(x, y))
-            .map(|place| self.rays.through(place))
-            .collect();
+            .for_each(|place| rays.push(self.rays.through(place)));
         let mut hits = Vec::new();
         if let Some(found) = self.found {
             let row = self.options.width as usize;
-            hits.extend(pixels(tile).map(|(x, y)| found[y as usize * row + x as usize]));
+            pixels(tile).for_each(|(x, y)| hits.push(found[y as usize * row + x as usize]));
         } else {
             let ranges = vec![0.0..f64::INFINITY; rays.len()];
             self.accelerator
@@ -174,19 +177,18 @@ impl Painter<'_> {
         stats.hits = hits.iter().flatten().count() as u64;
         stats.filled = hits.iter().flatten().filter(|hit| hit.filled).count() as u64;
         let started = Instant::now();
-        let per_pixel = self.rays_per_pixel();
         let mut light = Vec::new();
         if self.options.shading != Shading::None {
             light = self
                 .integrator
                 .radiances(&rays, &hits, workspace, &mut stats.secondary_rays);
         }
-        for (k, (x, y)) in pixels(tile).enumerate() {
+        pixels(tile).enumerate().for_each(|(k, (x, y))| {
             let part = k * per_pixel..(k + 1) * per_pixel;
             let (color, data) =
                 self.develop(&hits[part.clone()], light.get(part).unwrap_or_default());
             tile.set(x, y, color, data);
-        }
+        });
         stats.shade = started.elapsed();
         stats.cells_examined = workspace.cells_examined() - cells_before;
         stats
