@@ -34,13 +34,19 @@ impl Targets {
         }
     }
 
+    /// A random face, and what belongs to it.
+    fn face(&self, dice: &mut Rng) -> Option<&(Surface, Option<TrimRegion>)> {
+        let choice = dice.f64() * self.faces.len() as f64;
+        let (_, face) = (1_u32..)
+            .zip(&self.faces)
+            .find(|(k, _)| choice < f64::from(*k))?;
+        Some(face)
+    }
+
     /// A ray past a random point of a face: across, tangential, or tangential with a small
     /// offset.
     pub(crate) fn ray(&self, dice: &mut Rng) -> Option<Ray> {
-        let choice = dice.f64() * self.faces.len() as f64;
-        let (_, (surface, region)) = (1_u32..)
-            .zip(&self.faces)
-            .find(|(k, _)| choice < f64::from(*k))?;
+        let (surface, region) = self.face(dice)?;
         let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
         let place = |_| {
             DVec2::new(
@@ -76,10 +82,48 @@ impl Targets {
         })
     }
 
-    /// Rays side by side, the first of which is [`Self::ray`]: from its origin or along it,
+    /// Rays that leave a face side by side in one direction, nearly along it, as towards a light.
+    fn leaving(&self, dice: &mut Rng, count: u32) -> Option<Vec<Ray>> {
+        let (surface, _) = self.face(dice)?;
+        let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+        let (start, size) = (
+            DVec2::new(u.start, v.start),
+            DVec2::new(u.end - u.start, v.end - v.start),
+        );
+        let corner = DVec2::new(dice.f64(), dice.f64());
+        let apart = 10.0_f64.powf(-2.0 - 3.0 * dice.f64());
+        let places: Vec<_> = (0..count)
+            .map(|k| {
+                let step = DVec2::new(f64::from(k % 8), f64::from(k / 8)) * apart;
+                start + size * (corner + step).min(DVec2::splat(0.999))
+            })
+            .collect();
+        let first = *places.first()?;
+        let (d, normal) = (surface.derivatives(first), surface.normal(first)?);
+        let turned = TAU * dice.f64();
+        let along =
+            d.du.normalize_or_zero() * turned.cos() + d.dv.normalize_or_zero() * turned.sin();
+        let tilt = 10.0_f64.powf(-4.0 * dice.f64());
+        let direction = (along.try_normalize()? + normal * tilt).normalize();
+        let offset = self.size * 10.0_f64.powf(-12.0 + 4.0 * dice.f64());
+        let ray = |&uv: &DVec2| {
+            let normal = surface.normal(uv)?;
+            let side = normal.dot(direction).signum();
+            Some(Ray {
+                origin: surface.derivatives(uv).point + normal * side * offset,
+                direction,
+            })
+        };
+        places.iter().map(ray).collect()
+    }
+
+    /// Rays side by side that leave a face ([`Self::leaving`]), or the first of which is [`Self::ray`]: from its origin or along it,
     /// as far apart as pixels, or much nearer.
     #[allow(dead_code, reason = "each test uses a part of this file")]
     pub(crate) fn bundle(&self, dice: &mut Rng, count: u32) -> Vec<Ray> {
+        if dice.f64() < 0.25 {
+            return self.leaving(dice, count).unwrap_or_default();
+        }
         let Some(ray) = self.ray(dice) else {
             return Vec::new();
         };
