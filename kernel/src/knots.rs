@@ -128,10 +128,14 @@ impl KnotVector {
 
     /// Whether there is one span and all knots are at its ends, as for a Bézier curve.
     pub fn is_bezier(&self) -> bool {
-        let Range { start, end } = self.domain();
-        self.count() == self.degree + 1
-            && self.knots[..=self.degree].iter().all(|&k| k >= start)
-            && self.knots[self.degree + 1..].iter().all(|&k| k <= end)
+        self.count() == self.degree + 1 && self.is_clamped()
+    }
+
+    /// Whether each end of the domain stands `degree + 1` times, so that curves begin and end in control
+    /// points.
+    pub(crate) fn is_clamped(&self) -> bool {
+        self.knots[0] >= self.knots[self.degree]
+            && self.knots[self.knots.len() - 1] <= self.knots[self.count()]
     }
 
     /// The parameters for which a curve is defined; both ends belong to it.

@@ -234,7 +234,14 @@ pub(crate) fn bezier_pieces<H: Linear>(
     knots: &KnotVector,
     points: &[H],
 ) -> Vec<(Range<f64>, Vec<H>)> {
-    let (knots, points) = restrict(knots, points, &knots.domain());
+    if knots.is_bezier() {
+        return vec![(knots.domain(), points.to_vec())];
+    }
+    let clamped = (!knots.is_clamped()).then(|| restrict(knots, points, &knots.domain()));
+    let (knots, points) = match &clamped {
+        Some((knots, points)) => (knots, &points[..]),
+        None => (knots, points),
+    };
     let (p, u) = (knots.degree(), knots.as_slice());
     let mut pieces = Vec::new();
     let mut piece = points[..=p].to_vec();

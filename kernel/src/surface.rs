@@ -124,9 +124,21 @@ impl Surface {
     /// Whether the surface comes back to its start along u, and along v, up to rounding.
     pub fn closed(&self) -> [bool; 2] {
         let near = SAME * self.hull_bounds().diagonal();
+        let is_near =
+            |a: DVec4, b: DVec4| (a.truncate() / a.w).distance(b.truncate() / b.w) <= near;
+        if self.knots_u.is_clamped() && self.knots_v.is_clamped() {
+            // Control points are those of the borders.
+            let (points, row) = (&self.points, self.knots_v.count());
+            let (first, last) = (&points[..row], &points[points.len() - row..]);
+            let rows = || points.chunks_exact(row);
+            return [
+                first.iter().zip(last).all(|(a, b)| is_near(*a, *b)),
+                rows().all(|points| is_near(points[0], points[row - 1])),
+            ];
+        }
         let meet = |a: Curve<DVec3>, b: Curve<DVec3>| {
-            let mut pairs = a.points().zip(b.points());
-            pairs.all(|(a, b)| a.distance(b) <= near)
+            let mut pairs = a.homogeneous().iter().zip(b.homogeneous());
+            pairs.all(|(a, b)| is_near(*a, *b))
         };
         let (u, v) = (self.knots_u.domain(), self.knots_v.domain());
         [

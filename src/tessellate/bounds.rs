@@ -13,7 +13,7 @@ use super::net::{Net, ORDERS, Rows, by_row};
 use super::pieces::{Ball, Spread};
 use crate::simd::{Simd, Task};
 
-impl Net<'_> {
+impl Net {
     /// Bounds over all of the net.
     pub(super) fn spread(&self) -> Spread {
         if self.has_weights {
@@ -40,7 +40,7 @@ impl Net<'_> {
 
 /// The task to bound derivatives without weights: the coefficients are those of the derivatives
 /// themselves.
-struct Plain<'a>(&'a Net<'a>);
+struct Plain<'a>(&'a Net);
 
 impl Task for Plain<'_> {
     type Output = Spread;
@@ -74,7 +74,7 @@ impl Plain<'_> {
 /// `Su = (Xu - S wu) / w`, `Suu = (Xuu - 2 Su wu - S wuu) / w` and
 /// `Suv = (Xuv - Su wv - Sv wu - S wuv) / w`.
 /// With the origin in the middle of the part, `S` is short.
-struct Rough<'a>(&'a Net<'a>);
+struct Rough<'a>(&'a Net);
 
 impl Task for Rough<'_> {
     type Output = Spread;
@@ -188,7 +188,7 @@ thread_local! {
 }
 
 /// The task to bound derivatives as quotients.
-struct Quotients<'a, 'r>(&'a Net<'a>, &'r mut Room);
+struct Quotients<'a, 'r>(&'a Net, &'r mut Room);
 
 impl Task for Quotients<'_, '_> {
     type Output = Spread;
@@ -457,8 +457,15 @@ mod tests {
                         let max = min + shape * width;
                         let rect = Rect { min, max };
                         let full = pieces.spread(&rect);
-                        let rough = pieces.spread_until(&rect, |_| false, || true);
-                        let whole = pieces.spread_until(&rect, |_| true, || false);
+                        let seen = Cell::new(Spread::default());
+                        let bound = |spread: &Spread| {
+                            seen.set(*spread);
+                            1.0
+                        };
+                        pieces.bound_until(&rect, bound, 0.0, || true);
+                        let rough = seen.get();
+                        pieces.bound_until(&rect, bound, 1.0, || false);
+                        let whole = seen.get();
                         for _ in 0..50 {
                             let place = DVec2::new(rng.f64(), rng.f64());
                             let d = surface.derivatives(rect.min + rect.size() * place);

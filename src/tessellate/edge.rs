@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
 use kernel::{Curve, MAX_DEGREE};
+use smallvec::SmallVec;
 
 use super::Limits;
 use super::net::{cut, share};
@@ -37,7 +38,7 @@ const BRIDGES: u32 = 6;
 pub(super) struct Station {
     pub(super) position: DVec3,
     /// Its parameters on the curve and on the surface of every use.
-    pub(super) places: Vec<Place>,
+    pub(super) places: Places,
 }
 
 /// A point of an edge as one of its faces sees it.
@@ -54,17 +55,28 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Where a boundary is at `uv`, and goes on by `way`, near to a point of an edge.
-    fn new(face: &Face<'_>, t: f64, (uv, way): (DVec2, DVec2), position: DVec3) -> Self {
+    /// Where a boundary is at `uv`, and goes on by `way`, and the point of the surface there; no gap yet.
+    fn new(face: &Face<'_>, t: f64, (uv, way): (DVec2, DVec2)) -> (Self, DVec3) {
         let (point, along, normal) = face.look(uv, way);
-        Self {
+        let place = Self {
             t,
             uv,
-            gap: point.distance(position),
+            gap: 0.0,
             along,
             normal,
-        }
+        };
+        (place, point)
     }
+}
+
+/// The places of one point of an edge.
+type Places = SmallVec<[Place; 2]>;
+
+/// Points of a surface at a place of its boundary: its own, and that of the [snapped](Face::snapped)
+/// parameters.
+struct Points {
+    own: DVec3,
+    snapped: DVec3,
 }
 
 /// An edge as a chain of points.
@@ -286,7 +298,7 @@ impl<'a> Walker<'a> {
         let tolerance = tolerances.fold(f64::INFINITY, f64::min);
         if depth > 0 && self.distance(&from, &to, 0.0) > tolerance {
             let middle = |(a, b): (&Place, &Place)| f64::midpoint(a.t, b.t);
-            let ts: Vec<f64> = from.places.iter().zip(&to.places).map(middle).collect();
+            let ts: SmallVec<[f64; 2]> = from.places.iter().zip(&to.places).map(middle).collect();
             let points = self.uses.iter().zip(&ts);
             let sum: DVec3 = points
                 .map(|(used, &t)| self.faces[used.face].point(used.curve.evaluate(t)))
@@ -302,25 +314,45 @@ impl<'a> Walker<'a> {
     /// A point inside the edge, at a parameter of the first use.
     fn station(&self, t: f64) -> Station {
         let first = &self.uses[0];
-        let master = self.faces[first.face].point(first.curve.evaluate(t));
-        let mut ts = vec![t];
+        let (place, points) = self.look(0, t);
+        let master = points.own;
+        let mut places = Places::new();
+        places.push(place);
+        let mut snapped: SmallVec<[DVec3; 2]> = SmallVec::new();
+        snapped.push(points.snapped);
         let mut sum = master;
         let share = first.trail.share(t);
-        for used in &self.uses[1..] {
+        for (k, used) in self.uses.iter().enumerate().skip(1) {
             let face = &self.faces[used.face];
             let turned = used.reversed != first.reversed;
             let share = if turned { 1.0 - share } else { share };
-            let (t, _) = used
-                .trail
-                .project_beside((face, &used.curve), master, share);
-            sum += face.point(used.curve.evaluate(t));
-            ts.push(t);
+            let beside = (face, &used.curve);
+            let (t, _) = used.trail.project_beside(beside, master, share);
+            let (place, points) = self.look(k, t);
+            sum += points.own;
+            places.push(place);
+            snapped.push(points.snapped);
         }
-        self.placed(sum / self.uses.len() as f64, &ts)
+        let position = sum / self.uses.len() as f64;
+        for (place, point) in places.iter_mut().zip(snapped) {
+            place.gap = point.distance(position);
+        }
+        Station { position, places }
+    }
+
+    /// Where the boundary of a use is at a parameter.
+    fn look(&self, k: usize, t: f64) -> (Place, Points) {
+        let used = &self.uses[k];
+        let face = &self.faces[used.face];
+        let (uv, way) = used.curve.tangent(t);
+        let on = face.snapped(uv);
+        let (place, snapped) = Place::new(face, t, (on, way));
+        let own = if on == uv { snapped } else { face.point(uv) };
+        (place, Points { own, snapped })
     }
 
     fn end_station(&self, end: usize) -> Station {
-        let ts: Vec<f64> = self
+        let ts: SmallVec<[f64; 2]> = self
             .uses
             .iter()
             .map(|used| {
@@ -336,14 +368,14 @@ impl<'a> Walker<'a> {
     }
 
     fn placed(&self, position: DVec3, ts: &[f64]) -> Station {
-        let place = |(used, &t): (&Use, &f64)| {
-            let face = &self.faces[used.face];
-            let (uv, way) = used.curve.tangent(t);
-            Place::new(face, t, (face.snapped(uv), way), position)
+        let place = |(k, &t): (usize, &f64)| {
+            let (place, points) = self.look(k, t);
+            let gap = points.snapped.distance(position);
+            Place { gap, ..place }
         };
         Station {
             position,
-            places: self.uses.iter().zip(ts).map(place).collect(),
+            places: ts.iter().enumerate().map(place).collect(),
         }
     }
 
@@ -417,8 +449,7 @@ impl<'a> Walker<'a> {
             let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
             aside + spread.chord(b - a, size) + spread.chord(off, size)
         };
-        let is_enough = |coarse: &Spread| bound(coarse) <= enough;
-        bound(&face.pieces.spread_until(&rect, is_enough, || false))
+        face.pieces.bound_until(&rect, bound, enough, || false)
     }
 
     /// Adds the points where a curve passes a line across which its surface has a crease.
@@ -457,7 +488,9 @@ impl<'a> Walker<'a> {
                 let mut station = self.station(start.clamp(low.min(high), low.max(high)));
                 let (mut uv, way) = curve.tangent(t);
                 uv[axis] = crease;
-                station.places[k] = Place::new(face, t, (uv, way), station.position);
+                let (place, point) = Place::new(face, t, (uv, way));
+                let gap = point.distance(station.position);
+                station.places[k] = Place { gap, ..place };
                 stations.insert(at, station);
                 at += 1;
             }
@@ -491,16 +524,20 @@ fn crossing(
 }
 
 /// A boundary in Bézier pieces: where each is on the curve, and its points `(w u, w v, 0, w)`.
-struct Parts(Vec<(Range<f64>, Vec<DVec4>)>);
+struct Parts {
+    ranges: Vec<Range<f64>>,
+    /// The points of one piece after the other, each of as many.
+    points: Vec<DVec4>,
+}
 
 impl Parts {
     fn of(curve: &Curve<DVec2>) -> Self {
-        let part = |piece: &Curve<DVec2>| {
-            let points = piece.homogeneous().iter();
-            let points = points.map(|h| DVec4::new(h.x, h.y, 0.0, h.z));
-            (piece.domain(), points.collect())
-        };
-        Self(curve.bezier_pieces().iter().map(part).collect())
+        let pieces = curve.bezier_pieces();
+        let points = pieces.iter().flat_map(Curve::homogeneous);
+        Self {
+            ranges: pieces.iter().map(Curve::domain).collect(),
+            points: points.map(|h| DVec4::new(h.x, h.y, 0.0, h.z)).collect(),
+        }
     }
 
     /// How far what lies between two parameters strays from the straight way between two points, by
@@ -511,7 +548,8 @@ impl Parts {
         let length = way.length_squared();
         let mut most = DVec2::ZERO;
         let mut room = [DVec4::ZERO; MAX_DEGREE + 1];
-        for (range, points) in &self.0 {
+        let count = self.points.len() / self.ranges.len();
+        for (range, points) in self.ranges.iter().zip(self.points.chunks_exact(count)) {
             if range.end < from || to < range.start {
                 continue;
             }

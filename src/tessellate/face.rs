@@ -7,6 +7,7 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
+use smallvec::SmallVec;
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
@@ -134,7 +135,7 @@ impl<'a> Mesher<'a> {
             known: Vec::new(),
             trusts_count: None,
         };
-        let mut known: HashMap<u32, Vec<(DVec2, FixedVertexHandle)>> =
+        let mut known: HashMap<u32, SmallVec<[(DVec2, FixedVertexHandle); 1]>> =
             HashMap::with_capacity(stretches.len());
         let near = face.pieces.domain().size() * SAME;
         // What dots connect is one vertex.
@@ -214,13 +215,14 @@ impl<'a> Mesher<'a> {
                 .filter_map(|inner| Some((self.division(inner)?, inner.corners[0])))
                 .collect();
             if places.is_empty() || self.vertices.len() > MOST_VERTICES {
-                break;
+                return self.finish(&inner);
             }
             for (place, near) in places {
                 self.insert_beside(place, FixedVertexHandle::from_index(near as usize));
             }
         }
-        self.finish()
+        let inner = self.inner();
+        self.finish(&inner)
     }
 
     /// Where parameters are in the plane.
@@ -472,8 +474,7 @@ impl<'a> Mesher<'a> {
         // What is seen to be too far needs no better bound.
         let points = corners.map(|v| v.position);
         let is_far = || deviation::triangle(&self.face.pieces, uvs, points) - gap > limit;
-        let is_enough = |coarse: &Spread| bound(coarse) <= limit;
-        let bound = bound(&self.face.pieces.spread_until(&rect, is_enough, is_far));
+        let bound = self.face.pieces.bound_until(&rect, bound, limit, is_far);
         (bound / limit, bound + gap)
     }
 
@@ -509,10 +510,11 @@ impl<'a> Mesher<'a> {
         })
     }
 
-    fn finish(mut self) -> Triangles {
+    fn finish(mut self, inner: &[Inner]) -> Triangles {
         let mut result = Triangles::default();
-        for inner in self.inner() {
-            let (ratio, proven) = self.judge(&inner, true);
+        result.triangles.reserve_exact(inner.len());
+        for inner in inner {
+            let (ratio, proven) = self.judge(inner, true);
             let corners = inner.corners;
             result.proven = result.proven.max(proven);
             result.unproven += usize::from(ratio > 1.0 || proven > self.face.tolerance);

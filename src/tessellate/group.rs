@@ -354,6 +354,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
     // For every vertex its first copy, and all others, one for each side of a crease.
     let mut first: Vec<Option<u32>> = vec![None; mesh.vertices.len()];
     let mut others: HashMap<u32, Vec<u32>> = HashMap::new();
+    let is_straight = face.pieces.are_straight();
     let mut sampled: f64 = 0.0;
     let mut gap: f64 = 0.0;
     for &corners in &mesh.triangles {
@@ -364,7 +365,10 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         let flat = (points[1] - points[0])
             .cross(points[2] - points[0])
             .normalize_or(DVec3::Z);
-        sampled = sampled.max(deviation::triangle(&face.pieces, uvs, points));
+        // Of a plane triangles are as far away as their corners.
+        if !is_straight {
+            sampled = sampled.max(deviation::triangle(&face.pieces, uvs, points));
+        }
         sampled = vertices.iter().fold(sampled, |most, v| most.max(v.gap));
         let mut triangle = corners.map(|k| {
             let vertex = &mesh.vertices[k as usize];

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::BezierSurface;
+use kernel::{BezierSurface, MAX_DEGREE};
 
 use crate::simd::{Instructions, Simd, Task};
 
@@ -13,8 +13,6 @@ use crate::simd::{Instructions, Simd, Task};
 #[derive(Debug)]
 pub(super) struct Family {
     degrees: [usize; 2],
-    /// `[2 i + j]`: whether u, and whether v, has no extent; made when they are first asked for.
-    members: [OnceLock<Degrees>; 4],
     pub(super) instructions: Instructions,
 }
 
@@ -42,20 +40,26 @@ impl Family {
     pub(super) fn new(degree_u: usize, degree_v: usize) -> Self {
         Self {
             degrees: [degree_u, degree_v],
-            members: Default::default(),
             instructions: Instructions::best(),
         }
     }
 
     /// What nets have in common that have no extent along u, or along v.
-    fn member(&self, flat: [bool; 2]) -> &Degrees {
+    fn member(&self, flat: [bool; 2]) -> &'static Degrees {
         let [p, q] = self.degrees;
-        let degrees = || Degrees::new(if flat[0] { 0 } else { p }, if flat[1] { 0 } else { q });
-        self.members[2 * usize::from(flat[0]) + usize::from(flat[1])].get_or_init(degrees)
+        Degrees::of(if flat[0] { 0 } else { p }, if flat[1] { 0 } else { q })
     }
 }
 
+/// What nets of the same degrees have in common, for all faces; made when it is first asked for.
+static DEGREES: [[OnceLock<Box<Degrees>>; MAX_DEGREE + 1]; MAX_DEGREE + 1] =
+    [const { [const { OnceLock::new() }; MAX_DEGREE + 1] }; MAX_DEGREE + 1];
+
 impl Degrees {
+    fn of(p: usize, q: usize) -> &'static Self {
+        DEGREES[p][q].get_or_init(|| Box::new(Self::new(p, q)))
+    }
+
     fn new(p: usize, q: usize) -> Self {
         let factors = |p: usize, q: usize| {
             let (u, v) = (binomials(p), binomials(q));
@@ -96,8 +100,8 @@ thread_local! {
 }
 
 /// The part of a piece over a rectangle, with its derivatives.
-pub(super) struct Net<'a> {
-    pub(super) degrees: &'a Degrees,
+pub(super) struct Net {
+    pub(super) degrees: &'static Degrees,
     pub(super) instructions: Instructions,
     /// Coefficients one after the other: of `X`, `Xu`, `Xv`, `Xuu`, `Xuv` and `Xvv`, each of the degrees
     /// that are left, or zero of degree zero where nothing is.
@@ -105,15 +109,15 @@ pub(super) struct Net<'a> {
     pub(super) has_weights: bool,
 }
 
-impl Drop for Net<'_> {
+impl Drop for Net {
     fn drop(&mut self) {
         COEFFICIENTS.set(std::mem::take(&mut self.coefficients));
     }
 }
 
-impl<'a> Net<'a> {
+impl Net {
     /// The net over a part of the domain of `piece`.
-    pub(super) fn of(family: &'a Family, piece: &BezierSurface, part: [Range<f64>; 2]) -> Self {
+    pub(super) fn of(family: &Family, piece: &BezierSurface, part: [Range<f64>; 2]) -> Self {
         family.instructions.run(Restriction {
             family,
             piece,
@@ -149,24 +153,24 @@ macro_rules! by_row {
 pub(super) use by_row;
 
 /// The task to make a [`Net`].
-struct Restriction<'a, 'b> {
+struct Restriction<'a> {
     family: &'a Family,
-    piece: &'b BezierSurface,
+    piece: &'a BezierSurface,
     part: [Range<f64>; 2],
 }
 
-impl<'a> Task for Restriction<'a, '_> {
-    type Output = Net<'a>;
+impl Task for Restriction<'_> {
+    type Output = Net;
 
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) -> Net<'a> {
+    fn run<S: Simd>(self, _: S) -> Net {
         by_row!(self.piece.degree_v(), self.net())
     }
 }
 
-impl<'a> Restriction<'a, '_> {
+impl Restriction<'_> {
     #[inline(always)]
-    fn net<const ROW: usize>(self) -> Net<'a> {
+    fn net<const ROW: usize>(self) -> Net {
         let [u, v] = &self.part;
         let whole = [self.piece.u(), self.piece.v()];
         let flat = [u.start >= u.end, v.start >= v.end];

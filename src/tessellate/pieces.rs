@@ -188,7 +188,7 @@ impl Piece {
 /// A piece, or what of it lies in a rectangle.
 enum Part<'a> {
     Whole(&'a Spread),
-    Cut(Net<'a>),
+    Cut(Net),
 }
 
 impl Part<'_> {
@@ -281,35 +281,43 @@ impl<'a> Pieces<'a> {
         self.joint(self.around(rect), |i, j| self.part(i, j, rect).spread())
     }
 
-    /// The same, or coarser ones, which cost less, where they are `enough` or better ones would be
-    /// `futile`.
-    pub(super) fn spread_until(
+    /// A `bound` that follows from those over a rectangle, or from coarser ones, which cost less, where
+    /// it is `enough` or a better one would be `futile`.
+    pub(super) fn bound_until(
         &self,
         rect: &Rect,
-        enough: impl Fn(&Spread) -> bool,
+        bound: impl Fn(&Spread) -> f64,
+        enough: f64,
         futile: impl Fn() -> bool,
-    ) -> Spread {
+    ) -> f64 {
         let around = self.around(rect);
-        let whole = self.joint(around.clone(), |i, j| self.piece(i, j).spread);
-        if enough(&whole) {
-            return whole;
-        }
-        let [rows, columns] = around.clone();
+        let [rows, columns] = &around;
         if let ([i, j], 1, 1) = ([rows.start, columns.start], rows.len(), columns.len()) {
-            let part = self.part(i, j, rect);
+            let whole = bound(&self.piece(i, j).spread);
+            if whole <= enough {
+                return whole;
+            }
+            let part = match self.part(i, j, rect) {
+                Part::Whole(_) => return whole,
+                Part::Cut(net) => net,
+            };
             // What has no extent one way takes as long either way.
             let is_area = self.is_rational && rect.size().min_element() > 0.0;
-            let rough = is_area.then(|| part.rough());
-            let rough = rough.filter(|rough| enough(rough) || futile());
-            return rough.unwrap_or_else(|| part.spread());
+            let rough = is_area.then(|| bound(&part.rough()));
+            let rough = rough.filter(|rough| *rough <= enough || futile());
+            return rough.unwrap_or_else(|| bound(&part.spread()));
+        }
+        let whole = bound(&self.joint(around.clone(), |i, j| self.piece(i, j).spread));
+        if whole <= enough {
+            return whole;
         }
         if self.is_rational {
-            let rough = self.joint(around, |i, j| self.part(i, j, rect).rough());
-            if enough(&rough) || futile() {
+            let rough = bound(&self.joint(around, |i, j| self.part(i, j, rect).rough()));
+            if rough <= enough || futile() {
                 return rough;
             }
         }
-        self.spread(rect)
+        bound(&self.spread(rect))
     }
 
     /// The rows and columns of the pieces that a rectangle lies in.

@@ -71,17 +71,19 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut V
     let size = block.rect.size();
     let [across, along] = [0, 1].map(|axis| samples(face, axis, min[axis], max[axis]));
     let step = |u: f64, v: f64| steps(face, min + size * DVec2::new(u, v), limits, size);
+    let look = |&v: &f64| across.iter().map(|&u| step(u, v)).collect();
+    let grid: Vec<Vec<DVec2>> = along.iter().map(look).collect();
     // Rows as dense as the place that needs it most.
     let (mut densities, mut mean) = (Vec::new(), 0.0);
-    for &v in &along {
-        let own = across.iter().map(|&u| size.y / step(u, v).y);
+    for steps in &grid {
+        let own = steps.iter().map(|step| size.y / step.y);
         densities.push(own.clone().fold(0.0, f64::max));
         mean += own.sum::<f64>() / across.len() as f64;
     }
     let rows = Density::new(&densities);
     let waste = densities.iter().sum::<f64>() / mean;
-    let columns =
-        across.iter().map(|&u| size.x / step(u, 0.5).x).sum::<f64>() / across.len() as f64;
+    let middle = between(&grid, 0.5).map(|step| size.x / step);
+    let columns = middle.sum::<f64>() / across.len() as f64;
     if levels > 0 && waste > UNEVEN && rows.total() > 3.0 && columns > 4.0 {
         let mut parts = [block; 2];
         let middle = 0.5 * (min.x + max.x);
@@ -95,7 +97,7 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut V
         return;
     }
     for (number, v) in rows.places([true; 2], false).into_iter().enumerate() {
-        let densities: Vec<f64> = across.iter().map(|&u| size.x / step(u, v).x).collect();
+        let densities: Vec<f64> = between(&grid, v).map(|step| size.x / step).collect();
         let row = Density::new(&densities);
         for u in row.places(block.hard, number % 2 == 0) {
             let uv = min + size * DVec2::new(u, v);
@@ -103,6 +105,17 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut V
             out.push(Seed { uv, step });
         }
     }
+}
+
+/// The steps along u at a share of v, from those of the rows of a grid.
+fn between(grid: &[Vec<DVec2>], v: f64) -> impl Iterator<Item = f64> {
+    let place = (v * grid.len() as f64 - 0.5).clamp(0.0, (grid.len() - 1) as f64);
+    let after = (0..grid.len()).find(|&k| place <= k as f64);
+    let after = after.unwrap_or(grid.len() - 1);
+    let before = after.saturating_sub(1);
+    let share = place - before as f64;
+    let pairs = grid[before].iter().zip(&grid[after]);
+    pairs.map(move |(a, b)| a.x + (b.x - a.x) * share)
 }
 
 /// Where along an axis a block is looked at: several places in each piece, as shares; one where all

@@ -8,7 +8,7 @@
 
 mod dots;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve};
@@ -72,15 +72,18 @@ struct Strand {
     awake: bool,
 }
 
-impl Strand {
-    fn used(&self, reversed: bool) -> Use {
-        Use {
-            face: self.face,
-            curve: self.curve.clone(),
-            trail: self.trail.clone(),
-            reversed,
-        }
-    }
+/// Strands that are one edge, and which of them run against the first.
+struct Joint {
+    strands: Vec<(usize, bool)>,
+    ends: [usize; 2],
+    collapsed: bool,
+}
+
+/// The end of a strand as others look for it.
+struct End {
+    node: usize,
+    face: usize,
+    point: DVec3,
 }
 
 /// Curves on two faces that the file says are one.
@@ -107,7 +110,7 @@ pub(crate) fn sew(
         parents: Vec::new(),
         links: Vec::new(),
         boxes: Vec::new(),
-        edges: Vec::new(),
+        joints: Vec::new(),
     };
     for (face, curve) in rims {
         let trail = Trail::of(&faces[face], &curve);
@@ -151,7 +154,7 @@ struct Sewer<'f, 's> {
     links: Vec<Vec<usize>>,
     /// Boxes around the nodes of each root.
     boxes: Vec<Aabb>,
-    edges: Vec<Edge>,
+    joints: Vec<Joint>,
 }
 
 impl Sewer<'_, '_> {
@@ -258,12 +261,18 @@ impl Sewer<'_, '_> {
     }
 
     /// The ends of strands without partner, from left to right.
-    fn open_nodes(&self) -> Vec<usize> {
+    fn open_ends(&self) -> Vec<End> {
         let open = self.strands.iter().filter(|s| Self::is_open(s));
-        let mut nodes: Vec<usize> = open.flat_map(|s| s.ends).collect();
-        nodes.sort_by(|&a, &b| self.nodes[a].x.total_cmp(&self.nodes[b].x).then(a.cmp(&b)));
-        nodes.dedup();
-        nodes
+        let end = |node: usize, face: usize| End {
+            node,
+            face,
+            point: self.nodes[node],
+        };
+        let ends = open.flat_map(|s| s.ends.map(|node| end(node, s.face)));
+        let mut ends: Vec<End> = ends.collect();
+        ends.sort_unstable_by(|a, b| a.point.x.total_cmp(&b.point.x).then(a.node.cmp(&b.node)));
+        ends.dedup_by_key(|end| end.node);
+        ends
     }
 
     /// Makes one vertex of ends within `reach`; a strand keeps its length unless `freely`.
@@ -273,15 +282,13 @@ impl Sewer<'_, '_> {
 
     /// Visits the ends of strands without partner that are within `reach` of each other.
     fn for_close_ends(&mut self, reach: f64, mut visit: impl FnMut(&mut Self, usize, usize)) {
-        let nodes = self.open_nodes();
-        for (k, &a) in nodes.iter().enumerate() {
-            for &b in &nodes[k + 1..] {
-                if self.nodes[b].x > self.nodes[a].x + reach {
-                    break;
-                }
-                if self.nodes[a].distance(self.nodes[b]) <= reach {
-                    visit(self, a, b);
-                }
+        let ends = self.open_ends();
+        for (k, a) in ends.iter().enumerate() {
+            let near = ends[k + 1..]
+                .iter()
+                .take_while(|b| b.point.x <= a.point.x + reach);
+            for b in near.filter(|b| a.point.distance(b.point) <= reach) {
+                visit(self, a.node, b.node);
             }
         }
     }
@@ -327,18 +334,12 @@ impl Sewer<'_, '_> {
 
     /// Divides strands where the end of another one lies on them.
     fn split_at_nodes(&mut self, reach: f64, seams: bool) {
-        let nodes = self.open_nodes();
-        let mut owners: HashMap<usize, Vec<usize>> = HashMap::new();
-        for strand in self.strands.iter().filter(|s| Self::is_open(s)) {
-            for end in strand.ends {
-                owners.entry(end).or_default().push(strand.face);
-            }
-        }
+        let others = self.open_ends();
         let mut s = 0;
         while s < self.strands.len() {
             // Parts made here are looked at again: they come later in the list.
             if Self::is_open(&self.strands[s]) {
-                while let Some((node, at)) = self.node_on(s, &nodes, &owners, reach, seams) {
+                while let Some((node, at)) = self.node_on(s, &others, reach, seams) {
                     self.split(s, node, at, reach);
                 }
             }
@@ -347,39 +348,28 @@ impl Sewer<'_, '_> {
     }
 
     /// A node that lies on a strand, away from its ends.
-    fn node_on(
-        &self,
-        s: usize,
-        nodes: &[usize],
-        owners: &HashMap<usize, Vec<usize>>,
-        reach: f64,
-        seams: bool,
-    ) -> Option<(usize, f64)> {
+    fn node_on(&self, s: usize, others: &[End], reach: f64, seams: bool) -> Option<(usize, f64)> {
         let strand = &self.strands[s];
         let face = &self.faces[strand.face];
         let bounds = strand.trail.bounds;
         let (low, high) = (bounds.min - reach, bounds.max + reach);
         let ends = self.roots(strand);
         let end_points = strand.ends.map(|e| self.nodes[e]);
-        let first = nodes.partition_point(|&n| self.nodes[n].x < low.x);
-        nodes[first..]
+        let first = others.partition_point(|other| other.point.x < low.x);
+        others[first..]
             .iter()
-            .take_while(|&&n| self.nodes[n].x <= high.x)
-            .filter(|&&n| {
-                let p = self.nodes[n];
-                p.cmpge(low).all() && p.cmple(high).all() && !ends.contains(&self.root(n))
+            .take_while(|other| other.point.x <= high.x)
+            .filter(|other| other.point.cmpge(low).all() && other.point.cmple(high).all())
+            .filter(|other| seams || other.face != strand.face)
+            .filter(|other| {
+                let is_away = |e: &DVec3| e.distance(other.point) > 2.0 * reach;
+                end_points.iter().all(is_away) && !ends.contains(&self.root(other.node))
             })
-            .filter(|&&n| seams || owners[&n].iter().any(|&f| f != strand.face))
-            .filter(|&&n| {
-                end_points
-                    .iter()
-                    .all(|e| e.distance(self.nodes[n]) > 2.0 * reach)
-            })
-            .find_map(|&n| {
+            .find_map(|other| {
                 let place = (face, &strand.curve);
-                let (t, _) = strand.trail.project_within(place, self.nodes[n], reach)?;
+                let (t, _) = strand.trail.project_within(place, other.point, reach)?;
                 let range = strand.curve.domain();
-                (range.start < t && t < range.end).then_some((n, t))
+                (range.start < t && t < range.end).then_some((other.node, t))
             })
     }
 
@@ -471,13 +461,12 @@ impl Sewer<'_, '_> {
 
     fn join(&mut self, a: usize, b: usize) {
         let edge = self.strands[a].edge.unwrap_or_else(|| {
-            let strand = &self.strands[a];
-            self.edges.push(Edge {
-                uses: vec![strand.used(false)],
-                ends: self.roots(strand),
+            self.joints.push(Joint {
+                strands: vec![(a, false)],
+                ends: self.roots(&self.strands[a]),
                 collapsed: false,
             });
-            self.edges.len() - 1
+            self.joints.len() - 1
         });
         let (first, second) = (&self.strands[a], &self.strands[b]);
         let ends = self.roots(first);
@@ -493,42 +482,57 @@ impl Sewer<'_, '_> {
         } else {
             self.roots(second)[0] != ends[0]
         };
-        let used = second.used(reversed);
-        self.edges[edge].uses.push(used);
+        self.joints[edge].strands.push((b, reversed));
         self.strands[a].edge = Some(edge);
         self.strands[b].edge = Some(edge);
     }
 
     fn finish(mut self) -> Sewn {
-        for s in 0..self.strands.len() {
-            if self.strands[s].edge.is_none() {
-                let strand = &self.strands[s];
-                let edge = Edge {
-                    uses: vec![strand.used(false)],
+        for (s, strand) in self.strands.iter().enumerate() {
+            if strand.edge.is_none() {
+                self.joints.push(Joint {
+                    strands: vec![(s, false)],
                     ends: self.roots(strand),
                     collapsed: strand.collapsed,
-                };
-                self.edges.push(edge);
+                });
             }
         }
         // Roots become vertices in the middle of what was merged.
-        let mut number: HashMap<usize, usize> = HashMap::new();
+        let mut number = vec![usize::MAX; self.nodes.len()];
         let mut sums: Vec<(DVec3, f64)> = Vec::new();
         for node in 0..self.nodes.len() {
-            let root = self.root(node);
-            let at = *number.entry(root).or_insert_with(|| {
+            let at = &mut number[self.root(node)];
+            if *at == usize::MAX {
+                *at = sums.len();
                 sums.push((DVec3::ZERO, 0.0));
-                sums.len() - 1
-            });
-            sums[at].0 += self.nodes[node];
-            sums[at].1 += 1.0;
+            }
+            sums[*at].0 += self.nodes[node];
+            sums[*at].1 += 1.0;
         }
-        let mut edges = std::mem::take(&mut self.edges);
-        for edge in &mut edges {
-            edge.ends = edge.ends.map(|end| number[&self.root(end)]);
-        }
+        let joints = std::mem::take(&mut self.joints);
+        let ends: Vec<_> = joints
+            .iter()
+            .map(|joint| joint.ends.map(|end| number[self.root(end)]))
+            .collect();
+        let mut strands: Vec<_> = self.strands.into_iter().map(Some).collect();
+        let edges = joints.into_iter().zip(ends).map(|(joint, ends)| {
+            let used = |(s, reversed): (usize, bool)| {
+                let strand = strands[s].take()?;
+                Some(Use {
+                    face: strand.face,
+                    curve: strand.curve,
+                    trail: strand.trail,
+                    reversed,
+                })
+            };
+            Edge {
+                uses: joint.strands.into_iter().filter_map(used).collect(),
+                ends,
+                collapsed: joint.collapsed,
+            }
+        });
         Sewn {
-            edges,
+            edges: edges.collect(),
             vertices: sums.into_iter().map(|(sum, count)| sum / count).collect(),
         }
     }

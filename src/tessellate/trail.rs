@@ -16,6 +16,9 @@ const BULGE: f64 = 0.1;
 /// Points of two curves are one if their distance is this share of a chord.
 const EQUAL: f64 = 1e-9;
 
+/// Steps towards the nearest point that are shorter than this share of the range are not worth a look.
+const CLOSE: f64 = 1e-11;
+
 /// Of places nearly as near the one is meant that is where it is expected: what it is away from
 /// there, along the curve, counts as this share of a distance.
 const ASTRAY: f64 = 0.1;
@@ -47,6 +50,7 @@ impl Trail {
         breaks.extend(face.kinks(curve));
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
+        let is_straight = face.pieces.are_straight() && curve.degree() == 1 && !curve.is_rational();
         let per_piece = (16 / (breaks.len() - 1)).clamp(2, 8);
         let sample = |t: f64| (t, face.point(curve.evaluate(t)));
         let mut points = vec![sample(breaks[0])];
@@ -55,8 +59,12 @@ impl Trail {
                 let share = k as f64 / per_piece as f64;
                 let t = pair[0] + (pair[1] - pair[0]) * share;
                 let next = sample(if k == per_piece { pair[1] } else { t });
-                let last = points[points.len() - 1];
-                refine(&sample, last, next, 5, &mut points);
+                if is_straight {
+                    points.push(next);
+                } else {
+                    let last = points[points.len() - 1];
+                    refine(&sample, last, next, 5, &mut points);
+                }
             }
         }
         Self::new(points)
@@ -311,16 +319,13 @@ fn approach(
         }
         let step = (target - point).dot(slope) / slope.length_squared();
         let next = (t + step).clamp(range.start, range.end);
-        if !next.is_finite() {
+        if !next.is_finite() || (next - t).abs() <= CLOSE * (range.end - range.start) {
             break;
         }
         (point, slope, _) = look(next);
         let distance = point.distance(target);
         if distance < best.1 {
             best = (next, distance);
-        }
-        if (next - t).abs() <= 1e-12 * (range.end - range.start) {
-            break;
         }
         t = next;
     }

@@ -53,7 +53,7 @@ impl Sewer<'_, '_> {
         if self.root(a) == self.root(b) {
             for s in between {
                 match self.strands[s].edge {
-                    Some(edge) => self.edges[edge].collapsed = true,
+                    Some(edge) => self.joints[edge].collapsed = true,
                     None => self.strands[s].collapsed = true,
                 }
             }
