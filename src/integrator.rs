@@ -27,6 +27,9 @@ const LAYERS: usize = 16;
 /// What remains visible below this share is not followed.
 const LEAST_SHARE: f64 = 1.0 / 512.0;
 
+/// Rays leave a surface from a point this many times its error beside it.
+pub(crate) const LEAVE: f64 = 1e4;
+
 /// Light that is everywhere, as a share of white.
 const AMBIENT: f64 = 0.12;
 
@@ -329,8 +332,9 @@ impl<'a> Integrator<'a> {
         } else {
             normal
         };
-        // Far above the error of the point, far below the accuracy that is promised.
-        let offset = side * (hit.error * 100.0).max(self.size * 1e-12);
+        // Far above the error of the point, and of the last step by which it was found; below the
+        // accuracy that is promised.
+        let offset = side * (hit.error * LEAVE).max(self.size * 1e-12);
         (
             Ray {
                 origin: hit.point + offset,

@@ -108,6 +108,31 @@ fn a_small_loop_on_a_sphere_bounds_its_inside_or_all_else() {
 }
 
 #[test]
+fn a_lune_without_its_edge_at_the_pole_is_what_its_parameters_say() {
+    let sphere = sphere();
+    // Half a turn that is rounded up, and more than that.
+    for turn in [3.141_592_654, 4.0] {
+        let points = [[0.0, 0.0], [0.0, FRAC_PI_2]];
+        let back = [[turn, FRAC_PI_2], [turn, 0.0], [0.0, 0.0]];
+        let chain = [path(&points), path(&back)].concat();
+        let loops = close(&sphere, &[chain], Orientation::Literal).unwrap();
+        assert_eq!(loops.loops.len(), 1);
+        let region = TrimRegion::of(&Patch {
+            loops: loops.loops,
+            ..Patch::from(sphere.clone())
+        });
+        for (u, v, is_in) in [
+            (0.1, 1.5, true),
+            (3.0, 0.1, true),
+            (3.0, -0.1, false),
+            (turn + 0.1, 1.5, false),
+        ] {
+            assert_eq!(contains(&region, u, v), is_in, "{u} {v}");
+        }
+    }
+}
+
+#[test]
 fn loops_across_the_seam_come_in_on_the_other_side() {
     let cylinder = cylinder();
     let square = [[6.0, 1.0], [6.6, 1.0], [6.6, 3.0], [6.0, 3.0], [6.0, 1.0]];

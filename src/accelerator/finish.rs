@@ -92,6 +92,11 @@ const LAST: f64 = 1e-10;
 /// From a step below this the next is beyond what counts, unless a border is near.
 const LAST_INSIDE: f64 = 1e-6;
 
+/// The last step moves the point along the tangent plane. By the square of the step times twice
+/// `p (p - 1)` the surface may turn away from there, in sizes of the piece; times half of that this
+/// may be reached.
+const TURNS_AWAY: f64 = 6e-12;
+
 /// Near a border of the piece: parameters decide there to which of two it belongs.
 const BORDER: f64 = 1e-8;
 
@@ -150,6 +155,9 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
         let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
         let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];
         let [mut u, mut v] = first;
+        let degree = net.0.p.max(net.0.q) as f64;
+        let turns = (degree * (degree - 1.0)).max(1.0);
+        let nearly_last = LAST_INSIDE.min((TURNS_AWAY / turns).sqrt());
         let mut roots = Roots {
             found: 0,
             u: [0.0; WIDE_LANES],
@@ -187,7 +195,7 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
             u = s.sub_d(u, du);
             v = s.sub_d(v, dv);
             let (half, inside) = (s.splat_d(0.5), s.splat_d(0.5 - BORDER));
-            let (last, last_inside) = (s.splat_d(LAST), s.splat_d(LAST_INSIDE));
+            let (last, last_inside) = (s.splat_d(LAST), s.splat_d(nearly_last));
             let (size_u, size_v) = (s.abs_d(du), s.abs_d(dv));
             let done = s.lt_d(size_u, last) & s.lt_d(size_v, last);
             let nearly = s.lt_d(size_u, last_inside) & s.lt_d(size_v, last_inside);

@@ -441,3 +441,38 @@ fn a_workspace_may_serve_one_scene_after_another() {
         }
     }
 }
+
+#[test]
+fn points_of_packets_lie_on_surfaces_that_turn_much_within_a_piece() {
+    // A trough of one piece that goes most of the way around.
+    let points: Vec<_> = (0..26)
+        .map(|k| {
+            let angle = TAU * f64::from(k / 2) / 12.5;
+            DVec3::new(angle.cos(), angle.sin(), f64::from(k % 2))
+        })
+        .collect();
+    let knots = |degree| KnotVector::bezier(degree, 0.0..1.0).unwrap();
+    let surface = Surface::new(knots(12), knots(1), &points, None).unwrap();
+    let scene = scene_of(vec![Patch::from(surface.clone())]);
+    let accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
+    for row in 0..64 {
+        let angle = TAU * f64::from(row) / 64.0;
+        let rays: Vec<_> = (0..64)
+            .map(|k| Ray {
+                origin: DVec3::new(0.01, 0.02, 0.5),
+                direction: DVec3::new(
+                    (angle + f64::from(k) * 1e-3).cos(),
+                    (angle + f64::from(k) * 1e-3).sin(),
+                    0.2,
+                ),
+            })
+            .collect();
+        let ranges = vec![0.0..f64::INFINITY; rays.len()];
+        accelerator.nearest_many(&rays, &ranges, &mut workspace, &mut hits);
+        for hit in hits.iter().flatten() {
+            let off = hit.point.distance(surface.evaluate(hit.uv));
+            assert!(off < 0.3 * crate::integrator::LEAVE * hit.error, "{off}");
+        }
+    }
+}

@@ -5,7 +5,7 @@ use std::cell::{Cell, OnceCell, RefCell};
 use super::global::Global;
 use super::parameters::{self, Parameters};
 use super::records::Card;
-use super::types;
+use super::types::{self, Class};
 use crate::{Place, Problem};
 
 /// What a status number says about the use of an entity.
@@ -192,6 +192,21 @@ impl<'a> File<'a> {
                 "the pointer to {to} is {pointer}; the directory has {count} entries"
             ))
         })
+    }
+
+    /// Shows what is blanked where there is nothing else; the first such entry that stands for
+    /// itself.
+    pub(super) fn unblank(&mut self) -> Option<usize> {
+        let stands_alone = |e: &Entry| types::class(e.kind) == Class::Shown && !e.dependent;
+        let first = self.entries.iter().position(stands_alone)?;
+        let mut alone = self.entries.iter().filter(|e| stands_alone(e));
+        if !alone.all(|e| e.blanked) {
+            return None;
+        }
+        for entry in &mut self.entries {
+            entry.blanked = false;
+        }
+        Some(first)
     }
 
     /// Where an entry stands, in words.

@@ -109,6 +109,10 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
         });
         entities.map_err(|problem| error(Place::default(), problem))?
     };
-    let file = directory::File::new(global, entries, parameters);
+    let mut file = directory::File::new(global, entries, parameters);
+    if let Some(first) = file.unblank() {
+        let text = "all that could be shown is blanked; it is shown";
+        warnings.invalid(file.place(first), text);
+    }
     tree::read(&file, options.limits, warnings)
 }

@@ -136,6 +136,16 @@ fn groups_show_their_members_once() {
 }
 
 #[test]
+fn what_is_blanked_is_shown_where_there_is_nothing_else() {
+    let mut hidden = square(5.0);
+    hidden.status = "01000000";
+    let (scene, warnings) = read(&[hidden]);
+    assert_eq!(corners(&scene), [DVec3::X * 5.0]);
+    let text = "line 3, surface D1 (type 128): all that could be shown is blanked; it is shown";
+    assert_eq!(warnings, [text]);
+}
+
+#[test]
 fn groups_that_contain_each_other_are_shown_and_told() {
     let mut groups = [made(402, "2,1,5"), made(402, "1,3")];
     for group in &mut groups {
@@ -313,6 +323,27 @@ fn loops_that_cannot_be_read_are_told() {
     let (scene, warnings) = read(&entities);
     assert!(scene.patches()[0].loops.is_empty());
     assert!(warnings[0].ends_with("shown untrimmed: a trim loop does not close"));
+}
+
+#[test]
+fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
+    // The curve of space does not even close.
+    let mut entities = border();
+    for mut part in [square(3.0), made(110, "7.,0.,0.,9.,0.,0.")] {
+        part.status = "00010000";
+        entities.push(part);
+    }
+    entities.push(made(142, "1,11,9,13,1"));
+    entities.push(made(144, "11,1,0,15"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops.len(), 1);
+    assert!(
+        warnings
+            .last()
+            .unwrap()
+            .contains("not where its curves of space are"),
+        "{warnings:?}"
+    );
 }
 
 #[test]

@@ -40,6 +40,17 @@ const BESIDE: f64 = 0.2;
 /// that border.
 const BORDER: f64 = 1e-3;
 
+/// Which curves a loop is made of.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Source {
+    /// Those of the parameter domain, where they are where those of space are.
+    Flat,
+    /// Those of the parameter domain, wherever they are.
+    FlatAnywhere,
+    /// Those of space.
+    Space,
+}
+
 /// A face in parts: each a surface with its loops.
 pub(super) type Parts = Vec<(Surface, Vec<TrimLoop>)>;
 
@@ -194,31 +205,35 @@ impl<'a> Trimmer<'a> {
         loops: &[Loop],
         border: bool,
     ) -> Result<Vec<TrimLoop>, Problem> {
-        let from_flat = |l: &Loop| !l.prefers_space && self.quadric().is_none();
-        let mut chains = Vec::new();
-        for one in loops {
-            chains.push(self.chain(reader, face, one, from_flat(one))?);
-        }
-        let mut closed = self.closed(&chains, loops);
-        if closed.is_err() && self.quadric().is_none() {
-            // The other curves may fit better.
-            let mut others = Vec::new();
-            for one in loops {
-                others.extend(self.chain(reader, face, one, !from_flat(one)));
+        let is_quadric = self.quadric().is_some();
+        let preferred = |l: &Loop| match l.prefers_space || is_quadric {
+            true => Source::Space,
+            false => Source::Flat,
+        };
+        let other = |l: &Loop| match preferred(l) {
+            Source::Space => Source::Flat,
+            _ => Source::Space,
+        };
+        let mut closed = self.closed(reader, face, loops, preferred);
+        if closed.is_err() && !is_quadric {
+            let text = "a trim loop is made of the other curves of the file, because those it \
+                        prefers do not close";
+            let mut again = self.closed(reader, face, loops, other).map(|c| (c, text));
+            if again.is_err() {
+                let text = "a trim loop is made of curves of the parameter domain that are not \
+                            where its curves of space are, because those do not close";
+                again = self
+                    .closed(reader, face, loops, |_| Source::FlatAnywhere)
+                    .map(|c| (c, text));
             }
-            if others.len() == loops.len() {
-                let again = self.closed(&others, loops);
-                if again.is_ok() {
-                    let text = "a trim loop is made of the other curves of the file, because \
-                                those it prefers do not close";
-                    reader
-                        .repairs
-                        .push((face, Problem::Invalid(text.to_owned())));
-                    closed = again;
-                }
+            if let Ok((again, text)) = again {
+                reader
+                    .repairs
+                    .push((face, Problem::Invalid(text.to_owned())));
+                closed = Ok(again);
             }
         }
-        let closed = closed.map_err(Problem::Geometry)?;
+        let closed = closed?;
         for _ in 0..closed.wide_gaps {
             let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
             reader
@@ -234,24 +249,33 @@ impl<'a> Trimmer<'a> {
         Ok(trims)
     }
 
+    /// The loops of these curves.
     fn closed(
         &self,
-        chains: &[Chain],
+        reader: &mut Reader<'_, '_>,
+        face: usize,
         loops: &[Loop],
-    ) -> Result<kernel::ClosedLoops, kernel::Error> {
+        source: impl Fn(&Loop) -> Source,
+    ) -> Result<kernel::ClosedLoops, Problem> {
+        let mut chains = Vec::new();
+        for one in loops {
+            chains.push(self.chain(reader, face, one, source(one))?);
+        }
         let orientation = if loops.iter().all(|l| l.is_oriented) {
             Orientation::Left
+        } else if loops.iter().all(|l| source(l) != Source::Space) {
+            Orientation::Literal
         } else {
             Orientation::Unknown
         };
-        let accuracy = self.accuracy;
         kernel::close_loops(
             self.surface,
             self.closed,
-            chains.to_vec(),
-            accuracy,
+            chains,
+            self.accuracy,
             orientation,
         )
+        .map_err(Problem::Geometry)
     }
 
     /// The curves of one loop, turned so that each begins where the one before ends.
@@ -260,12 +284,12 @@ impl<'a> Trimmer<'a> {
         reader: &mut Reader<'_, '_>,
         face: usize,
         one: &Loop,
-        from_flat: bool,
+        source: Source,
     ) -> Result<Chain, Problem> {
         let mut chain = Vec::new();
         for stretch in &one.uses {
-            let flat = if from_flat && !stretch.flat.is_empty() {
-                let found = self.flat(reader, stretch);
+            let flat = if source != Source::Space && !stretch.flat.is_empty() {
+                let found = self.flat(reader, stretch, source);
                 if let Err(problem) = &found {
                     let text = format!("{problem}; the curve of space is used");
                     if stretch.space != 0 {
@@ -274,7 +298,7 @@ impl<'a> Trimmer<'a> {
                 }
                 found
             } else if stretch.space == 0 && !stretch.flat.is_empty() && self.quadric().is_none() {
-                self.flat(reader, stretch)
+                self.flat(reader, stretch, source)
             } else {
                 Ok(Vec::new())
             };
@@ -300,7 +324,12 @@ impl<'a> Trimmer<'a> {
 
     /// The curves of a stretch in the parameter domain, if they are where its curve of space
     /// is.
-    fn flat(&self, reader: &mut Reader<'_, '_>, stretch: &Use) -> Result<Chain, Problem> {
+    fn flat(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        stretch: &Use,
+        source: Source,
+    ) -> Result<Chain, Problem> {
         let mut curves = Vec::new();
         for &pointer in &stretch.flat {
             curves.extend(reader.flat(pointer)?);
@@ -313,7 +342,7 @@ impl<'a> Trimmer<'a> {
             let warped = curves.iter().map(|curve| self.warped(curve, warps));
             curves = warped.collect::<Result<_, _>>()?;
         }
-        if stretch.space == 0 {
+        if stretch.space == 0 || source == Source::FlatAnywhere {
             return Ok(curves);
         }
         let index = reader.file.follow(stretch.space, "a trim curve")?;

@@ -25,6 +25,10 @@ const SLIVER: f64 = 1e-7;
 /// What lies this share of a domain beside a pole is the pole.
 const POLE: f64 = 1e-6;
 
+/// Half a period is a tie between both ways round up to this share of a period: numbers in files
+/// have that many digits at least.
+const TIE: f64 = 1e-5;
+
 /// How a file orients its loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Orientation {
@@ -32,6 +36,9 @@ pub enum Orientation {
     Left,
     /// It is not reliable.
     Unknown,
+    /// Nor is it, but parameters are those of the file: a path that arrives at a pole with some
+    /// and leaves it with others goes straight from these to those.
+    Literal,
 }
 
 /// The loops of a face.
@@ -150,7 +157,7 @@ impl Closer<'_> {
         let mut path: Vec<Curve<DVec2>> = Vec::new();
         let mut end = first;
         for (index, curve) in chain.into_iter().enumerate() {
-            let mut shift = self.periods(end - curve.start());
+            let mut shift = self.shift(end, curve.start());
             if let Some(before) = path.last() {
                 shift += self.around_pole(before, &curve, shift);
             }
@@ -159,7 +166,7 @@ impl Closer<'_> {
             end = curve.end();
             path.push(curve);
         }
-        let mut turn = self.periods(end - first);
+        let mut turn = self.shift(end, first);
         if let Some(before) = path.last() {
             turn += self.around_pole(before, &opening, turn);
         }
@@ -175,7 +182,7 @@ impl Closer<'_> {
     fn around_pole(&self, before: &Curve<DVec2>, after: &Curve<DVec2>, shift: DVec2) -> DVec2 {
         let (end, next) = (before.end(), after.start() + shift);
         let mut turn = DVec2::ZERO;
-        if self.orientation == Orientation::Unknown {
+        if self.orientation != Orientation::Left {
             return turn;
         }
         for axis in 0..2 {
@@ -204,12 +211,35 @@ impl Closer<'_> {
         turn
     }
 
+    /// By how much what begins at `next` is moved to continue a path that arrives at `end`.
+    fn shift(&self, end: DVec2, next: DVec2) -> DVec2 {
+        let mut shift = self.periods(end - next);
+        if self.orientation != Orientation::Literal {
+            return shift;
+        }
+        for axis in 0..2 {
+            let other = 1 - axis;
+            let share = |uv: DVec2, axis: usize| (uv[axis] - self.start[axis]) / self.size[axis];
+            let side = usize::from(share(end, other) >= 0.5);
+            let is_pole = [end, next].into_iter().all(|uv| {
+                let is_inside = (-NEAR..=1.0 + NEAR).contains(&share(uv, axis));
+                is_inside && (share(uv, other) - side as f64).abs() <= POLE
+            });
+            if shift[axis] != 0.0 && is_pole && self.is_point(other, side) {
+                shift[axis] = 0.0;
+            }
+        }
+        shift
+    }
+
     /// The whole periods nearest to a difference, in parameters.
     fn periods(&self, difference: DVec2) -> DVec2 {
         let along = |axis: usize| {
-            let share = (difference[axis] / self.size[axis]).round();
+            let share = difference[axis] / self.size[axis];
             if self.closed[axis] {
-                share * self.size[axis]
+                // Towards zero between two ways that are as long.
+                let nearly = (share.abs() - TIE).max(0.0).copysign(share);
+                nearly.round() * self.size[axis]
             } else {
                 0.0
             }
