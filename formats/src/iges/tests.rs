@@ -327,21 +327,39 @@ fn loops_that_cannot_be_read_are_told() {
 
 #[test]
 fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
-    // The curve of space does not even close.
+    // The curves of space do not close.
     let mut entities = border();
-    for mut part in [square(3.0), made(110, "7.,0.,0.,9.,0.,0.")] {
+    let mut parts = vec![square(3.0)];
+    let lines = [
+        "3.,0.,0.,3.5,0.,0.",
+        "4.,0.,0.,4.,1.,0.",
+        "4.,1.,0.,3.,1.,0.",
+        "3.,1.,0.,3.,0.,0.",
+    ];
+    parts.extend(lines.map(|ends| made(110, ends)));
+    parts.push(made(102, "4,13,15,17,19"));
+    for mut part in parts {
         part.status = "00010000";
         entities.push(part);
     }
-    entities.push(made(142, "1,11,9,13,1"));
-    entities.push(made(144, "11,1,0,15"));
+    entities.push(made(142, "1,11,9,21,1"));
+    entities.push(made(144, "11,1,0,23"));
     let (scene, warnings) = read(&entities);
-    assert_eq!(scene.patches()[0].loops.len(), 1);
+    let [border] = &scene.patches()[0].loops[..] else {
+        panic!("{warnings:?}");
+    };
+    assert_eq!(border.segments().len(), 4);
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(DVec2::from);
+    assert!(
+        border
+            .segments()
+            .iter()
+            .all(|c| corners.contains(&c.start()))
+    );
     assert!(
         warnings
-            .last()
-            .unwrap()
-            .contains("not where its curves of space are"),
+            .iter()
+            .any(|w| w.contains("that are not where its curves of space are")),
         "{warnings:?}"
     );
 }
