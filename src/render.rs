@@ -157,8 +157,7 @@ impl Painter<'_> {
         let cells_before = workspace.cells_examined();
         let started = Instant::now();
         let per_pixel = self.rays_per_pixel();
-        let count = (tile.x.len() * tile.y.len()) * per_pixel;
-        let mut rays = Vec::with_capacity(count);
+        let mut rays = Vec::new();
         // Nested iterators are slow to step through from outside.
         pixels(tile)
             .flat_map(|(x, y)| self.places(x, y))

@@ -22,6 +22,40 @@ pub(super) struct Roots {
     pub(super) by_v: [[f64; WIDE_LANES]; 3],
 }
 
+impl Roots {
+    /// Takes the parameters after the last step, and from the values before it the point there and
+    /// the derivatives.
+    #[inline(always)]
+    fn put<S: Simd, const RATIONAL: bool>(
+        &mut self,
+        s: S,
+        [u, v]: [S::D; 2],
+        [h, hu, hv]: [[S::D; 4]; 3],
+        [du, dv]: [S::D; 2],
+    ) {
+        s.store_d(u, &mut self.u);
+        s.store_d(v, &mut self.v);
+        let weight = if RATIONAL {
+            s.div_d(s.splat_d(1.0), h[3])
+        } else {
+            s.splat_d(1.0)
+        };
+        for axis in 0..3 {
+            let (mut x, mut xu, mut xv) = (h[axis], hu[axis], hv[axis]);
+            if RATIONAL {
+                x = s.mul_d(x, weight);
+                xu = s.mul_d(s.fnma_d(x, hu[3], xu), weight);
+                xv = s.mul_d(s.fnma_d(x, hv[3], xv), weight);
+            }
+            // The last step moves the point along the tangent plane.
+            x = s.fnma_d(xu, du, s.fnma_d(xv, dv, x));
+            s.store_d(x, &mut self.point[axis]);
+            s.store_d(xu, &mut self.by_u[axis]);
+            s.store_d(xv, &mut self.by_v[axis]);
+        }
+    }
+}
+
 /// The rays of a beam as one piece sees them: `x1 = slope1 x3 + c1` and the same for the
 /// second, over the axes of the beam.
 pub(super) struct Lines {
@@ -206,26 +240,7 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
                 let near = s.lt_d(s.abs_d(s.sub_d(u, first[0])), reach_u)
                     & s.lt_d(s.abs_d(s.sub_d(v, first[1])), reach_v);
                 roots.found = small & near & wanted;
-                s.store_d(u, &mut roots.u);
-                s.store_d(v, &mut roots.v);
-                let weight = if RATIONAL {
-                    s.div_d(s.splat_d(1.0), h[3])
-                } else {
-                    s.splat_d(1.0)
-                };
-                for axis in 0..3 {
-                    let (mut x, mut xu, mut xv) = (h[axis], hu[axis], hv[axis]);
-                    if RATIONAL {
-                        x = s.mul_d(x, weight);
-                        xu = s.mul_d(s.fnma_d(x, hu[3], xu), weight);
-                        xv = s.mul_d(s.fnma_d(x, hv[3], xv), weight);
-                    }
-                    // The last step moves the point along the tangent plane.
-                    x = s.fnma_d(xu, du, s.fnma_d(xv, dv, x));
-                    s.store_d(x, &mut roots.point[axis]);
-                    s.store_d(xu, &mut roots.by_u[axis]);
-                    s.store_d(xv, &mut roots.by_v[axis]);
-                }
+                roots.put::<S, RATIONAL>(s, [u, v], [h, hu, hv], [du, dv]);
                 break;
             }
         }
