@@ -85,9 +85,11 @@ impl LocalRay {
 pub(crate) struct Course {
     pub(crate) origin: DVec3,
     pub(crate) direction: DVec3,
-    /// The ray parameter of the origin, and how much of it is one unit of the tree.
+    /// The ray parameter of the origin, how much of it is one unit of the tree, and how many units
+    /// one of it is.
     pub(crate) shift: f64,
     pub(crate) unit: f64,
+    pub(crate) pace: f64,
 }
 
 impl Course {
@@ -97,6 +99,7 @@ impl Course {
         direction: DVec3::X,
         shift: 0.0,
         unit: 1.0,
+        pace: 1.0,
     };
 
     /// The ray parameter at a length from the origin.
@@ -120,7 +123,7 @@ impl From<&Course> for LocalRay {
                 }
             }),
             shift: course.shift,
-            pace: course.unit.recip(),
+            pace: course.pace,
         }
     }
 }
@@ -264,13 +267,16 @@ impl Tree {
     #[inline(always)]
     pub(crate) fn course(&self, ray: &Ray) -> Course {
         let length = ray.direction.length();
-        let direction = ray.direction / length;
-        let shift = (self.center - ray.origin).dot(direction) / length;
+        let inverse = length.recip();
+        let direction = ray.direction * inverse;
+        let shift = (self.center - ray.origin).dot(direction) * inverse;
+        let pace = length * self.scale;
         Course {
             origin: self.to_local(ray.at(shift)),
             direction,
             shift,
-            unit: (length * self.scale).recip(),
+            unit: pace.recip(),
+            pace,
         }
     }
 
