@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use kernel::Scene;
+use glam::{DVec2, DVec3};
+use kernel::{Placement, Scene, Shape};
 
 use crate::{Limits, NoFiles, ReadOptions};
 
@@ -62,6 +63,21 @@ pub(super) fn square(x: f64) -> Made {
              {x:?},0.,0.,{end:?},0.,0.,{x:?},1.,0.,{end:?},1.,0.,0.,1.,0.,1."
         ),
     )
+}
+
+/// Where the lower corner of a placed square lands.
+fn corner(scene: &Scene, placement: &Placement) -> DVec3 {
+    let Shape::Patch(id) = placement.shape else {
+        panic!("a mesh")
+    };
+    let point = scene.patch(id).surface.evaluate(DVec2::ZERO);
+    placement.world_from_object.transform_point3(point)
+}
+
+/// Where those of all placed squares land.
+pub(super) fn corners(scene: &Scene) -> Vec<DVec3> {
+    let placements = scene.placements();
+    placements.iter().map(|p| corner(scene, p)).collect()
 }
 
 /// A file with these entities; the n-th one stands at D `2 n + 1`.

@@ -1,9 +1,9 @@
 //! Whole files, from bytes to scene.
 
-use glam::{DVec2, DVec3};
-use kernel::{Aabb, Placement, Scene};
+use glam::DVec3;
+use kernel::Aabb;
 
-use super::testing::{Made, file, file_with, made, square};
+use super::testing::{Made, corners, file, file_with, made, read, square};
 use crate::{Error, Import, Limits, NoFiles, Problem, ReadOptions};
 
 fn try_read(bytes: &[u8]) -> Result<Import, Error> {
@@ -16,26 +16,6 @@ fn try_read(bytes: &[u8]) -> Result<Import, Error> {
             resolver,
         },
     )
-}
-
-fn read(entities: &[Made]) -> (Scene, Vec<String>) {
-    let import = try_read(file(entities).as_bytes()).unwrap();
-    let warnings = import.warnings.as_slice().iter();
-    (import.scene, warnings.map(ToString::to_string).collect())
-}
-
-/// Where the lower corner of a placed square lands.
-fn corner(scene: &Scene, placement: &Placement) -> DVec3 {
-    let kernel::Shape::Patch(id) = placement.shape else {
-        panic!("a mesh")
-    };
-    let point = scene.patch(id).surface.evaluate(DVec2::ZERO);
-    placement.world_from_object.transform_point3(point)
-}
-
-fn corners(scene: &Scene) -> Vec<DVec3> {
-    let placements = scene.placements();
-    placements.iter().map(|p| corner(scene, p)).collect()
 }
 
 const NONE: [&str; 0] = [];
@@ -259,127 +239,6 @@ fn deep_nesting_ends() {
     assert!(error.scene.patches().is_empty());
     let text = error.warnings.as_slice()[0].to_string();
     assert!(text.ends_with("nested more than 200 deep"), "{text}");
-}
-
-/// The border of the unit square as lines, at D `1`, and its composite curve at D 9.
-fn border() -> Vec<Made> {
-    let ends = [
-        "0.,0.,0.,1.,0.",
-        "1.,0.,0.,1.,1.",
-        "1.,1.,0.,0.,1.",
-        "0.,1.,0.,0.,0.",
-    ];
-    let mut made: Vec<_> = ends.map(|e| made(110, &format!("{e},0."))).into();
-    made.push(super::testing::made(102, "4,1,3,5,7"));
-    for curve in &mut made {
-        curve.status = "00010500";
-    }
-    made
-}
-
-#[test]
-fn trimmed_surfaces_have_loops_and_show_once() {
-    let mut entities = border();
-    let mut base = square(3.0);
-    // Invisible and dependent, as many programs write it.
-    base.status = "01010000";
-    entities.push(base);
-    entities.push(made(142, "1,11,9,0,1"));
-    entities.push(made(144, "11,1,0,13"));
-    let mut half = square(4.0);
-    half.status = "00010000";
-    entities.push(half);
-    entities.push(made(144, "17,0,1,0,13"));
-    let (scene, warnings) = read(&entities);
-    assert_eq!(corners(&scene), [DVec3::X * 3.0, DVec3::X * 4.0]);
-    let loops: Vec<_> = scene.patches().iter().map(|p| p.loops.len()).collect();
-    assert_eq!(loops, [1, 2]);
-    assert_eq!(scene.patches()[0].loops[0].segments().len(), 4);
-    assert!(warnings.is_empty(), "{warnings:?}");
-}
-
-#[test]
-fn bounded_surfaces_have_loops() {
-    let mut entities = border();
-    let mut base = square(3.0);
-    base.status = "00010000";
-    entities.push(base);
-    entities.push(made(141, "1,2,11,1,0,1,1,9"));
-    entities.push(made(143, "1,11,1,13"));
-    let (scene, warnings) = read(&entities);
-    assert_eq!(scene.patches()[0].loops.len(), 1);
-    assert!(warnings.is_empty(), "{warnings:?}");
-}
-
-#[test]
-fn loops_that_cannot_be_read_are_told() {
-    let mut entities = border();
-    entities[0].parameters = "0.,0.,0.,0.5,0.,0.".to_owned();
-    let mut base = square(3.0);
-    base.status = "00010000";
-    entities.push(base);
-    entities.push(made(142, "1,11,9,0,1"));
-    entities.push(made(144, "11,1,0,13"));
-    let (scene, warnings) = read(&entities);
-    assert!(scene.patches()[0].loops.is_empty());
-    assert!(warnings[0].ends_with("shown untrimmed: a trim loop does not close"));
-}
-
-#[test]
-fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
-    // The curves of space do not close.
-    let mut entities = border();
-    let mut parts = vec![square(3.0)];
-    let lines = [
-        "3.,0.,0.,3.5,0.,0.",
-        "4.,0.,0.,4.,1.,0.",
-        "4.,1.,0.,3.,1.,0.",
-        "3.,1.,0.,3.,0.,0.",
-    ];
-    parts.extend(lines.map(|ends| made(110, ends)));
-    parts.push(made(102, "4,13,15,17,19"));
-    for mut part in parts {
-        part.status = "00010000";
-        entities.push(part);
-    }
-    entities.push(made(142, "1,11,9,21,1"));
-    entities.push(made(144, "11,1,0,23"));
-    let (scene, warnings) = read(&entities);
-    let [border] = &scene.patches()[0].loops[..] else {
-        panic!("{warnings:?}");
-    };
-    assert_eq!(border.segments().len(), 4);
-    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(DVec2::from);
-    assert!(
-        border
-            .segments()
-            .iter()
-            .all(|c| corners.contains(&c.start()))
-    );
-    assert!(
-        warnings
-            .iter()
-            .any(|w| w.contains("that are not where its curves of space are")),
-        "{warnings:?}"
-    );
-}
-
-#[test]
-fn small_gaps_in_loops_are_bridged() {
-    let mut entities = border();
-    entities[0].parameters = "0.,0.,0.,0.995,0.,0.".to_owned();
-    let mut base = square(3.0);
-    base.status = "00010000";
-    entities.push(base);
-    entities.push(made(142, "1,11,9,0,1"));
-    entities.push(made(144, "11,1,0,13"));
-    let (scene, warnings) = read(&entities);
-    assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);
-    assert_eq!(
-        warnings[0],
-        "line 17, trimmed surface D15 (type 144): the curves of a trim loop do not quite meet; \
-         the gaps are bridged"
-    );
 }
 
 #[test]

@@ -1,6 +1,10 @@
 //! Trim loops: from curves of the parameter domain, or from curves of space laid onto the
 //! surface.
 
+mod laid;
+#[cfg(test)]
+mod tests;
+
 use std::cell::OnceCell;
 use std::collections::HashSet;
 use std::ops::Range;
@@ -12,8 +16,8 @@ use kernel::{Curve, Orientation, Surface, TrimLoop, modelling};
 use super::boundary::{self, Boundary, Edges, Loop, Use};
 use super::curves::{Rail, Reader};
 use super::order::{Chain, Order};
-use super::quadric::{Quadric, wound};
-use super::sheets::{self, Sheet, SheetShape, Warp};
+use super::quadric::Quadric;
+use super::sheets::{Sheet, SheetShape, Warp};
 use crate::Problem;
 
 /// How far a curve laid onto a surface may stray, relative to the size of the surface.
@@ -31,14 +35,6 @@ const MISSES: f64 = 2e-2;
 
 /// So are those that miss them by more than this share of their own size, and [`COARSE`].
 const SHARE: f64 = 0.1;
-
-/// A curve of space may lie this share of the surface's size beside it; farther off it is
-/// not taken for a curve on it.
-const BESIDE: f64 = 0.2;
-
-/// A curve whose middle is no nearer to a border of the domain than this share of it does not run along
-/// that border.
-const BORDER: f64 = 1e-3;
 
 /// Which curves a loop is made of.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -206,9 +202,12 @@ impl<'a> Trimmer<'a> {
         border: bool,
     ) -> Result<Vec<TrimLoop>, Problem> {
         let is_quadric = self.quadric().is_some();
-        let preferred = |l: &Loop| match l.prefers_space || is_quadric {
-            true => Source::Space,
-            false => Source::Flat,
+        let preferred = |l: &Loop| {
+            if l.prefers_space || is_quadric {
+                Source::Space
+            } else {
+                Source::Flat
+            }
         };
         let other = |l: &Loop| match preferred(l) {
             Source::Space => Source::Flat,
@@ -218,15 +217,14 @@ impl<'a> Trimmer<'a> {
         if closed.is_err() && !is_quadric {
             let text = "a trim loop is made of the other curves of the file, because those it \
                         prefers do not close";
-            let mut again = self.closed(reader, face, loops, other).map(|c| (c, text));
-            if again.is_err() {
+            let mut again = (self.closed(reader, face, loops, other), text);
+            if again.0.is_err() {
                 let text = "a trim loop is made of curves of the parameter domain that are not \
                             where its curves of space are, because those do not close";
-                again = self
-                    .closed(reader, face, loops, |_| Source::FlatAnywhere)
-                    .map(|c| (c, text));
+                let anywhere = |_: &Loop| Source::FlatAnywhere;
+                again = (self.closed(reader, face, loops, anywhere), text);
             }
-            if let Ok((again, text)) = again {
+            if let (Ok(again), text) = again {
                 reader
                     .repairs
                     .push((face, Problem::Invalid(text.to_owned())));
@@ -433,139 +431,11 @@ impl<'a> Trimmer<'a> {
         straight_or_fitted(curve, at, ACCURACY, off)
     }
 
-    /// The curve of space of a stretch, laid onto the surface.
-    fn laid(&self, reader: &mut Reader<'_, '_>, stretch: &Use) -> Result<Chain, Problem> {
-        let index = reader.file.follow(stretch.space, "a trim curve")?;
-        let mut rails = reader.rails(index)?;
-        if stretch.reversed {
-            rails.reverse();
-        }
-        let mut chain = Vec::new();
-        for rail in rails {
-            let curve = if stretch.reversed {
-                rail.curve.reversed()
-            } else {
-                rail.curve
-            };
-            // Curves without length are points.
-            if curve.hull_bounds().diagonal() > self.size * 1e-9 {
-                chain.push(self.on_surface(&curve)?);
-            }
-        }
-        Ok(chain)
-    }
-
-    /// A curve of space in the parameters of the surface: exactly in planes and along lines
-    /// of constant parameters, else to [`ACCURACY`].
-    fn on_surface(&self, curve: &Curve<DVec3>) -> Result<Curve<DVec2>, Problem> {
-        let flat = sheets::parallelogram(self.surface)
-            .and_then(|corner| sheets::in_parallelogram(self.surface, corner, curve));
-        if let Some(flat) = flat {
-            return Ok(flat);
-        }
-        let table = self.table(curve)?;
-        if let Some(line) = self.along_border(&table) {
-            return Ok(line);
-        }
-        let at = |t: f64| {
-            let next = table
-                .partition_point(|(before, _)| *before <= t)
-                .clamp(1, table.len() - 1);
-            let ((a, from), (b, to)) = (table[next - 1], table[next]);
-            let guess = from + (to - from) * ((t - a) / (b - a));
-            self.locate(curve.evaluate(t), Some(guess))
-        };
-        let off = |a: DVec2, b: DVec2| self.point(a).distance(self.point(b));
-        straight_or_fitted(curve, at, self.size * ACCURACY, off)
-    }
-
-    /// A straight segment on a border of the domain, or on its seam, where that is nowhere farther from
-    /// the places of a curve than [`ACCURACY`] on the surface: near poles those may stray in the
-    /// parameters.
-    fn along_border(&self, table: &[(f64, DVec2)]) -> Option<Curve<DVec2>> {
-        let middle = table[table.len() / 2].1;
-        (0..2).find_map(|axis| {
-            let Range { start, end } = self.domain[axis];
-            let share = (middle[axis] - start) / (end - start);
-            let moved = |mut uv: DVec2| {
-                uv[axis] = start + share.round() * (end - start);
-                uv
-            };
-            let fits = |(_, uv): &(f64, DVec2)| {
-                let off = self.point(moved(*uv)).distance(self.point(*uv));
-                off <= self.size * ACCURACY
-            };
-            if (share - share.round()).abs() > BORDER || !table.iter().all(fits) {
-                return None;
-            }
-            let ends = [table[0].1, table[table.len() - 1].1].map(moved);
-            Curve::line(ends[0], ends[1], 0.0..1.0).ok()
-        })
-    }
-
-    /// Points along a curve, by its parameter and those of the surface, found from the middle
-    /// outwards, so that none begins at a pole.
-    fn table(&self, curve: &Curve<DVec3>) -> Result<Vec<(f64, DVec2)>, Problem> {
-        let Range { start, end } = curve.domain();
-        let steps = (8 * curve.knots().breaks().len()).min(2000);
-        let parameter = |k: usize| start + (end - start) * k as f64 / steps as f64;
-        let middle = steps / 2;
-        let point = curve.evaluate(parameter(middle));
-        let first = self.locate(point, None);
-        if self.point(first).distance(point) > self.size * BESIDE {
-            let text = "a trim curve is not on its surface";
-            return Err(Problem::Invalid(text.to_owned()));
-        }
-        let mut table: Vec<_> = (0..=steps).map(|k| (parameter(k), first)).collect();
-        for k in middle + 1..=steps {
-            let point = curve.evaluate(table[k].0);
-            table[k].1 = self.locate(point, Some(table[k - 1].1));
-        }
-        for k in (0..middle).rev() {
-            let point = curve.evaluate(table[k].0);
-            table[k].1 = self.locate(point, Some(table[k + 1].1));
-        }
-        Ok(table)
-    }
-
     fn quadric(&self) -> Option<&'a Quadric> {
         match &self.sheet.shape {
             SheetShape::Quadric(quadric) => Some(quadric),
             SheetShape::Splines(..) => None,
         }
-    }
-
-    /// The parameters of the point of the surface nearest to a point; beyond the domain where
-    /// the surface is closed and the guess is near there.
-    fn locate(&self, point: DVec3, guess: Option<DVec2>) -> DVec2 {
-        let Some(quadric) = self.quadric() else {
-            let nearby = self
-                .nearby
-                .get_or_init(|| Nearby::new(self.surface, self.closed));
-            let found = nearby.nearest(point, guess).uv;
-            return guess.map_or(found, |guess| self.beside(found, guess));
-        };
-        let local = self.sheet.place.inverse().transform_point3(point);
-        let mut uv = quadric.locate(local, guess);
-        let knots = [self.surface.knots_u(), self.surface.knots_v()];
-        for (axis, is_angle) in quadric.angles().into_iter().enumerate() {
-            if is_angle {
-                uv[axis] = wound(knots[axis], uv[axis]);
-            }
-        }
-        uv
-    }
-
-    /// Parameters moved by whole periods next to others.
-    fn beside(&self, uv: DVec2, guess: DVec2) -> DVec2 {
-        let mut moved = uv;
-        for axis in 0..2 {
-            let period = self.domain[axis].end - self.domain[axis].start;
-            if self.closed[axis] {
-                moved[axis] += ((guess[axis] - uv[axis]) / period).round() * period;
-            }
-        }
-        moved
     }
 
     /// The point of the surface, with parameters beyond its seams brought back and others

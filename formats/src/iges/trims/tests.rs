@@ -1,0 +1,126 @@
+//! Faces trimmed by curves of the parameter domain.
+
+use glam::{DVec2, DVec3};
+
+use crate::iges::testing::{Made, corners, made, read, square};
+
+/// The border of the unit square as lines, at D `1`, and its composite curve at D 9.
+fn border() -> Vec<Made> {
+    let ends = [
+        "0.,0.,0.,1.,0.",
+        "1.,0.,0.,1.,1.",
+        "1.,1.,0.,0.,1.",
+        "0.,1.,0.,0.,0.",
+    ];
+    let mut border: Vec<_> = ends.map(|e| made(110, &format!("{e},0."))).into();
+    border.push(made(102, "4,1,3,5,7"));
+    for curve in &mut border {
+        curve.status = "00010500";
+    }
+    border
+}
+
+#[test]
+fn trimmed_surfaces_have_loops_and_show_once() {
+    let mut entities = border();
+    let mut base = square(3.0);
+    // Invisible and dependent, as many programs write it.
+    base.status = "01010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    let mut half = square(4.0);
+    half.status = "00010000";
+    entities.push(half);
+    entities.push(made(144, "17,0,1,0,13"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(corners(&scene), [DVec3::X * 3.0, DVec3::X * 4.0]);
+    let loops: Vec<_> = scene.patches().iter().map(|p| p.loops.len()).collect();
+    assert_eq!(loops, [1, 2]);
+    assert_eq!(scene.patches()[0].loops[0].segments().len(), 4);
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+#[test]
+fn bounded_surfaces_have_loops() {
+    let mut entities = border();
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(141, "1,2,11,1,0,1,1,9"));
+    entities.push(made(143, "1,11,1,13"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops.len(), 1);
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+#[test]
+fn loops_that_cannot_be_read_are_told() {
+    let mut entities = border();
+    entities[0].parameters = "0.,0.,0.,0.5,0.,0.".to_owned();
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    let (scene, warnings) = read(&entities);
+    assert!(scene.patches()[0].loops.is_empty());
+    assert!(warnings[0].ends_with("shown untrimmed: a trim loop does not close"));
+}
+
+#[test]
+fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
+    // The curves of space do not close.
+    let mut entities = border();
+    let mut parts = vec![square(3.0)];
+    let lines = [
+        "3.,0.,0.,3.5,0.,0.",
+        "4.,0.,0.,4.,1.,0.",
+        "4.,1.,0.,3.,1.,0.",
+        "3.,1.,0.,3.,0.,0.",
+    ];
+    parts.extend(lines.map(|ends| made(110, ends)));
+    parts.push(made(102, "4,13,15,17,19"));
+    for mut part in parts {
+        part.status = "00010000";
+        entities.push(part);
+    }
+    entities.push(made(142, "1,11,9,21,1"));
+    entities.push(made(144, "11,1,0,23"));
+    let (scene, warnings) = read(&entities);
+    let [border] = &scene.patches()[0].loops[..] else {
+        panic!("{warnings:?}");
+    };
+    assert_eq!(border.segments().len(), 4);
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(DVec2::from);
+    assert!(
+        border
+            .segments()
+            .iter()
+            .all(|c| corners.contains(&c.start()))
+    );
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w.contains("that are not where its curves of space are")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn small_gaps_in_loops_are_bridged() {
+    let mut entities = border();
+    entities[0].parameters = "0.,0.,0.,0.995,0.,0.".to_owned();
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);
+    assert_eq!(
+        warnings[0],
+        "line 17, trimmed surface D15 (type 144): the curves of a trim loop do not quite meet; \
+         the gaps are bridged"
+    );
+}
