@@ -131,8 +131,8 @@ impl KnotVector {
         self.count() == self.degree + 1 && self.is_clamped()
     }
 
-    /// Whether each end of the domain stands `degree + 1` times, so that curves begin and end in control
-    /// points.
+    /// Whether each end of the domain stands `degree + 1` times, so that curves begin and end in
+    /// control points.
     pub(crate) fn is_clamped(&self) -> bool {
         self.knots[0] >= self.knots[self.degree]
             && self.knots[self.knots.len() - 1] <= self.knots[self.count()]

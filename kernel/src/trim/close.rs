@@ -190,12 +190,14 @@ impl Closer<'_> {
             if !self.closed[axis] || self.closed[other] {
                 continue;
             }
-            let height = |uv: DVec2| (uv[other] - self.start[other]) / self.size[other];
-            let side = if height(end) < 0.5 { 0 } else { 1 };
-            let is_there = |uv: DVec2| (height(uv) - side as f64).abs() <= POLE;
+            let Some(side) = self.pole(end, other) else {
+                continue;
+            };
             // The file may have curves along the pole of its own.
-            let is_told = is_there(before.start()) || is_there(after.end());
-            if !is_there(end) || is_told || !self.is_point(other, side) {
+            if [before.start(), after.end()]
+                .map(|uv| self.pole(uv, other))
+                .contains(&Some(side))
+            {
                 continue;
             }
             // Along the lower border of v the path goes towards larger u, and so on.
@@ -211,6 +213,14 @@ impl Closer<'_> {
         turn
     }
 
+    /// The border across an axis that is a pole and holds a place: zero where parameters begin.
+    fn pole(&self, uv: DVec2, axis: usize) -> Option<usize> {
+        let share = (uv[axis] - self.start[axis]) / self.size[axis];
+        let side = usize::from(share >= 0.5);
+        let is_there = (share - side as f64).abs() <= POLE;
+        (is_there && self.is_point(axis, side)).then_some(side)
+    }
+
     /// By how much what begins at `next` is moved to continue a path that arrives at `end`.
     fn shift(&self, end: DVec2, next: DVec2) -> DVec2 {
         let mut shift = self.periods(end - next);
@@ -218,15 +228,15 @@ impl Closer<'_> {
             return shift;
         }
         for axis in 0..2 {
-            let other = 1 - axis;
-            let share = |uv: DVec2, axis: usize| (uv[axis] - self.start[axis]) / self.size[axis];
-            let side = usize::from(share(end, other) >= 0.5);
-            let is_pole = [end, next].into_iter().all(|uv| {
-                let is_inside = (-NEAR..=1.0 + NEAR).contains(&share(uv, axis));
-                is_inside && (share(uv, other) - side as f64).abs() <= POLE
-            });
-            if shift[axis] != 0.0 && is_pole && self.is_point(other, side) {
-                shift[axis] = 0.0;
+            let is_inside = |uv: DVec2| {
+                let share = (uv[axis] - self.start[axis]) / self.size[axis];
+                (-NEAR..=1.0 + NEAR).contains(&share)
+            };
+            if shift[axis] != 0.0 && is_inside(end) && is_inside(next) {
+                let [from, to] = [end, next].map(|uv| self.pole(uv, 1 - axis));
+                if from.is_some() && from == to {
+                    shift[axis] = 0.0;
+                }
             }
         }
         shift
