@@ -111,9 +111,9 @@ impl Block {
         range: &Range<f32>,
         found: &mut [Encounter; WIDTH],
     ) -> usize {
-        let lanes = s.apart(OfRay(self, ray, range));
+        let (met, lanes) = s.apart(OfRay(self, ray, range));
         let mut count = 0;
-        for slot in Bits(u64::from(lanes.met)) {
+        for slot in Bits(u64::from(met)) {
             let mut place = count;
             while place > 0 && lanes.time[found[place - 1].slot] > lanes.time[slot] {
                 found[place] = found[place - 1];
@@ -217,9 +217,9 @@ impl Block {
         far: f32,
         found: &mut [(usize, f32); WIDTH],
     ) -> usize {
-        let lanes = s.apart(OfBeam(self, beam, far));
+        let (met, lanes) = s.apart(OfBeam(self, beam, far));
         let mut count = 0;
-        for slot in Bits(u64::from(lanes.met)) {
+        for slot in Bits(u64::from(met)) {
             let near = lanes.near[slot];
             let mut place = count;
             while place > 0 && found[place - 1].1 > near {
@@ -235,12 +235,12 @@ impl Block {
     /// A bit for each cell that rays of the beam may meet before `far`.
     #[inline(always)]
     pub(super) fn meets_beam<S: Simd>(&self, s: S, beam: &BeamBounds, far: f32) -> u32 {
-        s.apart(OfBeam(self, beam, far)).met
+        s.apart(OfBeam(self, beam, far)).0
     }
 
     /// A bit for each of the cells that is not `beside`.
     #[inline(always)]
-    fn of_these(&self, beside: &[u32; WIDTH]) -> u32 {
+    fn those_not(&self, beside: &[u32; WIDTH]) -> u32 {
         let all = (1 << self.count) - 1;
         (0..WIDTH).fold(0, |bits, k| bits | (1 - beside[k]) << k) & all
     }
@@ -315,8 +315,6 @@ impl Block {
 /// What eight cells say of a beam.
 #[repr(align(32))]
 struct BeamLanes {
-    /// A bit for each cell that it may meet.
-    met: u32,
     /// One where all rays certainly miss the cell.
     beside: [u32; WIDTH],
     near: [f32; WIDTH],
@@ -326,17 +324,17 @@ struct BeamLanes {
 struct OfRay<'a>(&'a Block, &'a LocalRay, &'a Range<f32>);
 
 impl<S: Simd> Part<S> for OfRay<'_> {
-    type Output = Lanes;
+    /// A bit for each cell that it may meet, and what they say.
+    type Output = (u32, Lanes);
 
     #[inline(always)]
-    fn run(self, _: S) -> Lanes {
+    fn run(self, _: S) -> Self::Output {
         let mut lanes = Lanes::NONE;
         // Without branches, for eight cells at once.
         for k in 0..WIDTH {
             self.0.lane(k, self.1, self.2, &mut lanes);
         }
-        lanes.met = self.0.of_these(&lanes.beside);
-        lanes
+        (self.0.those_not(&lanes.beside), lanes)
     }
 }
 
@@ -345,12 +343,12 @@ impl<S: Simd> Part<S> for OfRay<'_> {
 struct OfBeam<'a>(&'a Block, &'a BeamBounds, f32);
 
 impl<S: Simd> Part<S> for OfBeam<'_> {
-    type Output = BeamLanes;
+    /// A bit for each cell that it may meet, and what they say.
+    type Output = (u32, BeamLanes);
 
     #[inline(always)]
-    fn run(self, _: S) -> BeamLanes {
+    fn run(self, _: S) -> Self::Output {
         let mut lanes = BeamLanes {
-            met: 0,
             beside: [0; WIDTH],
             near: [0.0; WIDTH],
         };
@@ -358,16 +356,13 @@ impl<S: Simd> Part<S> for OfBeam<'_> {
         for k in 0..WIDTH {
             self.0.beam_lane(k, self.1, self.2, &mut lanes);
         }
-        lanes.met = self.0.of_these(&lanes.beside);
-        lanes
+        (self.0.those_not(&lanes.beside), lanes)
     }
 }
 
 /// What eight cells say of a ray.
 #[repr(align(32))]
 struct Lanes {
-    /// A bit for each cell that it may meet.
-    met: u32,
     /// One where the ray certainly misses the cell within the range.
     beside: [u32; WIDTH],
     s: [f32; WIDTH],
@@ -381,7 +376,6 @@ struct Lanes {
 
 impl Lanes {
     const NONE: Self = Self {
-        met: 0,
         beside: [0; WIDTH],
         s: [0.0; WIDTH],
         t: [0.0; WIDTH],

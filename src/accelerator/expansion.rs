@@ -64,7 +64,8 @@ pub(super) struct Expansion {
     /// For the [`HIERARCHY`], and a [`DIVISION`] without a cut: the part lies within this of its
     /// middle along each axis; infinite if unknown.
     pub(super) half_size: DVec3,
-    /// For a [`DIVISION`] of what is too uneven: whether a cut along v would make it more even than one along u.
+    /// For a [`DIVISION`] of what is too uneven: whether a cut along v would make it more even
+    /// than one along u.
     pub(super) cut_v: bool,
 }
 

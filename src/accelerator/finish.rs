@@ -123,12 +123,12 @@ const LAST_STEPS: usize = 4;
 /// Newton's step squares the error: from a step below this the next is beyond rounding.
 const LAST: f64 = 1e-10;
 
-/// From a step below this the next is beyond what counts, unless a border is near.
+/// [`nearly_last`] up to degree three.
 const LAST_INSIDE: f64 = 1e-6;
 
 /// The last step moves the point along the tangent plane. By the square of the step times twice
 /// `p (p - 1)` the surface may turn away from there, in sizes of the piece; times half of that this
-/// may be reached.
+/// may be reached: by [`LAST_INSIDE`] with degree three.
 const TURNS_AWAY: f64 = 6e-12;
 
 /// Near a border of the piece: parameters decide there to which of two it belongs.
@@ -189,9 +189,7 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
         let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];
         let constant = [s.load_d(&lines.constant[0]), s.load_d(&lines.constant[1])];
         let [mut u, mut v] = first;
-        let degree = net.0.p.max(net.0.q) as f64;
-        let turns = (degree * (degree - 1.0)).max(1.0);
-        let nearly_last = LAST_INSIDE.min((TURNS_AWAY / turns).sqrt());
+        let nearly_last = nearly_last(net.0.p.max(net.0.q));
         let mut roots = Roots {
             found: 0,
             u: [0.0; WIDE_LANES],
@@ -245,6 +243,17 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
             }
         }
         roots
+    }
+}
+
+/// From a step below this the next is beyond what counts on a piece of a degree, unless a border is
+/// near.
+#[inline(always)]
+fn nearly_last(degree: usize) -> f64 {
+    if degree < ORDER {
+        LAST_INSIDE
+    } else {
+        (TURNS_AWAY / (degree * (degree - 1)) as f64).sqrt()
     }
 }
 

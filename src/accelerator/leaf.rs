@@ -361,9 +361,9 @@ impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         let [g1, g2] = inverse.times(s, tilt);
         let tilted = s.mul(along, s.max(s.abs(g1), s.abs(g2)));
         let grown = s.fma(any, s.max(s.add(a, b), s.add(c, d)), tilted);
-        let blurred = (&inverse, grown);
+        let middle = (&inverse, grown);
         let (unique, contraction) =
-            contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, blurred);
+            contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, middle);
         let amplified = s.mul(grown, s.add(s.splat(1.0), contraction));
         let known = s.bits(s.lt(amplified, s.splat(BLURRED)));
         // Of a flat cell seen from its edge the parts are seen no better.

@@ -85,10 +85,8 @@ impl LocalRay {
 pub(crate) struct Course {
     pub(crate) origin: DVec3,
     pub(crate) direction: DVec3,
-    /// The ray parameter of the origin, how much of it is one unit of the tree, and how many units
-    /// one of it is.
+    /// The ray parameter of the origin, and how many units of the tree one of it is.
     pub(crate) shift: f64,
-    pub(crate) unit: f64,
     pub(crate) pace: f64,
 }
 
@@ -98,14 +96,13 @@ impl Course {
         origin: DVec3::ZERO,
         direction: DVec3::X,
         shift: 0.0,
-        unit: 1.0,
         pace: 1.0,
     };
 
     /// The ray parameter at a length from the origin.
     #[inline(always)]
     pub(crate) fn time(&self, length: f64) -> f64 {
-        self.shift + length * self.unit
+        self.shift + length / self.pace
     }
 }
 
@@ -270,13 +267,11 @@ impl Tree {
         let inverse = length.recip();
         let direction = ray.direction * inverse;
         let shift = (self.center - ray.origin).dot(direction) * inverse;
-        let pace = length * self.scale;
         Course {
             origin: self.to_local(ray.at(shift)),
             direction,
             shift,
-            unit: pace.recip(),
-            pace,
+            pace: length * self.scale,
         }
     }
 

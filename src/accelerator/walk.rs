@@ -107,9 +107,10 @@ impl Walker {
     pub(super) fn begin(&mut self, accelerator: &Accelerator<'_>, ray: &Ray) {
         self.top_stack.clear();
         self.instance = 0;
-        self.instances = 0..accelerator.instances.len();
         // One alone needs no hierarchy.
-        if self.instances.len() > 1 {
+        if let [_] = accelerator.instances[..] {
+            self.instances = 0..1;
+        } else {
             self.instances = 0..0;
             self.top_ray = accelerator.top.local_ray(ray);
             accelerator.top.begin(&mut self.top_stack);

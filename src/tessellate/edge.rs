@@ -55,7 +55,8 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Where a boundary is at `uv`, and goes on by `way`, and the point of the surface there; no gap yet.
+    /// Where a boundary is at `uv`, and goes on by `way`, and the point of the surface there; no
+    /// gap yet.
     fn new(face: &Face<'_>, t: f64, (uv, way): (DVec2, DVec2)) -> (Self, DVec3) {
         let (point, along, normal) = face.look(uv, way);
         let place = Self {
@@ -72,8 +73,8 @@ impl Place {
 /// The places of one point of an edge.
 type Places = SmallVec<[Place; 2]>;
 
-/// Points of a surface at a place of its boundary: its own, and that of the [snapped](Face::snapped)
-/// parameters.
+/// Points of a surface at a place of its boundary: its own, and that of the
+/// [snapped](Face::snapped) parameters.
 struct Points {
     own: DVec3,
     snapped: DVec3,

@@ -281,8 +281,8 @@ impl<'a> Pieces<'a> {
         self.joint(self.around(rect), |i, j| self.part(i, j, rect).spread())
     }
 
-    /// A `bound` that follows from those over a rectangle, or from coarser ones, which cost less, where
-    /// it is `enough` or a better one would be `futile`.
+    /// A `bound` that follows from those over a rectangle, or from coarser ones, which cost less,
+    /// where it is `enough` or a better one would be `futile`.
     pub(super) fn bound_until(
         &self,
         rect: &Rect,

@@ -16,7 +16,8 @@ const BULGE: f64 = 0.1;
 /// Points of two curves are one if their distance is this share of a chord.
 const EQUAL: f64 = 1e-9;
 
-/// Steps towards the nearest point that are shorter than this share of the range are not worth a look.
+/// Steps towards the nearest point that are shorter than this share of the range are not worth a
+/// look.
 const CLOSE: f64 = 1e-11;
 
 /// Of places nearly as near the one is meant that is where it is expected: what it is away from
