@@ -4,11 +4,18 @@ use std::f64::consts::TAU;
 
 use fastrand::Rng;
 use glam::{DVec2, DVec3};
-use kernel::{Patch, Ray, Scene, Shape, Surface, TrimRegion};
+use kernel::{Patch, Ray, Scene, Shape, Surface, SurfaceDerivatives, TrimRegion};
 
 fn direction(dice: &mut Rng) -> DVec3 {
     let mut step = || dice.f64() * 2.0 - 1.0;
     DVec3::new(step(), step(), step()).normalize_or(DVec3::X)
+}
+
+/// A random direction along a surface.
+fn tangent(d: &SurfaceDerivatives, dice: &mut Rng) -> Option<DVec3> {
+    let turned = TAU * dice.f64();
+    let along = d.du.normalize_or_zero() * turned.cos() + d.dv.normalize_or_zero() * turned.sin();
+    along.try_normalize()
 }
 
 /// The faces of a scene in the world, and what belongs to them.
@@ -58,10 +65,7 @@ impl Targets {
         let uv = (0..100).map(place).find(belongs)?;
         let d = surface.derivatives(uv);
         let normal = surface.normal(uv)?;
-        let turned = TAU * dice.f64();
-        let along =
-            d.du.normalize_or_zero() * turned.cos() + d.dv.normalize_or_zero() * turned.sin();
-        let along = along.try_normalize()?;
+        let along = tangent(&d, dice)?;
         let kind = dice.f64();
         let (direction, offset) = if kind < 0.3 {
             (direction(dice), 0.0)
@@ -100,11 +104,9 @@ impl Targets {
             .collect();
         let first = *places.first()?;
         let (d, normal) = (surface.derivatives(first), surface.normal(first)?);
-        let turned = TAU * dice.f64();
-        let along =
-            d.du.normalize_or_zero() * turned.cos() + d.dv.normalize_or_zero() * turned.sin();
+        let along = tangent(&d, dice)?;
         let tilt = 10.0_f64.powf(-4.0 * dice.f64());
-        let direction = (along.try_normalize()? + normal * tilt).normalize();
+        let direction = (along + normal * tilt).normalize();
         let offset = self.size * 10.0_f64.powf(-12.0 + 4.0 * dice.f64());
         let ray = |&uv: &DVec2| {
             let normal = surface.normal(uv)?;
@@ -117,8 +119,8 @@ impl Targets {
         places.iter().map(ray).collect()
     }
 
-    /// Rays side by side that leave a face ([`Self::leaving`]), or the first of which is [`Self::ray`]: from its origin or along it,
-    /// as far apart as pixels, or much nearer.
+    /// Rays side by side that leave a face, as [`Self::leaving`], or the first of which is
+    /// [`Self::ray`]: from its origin or along it, as far apart as pixels, or much nearer.
     #[allow(dead_code, reason = "each test uses a part of this file")]
     pub(crate) fn bundle(&self, dice: &mut Rng, count: u32) -> Vec<Ray> {
         if dice.f64() < 0.25 {
