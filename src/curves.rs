@@ -188,7 +188,8 @@ impl Brush<'_> {
         };
         // Curves on surfaces that are seen from the side stand out, too.
         let front = depth - 2.0 * self.radius * self.eye.pixel(depth);
-        if front > f64::from(self.film.data()[index].depth) {
+        let surface = self.film.data().get(index);
+        if surface.is_some_and(|data| front > f64::from(data.depth)) {
             return;
         }
         let across = (distance / self.radius).min(1.0);
@@ -298,7 +299,7 @@ mod tests {
         let view = Projection::Orthographic { extent: 4.0 };
         let camera = Camera::look_at(DVec3::Z * 5.0, DVec3::ZERO, DVec3::Y, view).unwrap();
         let coverage = |depth: f32| -> f32 {
-            let mut film = Film::new(100, 100);
+            let mut film = Film::with_data(100, 100);
             film.data_mut().fill(PixelData {
                 depth,
                 ..PixelData::MISS

@@ -45,19 +45,26 @@ pub struct Film {
     height: u32,
     /// Linear colour times coverage, and coverage.
     colors: Vec<[f32; 4]>,
+    /// Empty without data channels.
     data: Vec<PixelData>,
 }
 
 impl Film {
-    /// A film of transparent black pixels that meet nothing.
+    /// A film of transparent black pixels, without data channels.
     pub fn new(width: u32, height: u32) -> Self {
-        let count = width as usize * height as usize;
         Self {
             width,
             height,
-            colors: vec![[0.0; 4]; count],
-            data: rayon::iter::repeat_n(PixelData::MISS, count).collect(),
+            colors: vec![[0.0; 4]; width as usize * height as usize],
+            data: Vec::new(),
         }
+    }
+
+    /// A film of transparent black pixels that meet nothing.
+    pub fn with_data(width: u32, height: u32) -> Self {
+        let film = Self::new(width, height);
+        let data = rayon::iter::repeat_n(PixelData::MISS, film.colors.len()).collect();
+        Self { data, ..film }
     }
 
     /// Pixels per row.
@@ -79,16 +86,16 @@ impl Film {
         let squares = blocks(&(0..self.height), &(0..self.width), side);
         let mut tiles: Vec<_> = squares.map(|(y, x)| FilmTile::empty(x, y)).collect();
         let across = row.div_ceil(step);
-        let lines = self
-            .colors
-            .chunks_mut(row)
-            .zip(self.data.chunks_mut(row))
-            .enumerate();
-        for (y, (colors, data)) in lines {
+        for (y, colors) in self.colors.chunks_mut(row).enumerate() {
             let tiles = tiles[y / step * across..].iter_mut();
-            let parts = colors.chunks_mut(step).zip(data.chunks_mut(step));
-            for (tile, part) in tiles.zip(parts) {
-                tile.rows.push(part);
+            for (tile, part) in tiles.zip(colors.chunks_mut(step)) {
+                tile.colors.push(part);
+            }
+        }
+        for (y, data) in self.data.chunks_mut(row).enumerate() {
+            let tiles = tiles[y / step * across..].iter_mut();
+            for (tile, part) in tiles.zip(data.chunks_mut(step)) {
+                tile.data.push(part);
             }
         }
         tiles
@@ -98,7 +105,9 @@ impl Film {
     pub(crate) fn set(&mut self, x: u32, y: u32, color: [f32; 4], data: PixelData) {
         let index = y as usize * self.width as usize + x as usize;
         self.colors[index] = color;
-        self.data[index] = data;
+        if let Some(place) = self.data.get_mut(index) {
+            *place = data;
+        }
     }
 
     /// Gives one pixel a colour, linear and times its coverage, and no data; `x` counts from the
@@ -119,7 +128,7 @@ impl Film {
         &mut self.colors
     }
 
-    /// The data channels.
+    /// The data channels: one entry for each pixel, or none at all.
     pub fn data(&self) -> &[PixelData] {
         &self.data
     }
@@ -155,22 +164,24 @@ impl Film {
 pub(crate) struct FilmTile<'a> {
     pub(crate) x: Range<u32>,
     pub(crate) y: Range<u32>,
-    /// Colours and data of each row.
-    rows: Vec<(&'a mut [[f32; 4]], &'a mut [PixelData])>,
+    /// Those of each row.
+    colors: Vec<&'a mut [[f32; 4]]>,
+    data: Vec<&'a mut [PixelData]>,
 }
 
 impl FilmTile<'_> {
     fn empty(x: Range<u32>, y: Range<u32>) -> Self {
-        let rows = Vec::new();
-        Self { x, y, rows }
+        let (colors, data) = (Vec::new(), Vec::new());
+        Self { x, y, colors, data }
     }
 
     /// As [`Film::set`], for a pixel of the tile.
     pub(crate) fn set(&mut self, x: u32, y: u32, color: [f32; 4], data: PixelData) {
-        let (colors, line) = &mut self.rows[(y - self.y.start) as usize];
-        let place = (x - self.x.start) as usize;
-        colors[place] = color;
-        line[place] = data;
+        let (row, place) = ((y - self.y.start) as usize, (x - self.x.start) as usize);
+        self.colors[row][place] = color;
+        if let Some(row) = self.data.get_mut(row) {
+            row[place] = data;
+        }
     }
 }
 

@@ -95,7 +95,7 @@ pub struct OutputOptions {
     pub png_depth: PngDepth,
     /// Whether an EXR file gets the colours.
     pub beauty: bool,
-    /// The data channels of an EXR file.
+    /// The data channels of an EXR file, where the film has data.
     pub aovs: Vec<Aov>,
 }
 
@@ -293,7 +293,8 @@ fn write_exr(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
             }
         }
     }
-    for (name, value) in options.aovs.iter().flat_map(|aov| aov.channels) {
+    let aovs = options.aovs.iter().filter(|_| !film.data().is_empty());
+    for (name, value) in aovs.flat_map(|aov| aov.channels) {
         let samples = film.data().iter().map(value).collect();
         channels.push(AnyChannel::new(*name, FlatSamples::F32(samples)));
     }

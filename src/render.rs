@@ -26,7 +26,7 @@ pub struct RenderOptions {
     pub samples: u32,
     /// How surfaces are shaded.
     pub shading: Shading,
-    /// Whether the data channels are filled.
+    /// Whether the film gets data channels.
     pub data: bool,
 }
 
@@ -38,6 +38,17 @@ impl Default for RenderOptions {
             samples: 2,
             shading: Shading::Phong,
             data: true,
+        }
+    }
+}
+
+impl RenderOptions {
+    /// The film before anything is on it.
+    pub fn film(&self) -> Film {
+        if self.data {
+            Film::with_data(self.width, self.height)
+        } else {
+            Film::new(self.width, self.height)
         }
     }
 }
@@ -104,7 +115,7 @@ fn paint_all(
         options,
         found,
     };
-    let mut film = Film::new(options.width, options.height);
+    let mut film = options.film();
     let stats = film
         .tiles_mut(TILE)
         .into_par_iter()

@@ -61,7 +61,7 @@ pub(super) fn shot<'a>(
     let started = Instant::now();
     let has_area = scene.placement_count() > 0;
     let (mut film, stats) = if !has_area {
-        (Film::new(size.0, size.1), RenderStats::default())
+        (options.film(), RenderStats::default())
     } else if args.method.is_research() {
         for remark in args.method.remarks(scene) {
             eprintln!("nurbray: {}: {remark}", input::display(file));
