@@ -122,6 +122,13 @@ impl Default for Node {
     }
 }
 
+impl Node {
+    /// Whether child number `k` is the shell of a void.
+    pub fn is_void(&self, k: usize) -> bool {
+        k + self.voids >= self.children.len()
+    }
+}
+
 /// The upward axis of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum UpAxis {

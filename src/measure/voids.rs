@@ -30,7 +30,7 @@ impl Place {
         let way = node.children.iter().position(is_way)?;
         Some(Self {
             solid: path[..=at].to_vec(),
-            is_void: way + node.voids >= node.children.len(),
+            is_void: node.is_void(way),
         })
     }
 }

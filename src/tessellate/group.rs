@@ -72,7 +72,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         let bits = map.to_cols_array().map(f64::to_bits);
         let number = *numbers.entry((shared, bits)).or_insert(next);
         for (k, child) in node.children.iter().enumerate() {
-            let is_void = in_void[index] || k + node.voids >= node.children.len();
+            let is_void = in_void[index] || node.is_void(k);
             match child {
                 Child::Node(id) => {
                     in_void[id.index()] |= is_void;

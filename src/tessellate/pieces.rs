@@ -237,6 +237,12 @@ impl<'a> Pieces<'a> {
         self.domain
     }
 
+    /// Borders between pieces along u and v.
+    pub(super) fn inner_breaks(&self) -> [&[f64]; 2] {
+        let [u, v] = &self.breaks;
+        [&u[1..u.len() - 1], &v[1..v.len() - 1]]
+    }
+
     fn columns(&self) -> usize {
         self.breaks[1].len() - 1
     }

@@ -93,30 +93,45 @@ impl<'a> Face<'a> {
 
     /// The parameters at which a boundary passes creases of the surface, in order.
     pub(super) fn kinks(&self, boundary: &Curve<DVec2>) -> Vec<f64> {
-        let mut kinks = Vec::new();
-        if self.pieces.creases.iter().all(Vec::is_empty) {
-            return kinks;
+        let [u, v] = &self.pieces.creases;
+        self.passed(boundary, [u, v])
+    }
+
+    /// The ends of a boundary, and the parameters between them where it need not be smooth in space:
+    /// where pieces of it or of the surface meet, in order.
+    pub(crate) fn breaks(&self, boundary: &Curve<DVec2>) -> Vec<f64> {
+        let mut breaks = boundary.knots().breaks();
+        breaks.extend(self.passed(boundary, self.pieces.inner_breaks()));
+        breaks.sort_by(f64::total_cmp);
+        breaks.dedup();
+        breaks
+    }
+
+    /// The parameters at which a boundary passes lines across u and across v, in order.
+    fn passed(&self, boundary: &Curve<DVec2>, lines: [&[f64]; 2]) -> Vec<f64> {
+        let mut passed = Vec::new();
+        if lines.iter().all(|lines| lines.is_empty()) {
+            return passed;
         }
         let near = self.pieces.domain().size() * SNAP;
         for piece in boundary.bezier_pieces() {
             let hull = Rect::around(piece.points());
-            for (axis, creases) in self.pieces.creases.iter().enumerate() {
-                let first = creases.partition_point(|&crease| crease < hull.min[axis]);
-                let passed = creases[first..].iter();
-                for &crease in passed.take_while(|&&crease| crease <= hull.max[axis]) {
-                    kinks.extend(piece.crossings(axis, crease, near[axis]));
+            for (axis, lines) in lines.iter().enumerate() {
+                let first = lines.partition_point(|&line| line < hull.min[axis]);
+                let within = lines[first..].iter();
+                for &line in within.take_while(|&&line| line <= hull.max[axis]) {
+                    passed.extend(piece.crossings(axis, line, near[axis]));
                     let end = piece.domain().end;
-                    if (piece.end()[axis] - crease).abs() <= near[axis]
-                        && end < boundary.domain().end
+                    if (piece.end()[axis] - line).abs() <= near[axis] && end < boundary.domain().end
                     {
-                        kinks.push(end);
+                        passed.push(end);
                     }
                 }
             }
         }
-        kinks.sort_by(f64::total_cmp);
-        kinks.dedup();
-        kinks
+        passed.sort_by(f64::total_cmp);
+        passed.dedup();
+        passed
     }
 
     /// The way from its boundary, and across it, into the face; `None` where that is not plain.

@@ -109,7 +109,7 @@ impl Trail {
     }
 
     /// The same if it is no farther than `reach`.
-    pub(super) fn project_within(
+    pub(crate) fn project_within(
         &self,
         place: (&Face<'_>, &Curve<DVec2>),
         target: DVec3,
@@ -121,7 +121,7 @@ impl Trail {
 
     /// The same on a curve that may come back to where it was; the place is expected at a share
     /// of its length.
-    pub(super) fn project_beside(
+    pub(crate) fn project_beside(
         &self,
         place: (&Face<'_>, &Curve<DVec2>),
         target: DVec3,
@@ -180,7 +180,7 @@ impl Trail {
     }
 
     /// The share of its length at which a parameter is.
-    pub(super) fn share(&self, t: f64) -> f64 {
+    pub(crate) fn share(&self, t: f64) -> f64 {
         let share = self.along(t) / self.length();
         if share.is_finite() { share } else { 0.0 }
     }

@@ -16,6 +16,9 @@ use crate::tessellate::{Edge, Face, Sewn, Trail, sew};
 /// How often the stretch for a strip is halved to be accurate.
 const DEPTH: u32 = 8;
 
+/// Stretches that are shorter than this share of a boundary are parts of their neighbours.
+const SHORTEST: f64 = 1e-7;
+
 /// A strip leads back along a face from this cosine on.
 const BACK: f64 = 0.5;
 
@@ -180,7 +183,7 @@ struct Seams<'a, 's> {
 struct Pair<'a, 's> {
     faces: [&'a Face<'s>; 2],
     curves: [&'a Curve<DVec2>; 2],
-    trail: Trail,
+    trails: [Trail; 2],
     /// Where the second begins and ends as the first does.
     ends: [f64; 2],
 }
@@ -199,15 +202,16 @@ impl Seams<'_, '_> {
             if other.reversed {
                 ends.reverse();
             }
-            let faces = [&self.faces[first.face], &self.faces[other.face]];
+            let uses = [first, other];
+            let faces = uses.map(|used| &self.faces[used.face]);
             let pair = Pair {
                 faces,
-                curves: [&first.curve, &other.curve],
-                trail: Trail::of(faces[1], &other.curve),
+                curves: uses.map(|used| &used.curve),
+                trails: [0, 1].map(|k| Trail::of(faces[k], &uses[k].curve)),
                 ends,
             };
             let item = self.items[first.face];
-            for part in first.curve.knots().breaks().windows(2) {
+            for part in pair.breaks(*self.widths.end()).windows(2) {
                 self.divide(&pair, part[0]..part[1], DEPTH, &mut |sides, uv, apart| {
                     strips.push(Strip {
                         sides,
@@ -241,18 +245,22 @@ impl Seams<'_, '_> {
         let uv = parameters.map(|t| pair.uv(t));
         let first = uv.map(|uv| pair.faces[0].point(uv));
         let second = partners.map(|t| pair.other(t));
-        let widest = (0..ORDER).map(|k| first[k].distance(second[k]));
-        let widest = widest.fold(0.0, f64::max);
+        let widths = (0..ORDER).map(|k| first[k].distance(second[k]));
+        let mut widest = widths.fold(0.0, f64::max);
         let sides = [interpolated(&first), interpolated(&second)];
         let along = interpolated(&partners);
-        let off = NODES.windows(2).map(|w| {
-            let share = 0.5 * (w[0] + w[1]);
+        let mut off: f64 = 0.0;
+        for ends in NODES.windows(2) {
+            let share = 0.5 * (ends[0] + ends[1]);
             let [a, b] = sides.each_ref().map(|side| bernstein(side, share));
             let first = pair.faces[0].point(pair.uv(at(share)));
             let second = pair.other(bernstein(&along, share));
-            first.distance(a).max(second.distance(b))
-        });
-        let off = off.fold(0.0, f64::max);
+            off = off.max(first.distance(a)).max(second.distance(b));
+            widest = widest.max(first.distance(second));
+        }
+        if widest < *self.widths.start() {
+            return;
+        }
         if off > self.exact && depth > 0 {
             let middle = at(0.5);
             self.divide(pair, range.start..middle, depth - 1, make);
@@ -265,6 +273,29 @@ impl Seams<'_, '_> {
 }
 
 impl Pair<'_, '_> {
+    /// The ends of the first boundary, and the parameters between them where one of both need not
+    /// be smooth, of what is no farther apart than `reach`.
+    fn breaks(&self, reach: f64) -> Vec<f64> {
+        let [home, beside] = self.faces;
+        let mut breaks = home.breaks(self.curves[0]);
+        let place = (home, self.curves[0]);
+        for t in beside.breaks(self.curves[1]) {
+            let found = self.trails[0].project_within(place, self.other(t), reach);
+            breaks.extend(found.map(|(t, _)| t));
+        }
+        breaks.sort_by(f64::total_cmp);
+        let (start, end) = (breaks[0], breaks[breaks.len() - 1]);
+        let least = SHORTEST * (end - start);
+        let mut last = start;
+        breaks.retain(|&t| {
+            let is_kept = t <= start || t >= end || (t - last > least && end - t > least);
+            last = if is_kept { t } else { last };
+            is_kept
+        });
+        breaks.dedup();
+        breaks
+    }
+
     /// Parameters of the first face on its boundary.
     fn uv(&self, t: f64) -> DVec2 {
         self.faces[0].clamped(self.curves[0].evaluate(t))
@@ -296,7 +327,12 @@ impl Pair<'_, '_> {
             return self.ends[1];
         }
         let target = self.faces[0].point(self.uv(t));
-        self.trail.project(self.faces[1], self.curves[1], target).0
+        // Where a boundary comes back beside itself, the one is meant that is as far along.
+        let share = self.trails[0].share(t);
+        let is_turned = self.ends[0] > self.ends[1];
+        let share = if is_turned { 1.0 - share } else { share };
+        let place = (self.faces[1], self.curves[1]);
+        self.trails[1].project_beside(place, target, share).0
     }
 
     /// A strip that prolongs those before by `length` beyond an end, where more than two

@@ -200,6 +200,31 @@ fn a_ring_between_loops_is_closed() {
 }
 
 #[test]
+fn boundaries_of_several_pieces_are_joined_piece_by_piece() {
+    let gap = 1e-5;
+    let left = flat(DVec2::new(-1.0, 0.0), DVec2::new(0.0, 1.0));
+    // The other boundary is smooth but for its third derivatives at two places.
+    let widths = [1.0, 1.3, 0.8, 1.2, 0.9, 1.1];
+    // With these heights the parameter is the height.
+    let heights = [0.0, 0.1, 0.3, 1.9 / 3.0, 2.6 / 3.0, 1.0];
+    let row = |x: [f64; 6]| (0..6).map(move |k| DVec3::new(x[k], heights[k], 0.0));
+    let points: Vec<_> = row(widths.map(|width| width * gap))
+        .chain(row([1.0; 6]))
+        .collect();
+    let along = [0.0, 0.0, 0.0, 0.0, 0.3, 0.6, 1.0, 1.0, 1.0, 1.0];
+    let along = KnotVector::new(3, along.to_vec()).unwrap();
+    let across = KnotVector::bezier(1, 0.0..1.0).unwrap();
+    let right = Surface::new(across, along, &points, None).unwrap();
+    let scene = scene(vec![left, Patch::from(right)]);
+    let sealed = || Accelerator::build(&scene, &METHODS[0]).sealed(Some(2.0 * gap));
+    assert_eq!(sealed().strip_count(), 3);
+    let at = |k: usize| (k as f64 + 0.5) / 64.0;
+    let through = rays((0..64).map(|k| DVec2::new(0.8 * gap * at(k * 7 % 64), at(k))));
+    let found = answers(sealed(), &through);
+    assert!(found.iter().all(|&a| a == Some(false)), "{found:?}");
+}
+
+#[test]
 fn what_two_faces_share_to_the_last_bit_is_not_sewn() {
     let left = flat(DVec2::new(-1.0, 0.0), DVec2::new(0.0, 1.0));
     let right = flat(DVec2::ZERO, DVec2::ONE);
