@@ -51,7 +51,7 @@ pub(super) fn read(
         }
     }
     match <[Surface; 1]>::try_from(surfaces) {
-        Ok([surface]) => Ok(vec![restricted(surface, wanted, repairs)?]),
+        Ok([surface]) => Ok(vec![restricted(surface, &wanted, repairs)?]),
         Err(pieces) => Ok(pieces),
     }
 }
@@ -390,7 +390,7 @@ fn straighten(knots: &mut [f64], direction: usize, repairs: &mut Vec<Problem>) {
 /// The part of a surface that a file asks for; all of it if that part is not a part.
 fn restricted(
     surface: Surface,
-    wanted: [Range<f64>; 2],
+    wanted: &[Range<f64>; 2],
     repairs: &mut Vec<Problem>,
 ) -> Result<Surface, Problem> {
     // Where the surface is closed, a period of it is all of it, wherever that begins.
