@@ -199,8 +199,13 @@ impl Trimmer<'_> {
         uv
     }
 
-    /// Parameters of which those stay as they were that make no difference, as along a pole.
+    /// Parameters of which at a pole those stay as they were that make no difference there.
     fn steady(&self, mut uv: DVec2, guess: DVec2) -> DVec2 {
+        let point = self.point(uv);
+        let at_pole = |pole: &DVec3| pole.distance(point) <= self.size * ACCURACY;
+        if !self.poles.iter().any(at_pole) {
+            return uv;
+        }
         for axis in 0..2 {
             let mut kept = uv;
             kept[axis] = guess[axis];
