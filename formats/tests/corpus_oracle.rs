@@ -241,7 +241,7 @@ fn wires(scene: &Scene) -> Aabb {
 const CONSTRUCTED: &str = "solids by construction are not imported there";
 
 /// Files of which we show other numbers of faces, and why.
-const OTHERS: [(&str, usize, &str); 14] = [
+const OTHERS: [(&str, usize, &str); 12] = [
     (
         "cmp_analytic_cone_surface.igs",
         0,
@@ -270,8 +270,6 @@ const OTHERS: [(&str, usize, &str); 14] = [
         "its boundary is lost, its surface not",
     ),
     ("made_truncated_in_P_section.igs", 28, "cut short"),
-    ("splinelib_read.iges", 0, "blanked"),
-    ("splinelib_read2.iges", 0, "blanked"),
 ];
 
 /// How far areas may be off, as a share: the integrals of this test, and the rounding of

@@ -50,11 +50,12 @@ pub fn closed(surface: &Surface) -> [bool; 2] {
     [is_closed(at, near), is_closed(|s, t| at(t, s), near)]
 }
 
-/// Whether the lines at both ends of the first parameter agree, and are not all there is.
+/// Whether the lines at both ends of the first parameter agree, and are not all there is. Some
+/// lines along it may be points, as one is of a torus that touches itself.
 fn is_closed(at: impl Fn(f64, f64) -> DVec3, near: f64) -> bool {
     let shares = || (0..=8).map(|k| f64::from(k) / 8.0);
-    shares().all(|t| at(0.0, t).distance(at(1.0, t)) <= near)
-        && shares().any(|s| at(0.0, 0.5).distance(at(s, 0.5)) > near)
+    let goes_around = |t: f64| shares().any(|s| at(0.0, t).distance(at(s, t)) > near);
+    shares().all(|t| at(0.0, t).distance(at(1.0, t)) <= near) && shares().any(goes_around)
 }
 
 /// A surface prepared for the search of nearest points.
@@ -256,6 +257,8 @@ mod tests {
     fn points_beside_a_torus_are_found() {
         let torus = modelling::torus(&Frame::WORLD, 3.0, 1.0, 0.0..TAU, 0.0..TAU).unwrap();
         assert_eq!(closed(&torus), [true, true]);
+        let horn = modelling::torus(&Frame::WORLD, 1.0, 1.0, 0.0..TAU, 0.0..TAU).unwrap();
+        assert_eq!(closed(&horn), [true, true]);
         let nearby = Nearby::new(&torus, [true, true]);
         let mut guess = None;
         for k in 0..200 {

@@ -6,6 +6,7 @@
 mod close;
 mod monotone;
 mod nesting;
+mod parts;
 mod region;
 #[cfg(test)]
 mod tests;

@@ -249,3 +249,21 @@ fn gaps_are_bridged_counted_or_refused() {
         Err(Error::EmptyLoop)
     );
 }
+
+#[test]
+fn ends_that_differ_by_rounding_are_moved_together() {
+    let corners = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]];
+    let off = |[u, v]: [f64; 2]| [u + 1e-9, v - 1e-30];
+    let side = |k: usize| path(&[corners[k], off(corners[(k + 1) % 4])]);
+    let chain = [0, 1, 2, 3].map(side).concat();
+    let loops = close(&cylinder(), &[chain], Orientation::Left)
+        .unwrap()
+        .loops;
+    let [one] = loops.as_slice() else {
+        panic!("{} loops", loops.len());
+    };
+    let starts = one.segments().iter().map(|c| c.start().to_array());
+    assert!(starts.eq(corners));
+    let ends = one.segments().iter().map(|c| c.end().to_array());
+    assert!(ends.eq([1, 2, 3, 0].map(|k| corners[k])));
+}

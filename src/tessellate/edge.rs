@@ -487,13 +487,26 @@ impl<'a> Walker<'a> {
                 };
                 let (low, high) = (stations[at - 1].places[0].t, stations[at].places[0].t);
                 let mut station = self.station(start.clamp(low.min(high), low.max(high)));
+                // Where another face makes no difference between it and its neighbour, that one is
+                // moved onto the crease.
+                let is_same = |other: &Station| {
+                    let mut places = other.places.iter().zip(&station.places).enumerate();
+                    places.any(|(j, (own, new))| j != k && own.uv == new.uv)
+                };
+                let last = stations.len() - 1;
+                let inner = |s: &usize| (1..last).contains(s);
+                let mut beside = [at - 1, at].into_iter().filter(inner);
+                let twin = beside.find(|&s| is_same(&stations[s]));
                 let (mut uv, way) = curve.tangent(t);
                 uv[axis] = crease;
                 let (place, point) = Place::new(face, t, (uv, way));
-                let gap = point.distance(station.position);
-                station.places[k] = Place { gap, ..place };
-                stations.insert(at, station);
-                at += 1;
+                let moved = twin.map_or(&mut station, |s| &mut stations[s]);
+                let gap = point.distance(moved.position);
+                moved.places[k] = Place { gap, ..place };
+                if twin.is_none() {
+                    stations.insert(at, station);
+                    at += 1;
+                }
             }
             at += 1;
         }

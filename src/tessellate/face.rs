@@ -229,7 +229,7 @@ impl<'a> Mesher<'a> {
     fn spot(&self, uv: DVec2) -> Spot {
         let p = (uv - self.bounds.min) * self.scale;
         // Far below what matters, and below what the triangulation accepts.
-        let tidy = |x: f64| if x.abs() < 1e-100 { 0.0 } else { x };
+        let tidy = |x: f64| if x.abs() < 1e-40 { 0.0 } else { x };
         Spot(Point2::new(tidy(p.x), tidy(p.y)))
     }
 

@@ -38,12 +38,16 @@ fn shown(patches: Vec<Patch>, places: &[(DVec3, usize)]) -> Scene {
 }
 
 fn with_tolerance(surface: Surface, length: f64) -> Tessellation {
+    with_tolerance_of(vec![surface.into()], length)
+}
+
+fn with_tolerance_of(patches: Vec<Patch>, length: f64) -> Tessellation {
     let options = TessellateOptions {
         tolerance: Tolerance::Length(length),
         angle: PI,
         ..TessellateOptions::default()
     };
-    tessellate(&scene(vec![surface.into()]), &options)
+    tessellate(&scene(patches), &options)
 }
 
 #[test]
@@ -255,6 +259,28 @@ fn a_loop_may_touch_the_border_of_its_domain() {
 }
 
 #[test]
+fn loops_may_have_numbers_that_are_next_to_nothing() {
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, -1.0..1.0, -1.0..1.0);
+    let mut face: Patch = square.unwrap().into();
+    for tiny in [1e-30, 1e-45, 1e-60, 1e-200] {
+        let corners = [
+            [-0.5, 0.0],
+            [0.0, tiny],
+            [0.5, -tiny],
+            [tiny, 0.5],
+            [-0.5, 0.0],
+        ];
+        let line = |w: &[[f64; 2]]| kernel::Curve::line(w[0].into(), w[1].into(), 0.0..1.0);
+        let sides = corners.windows(2).map(|w| line(w).unwrap()).collect();
+        face.loops = vec![kernel::TrimLoop::new(sides, 0.0).unwrap()];
+        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default());
+        let shell = &result.shells[0];
+        assert!((shell.area - 0.0625).abs() < 1e-9, "{tiny}: {}", shell.area);
+        assert_eq!(shell.naked, 4, "{tiny}");
+    }
+}
+
+#[test]
 fn a_loop_may_be_one_curve_around_its_domain() {
     let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
     let mut face: Patch = square.unwrap().into();
@@ -300,6 +326,35 @@ fn creases_of_neighbours_that_meet_are_one_corner() {
     // Both long borders and four short ones are open, and nothing else.
     assert_eq!((shell.naked, shell.crowded), (2 * 39 + 4, 0));
     assert_eq!((shell.triangles, shell.euler), (4 * 39, 1));
+}
+
+#[test]
+fn creases_of_neighbours_that_nearly_meet_leave_no_gap() {
+    // Folds of two strips that meet in a line up to a gap, a little beside each other.
+    let folded = |off: f64, gap: f64, height: f64| {
+        let point = |k: u32, height: f64| {
+            let fold = f64::from(k % 2) * height;
+            let at = f64::from(k);
+            let shift = if k % 16 == 0 { 0.0 } else { off };
+            DVec3::new(at + shift, height, fold.abs() + gap * at)
+        };
+        let row = |height: f64| (0..=16).map(move |k| point(k, height)).collect::<Vec<_>>();
+        let knots = kernel::KnotVector::clamped_uniform(1, 17, 0.0..16.0).unwrap();
+        let across = kernel::KnotVector::clamped_uniform(1, 2, 0.0..1.0).unwrap();
+        let points = [row(0.0), row(height)].concat();
+        Patch::from(Surface::from_u_fastest(knots, across, &points, None).unwrap())
+    };
+    for gap in [1e-5, 1e-4, 3e-4] {
+        for off in [0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4] {
+            let strips = vec![folded(0.0, 0.0, 2.0), folded(off, gap, -2.0)];
+            let result = with_tolerance_of(strips, 0.01);
+            let shell = &result.shells[0];
+            assert_eq!((result.crossings, result.shells.len()), (0, 1));
+            // The long borders and the short ones are open, and nothing else.
+            let open = (shell.naked, shell.crowded);
+            assert_eq!(open, (2 * 16 + 4, 0), "{gap} {off}");
+        }
+    }
 }
 
 #[test]

@@ -194,19 +194,32 @@ impl<'a> File<'a> {
         })
     }
 
-    /// Shows what is blanked where there is nothing else; the first such entry that stands for
-    /// itself.
+    /// Shows what is blanked where there is nothing else, and surfaces also where there are only
+    /// curves else; the first such entry that stands for itself.
     pub(super) fn unblank(&mut self) -> Option<usize> {
-        let stands_alone = |e: &Entry| types::class(e.kind) == Class::Shown && !e.dependent;
-        let first = self.entries.iter().position(stands_alone)?;
-        let mut alone = self.entries.iter().filter(|e| stands_alone(e));
-        if !alone.all(|e| e.blanked) {
+        let is_shown = |e: &Entry| types::class(e.kind) == Class::Shown;
+        let stands_alone = |e: &Entry| is_shown(e) && !e.dependent;
+        let is_face = |e: &Entry| matches!(e.kind, 143 | 144 | 510);
+        let is_sheet = |e: &Entry| {
+            let shows_area = is_shown(e) && !types::is_wire(e.kind) && e.kind != 402;
+            shows_area && (!e.dependent || is_face(e))
+        };
+        let is_all_blanked = |counts: &dyn Fn(&Entry) -> bool| {
+            let mut counted = self.entries.iter().filter(|e| counts(e)).peekable();
+            counted.peek().is_some() && counted.all(|e| e.blanked)
+        };
+        let all = is_all_blanked(&stands_alone);
+        if !all && !is_all_blanked(&is_sheet) {
             return None;
         }
+        let first = self
+            .entries
+            .iter()
+            .position(|e| if all { stands_alone(e) } else { is_sheet(e) });
         for entry in &mut self.entries {
-            entry.blanked = false;
+            entry.blanked &= !all && types::is_wire(entry.kind);
         }
-        Some(first)
+        first
     }
 
     /// Where an entry stands, in words.

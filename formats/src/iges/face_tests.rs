@@ -275,6 +275,50 @@ fn angles_of_revolutions_are_those_of_the_file() {
 }
 
 #[test]
+fn curves_over_a_pole_bound_half_a_cap() {
+    // A sphere turned around the z axis; an arc over its pole, in one part or in two that meet
+    // there, and half a circle of latitude.
+    let upright = |parameters: &str| Made {
+        transform: 5,
+        ..part(100, 0, parameters)
+    };
+    let [right, left] = ["1.7320508075688772", "-1.7320508075688772"];
+    for (first, second, composite) in [
+        (format!("{right},1.,{left},1."), "0.,2.,0.,2.", "2,9,13"),
+        (
+            format!("{right},1.,0.,2."),
+            "0.,2.,-1.7320508075688772,1.",
+            "3,9,11,13",
+        ),
+    ] {
+        let patch = patch(&[
+            part(110, 0, "0.,0.,0.,0.,0.,1."),
+            upright("0.,0.,0.,0.,-2.,0.,2."),
+            part(124, 0, "1.,0.,0.,0.,0.,0.,-1.,0.,0.,1.,0.,0."),
+            part(120, 0, "1,3,0.,6.283185307179586"),
+            upright(&format!("0.,0.,0.,{first}")),
+            upright(&format!("0.,0.,0.,{second}")),
+            part(100, 0, &format!("1.,0.,0.,{left},0.,{right},0.")),
+            part(102, 0, composite),
+            part(142, 0, "0,7,0,15,2"),
+            made(144, "7,1,0,17"),
+        ]);
+        for (x, y, z, is_in) in [
+            (0.0, -1.2, 1.6, true),
+            (1.2, -0.1, 1.59, true),
+            (-1.2, -0.1, 1.59, true),
+            (0.0, 1.2, 1.6, false),
+            (0.0, -1.9, 0.5, false),
+        ] {
+            let point = DVec3::new(x, y, z).normalize() * 2.0;
+            assert_eq!(shows(&patch, point), is_in, "{point} {composite}");
+        }
+        let segments = patch.loops[0].segments();
+        assert!(segments.iter().all(|c| c.degree() == 1), "{composite}");
+    }
+}
+
+#[test]
 fn bounded_planes_end_at_their_curve() {
     let patch = patch(&[
         part(100, 0, "2.,0.,0.,3.,0.,3.,0."),

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use kernel::{Curve, KnotVector, Surface};
+use kernel::{Curve, KnotVector, Surface, nearest};
 
 use super::parameters::Parameters;
 use crate::Problem;
@@ -51,7 +51,7 @@ pub(super) fn read(
         }
     }
     match <[Surface; 1]>::try_from(surfaces) {
-        Ok([surface]) => Ok(vec![restricted(surface, wanted, repairs)?]),
+        Ok([surface]) => Ok(vec![restricted(surface, &wanted, repairs)?]),
         Err(pieces) => Ok(pieces),
     }
 }
@@ -390,12 +390,22 @@ fn straighten(knots: &mut [f64], direction: usize, repairs: &mut Vec<Problem>) {
 /// The part of a surface that a file asks for; all of it if that part is not a part.
 fn restricted(
     surface: Surface,
-    wanted: [Range<f64>; 2],
+    wanted: &[Range<f64>; 2],
     repairs: &mut Vec<Problem>,
 ) -> Result<Surface, Problem> {
-    let [u, v] = wanted;
-    let u = part("u", u, surface.knots_u(), repairs);
-    let v = part("v", v, surface.knots_v(), repairs);
+    // Where the surface is closed, a period of it is all of it, wherever that begins.
+    let is_period = |axis: usize, knots: &KnotVector| {
+        let [domain, wanted] = [knots.domain(), wanted[axis].clone()].map(|r| r.end - r.start);
+        (wanted - domain).abs() <= domain * PARAMETER_SLACK && nearest::closed(&surface)[axis]
+    };
+    let [u, v] = [0, 1].map(|axis| {
+        let (name, knots) = match axis {
+            0 => ("u", surface.knots_u()),
+            _ => ("v", surface.knots_v()),
+        };
+        let wanted = Some(wanted[axis].clone()).filter(|_| !is_period(axis, knots));
+        wanted.and_then(|wanted| part(name, wanted, knots, repairs))
+    });
     let surface = match u {
         Some(range) => surface.restricted_u(range).map_err(Problem::Geometry)?,
         None => surface,

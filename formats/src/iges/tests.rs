@@ -123,6 +123,15 @@ fn what_is_blanked_is_shown_where_there_is_nothing_else() {
     assert_eq!(corners(&scene), [DVec3::X * 5.0]);
     let text = "line 3, surface D1 (type 128): all that could be shown is blanked; it is shown";
     assert_eq!(warnings, [text]);
+    // Neither curves nor groups are worth a picture without surfaces.
+    let mut hidden = square(5.0);
+    hidden.status = "01000000";
+    let mut group = made(402, "1,1");
+    group.form = 7;
+    let (scene, warnings) = read(&[hidden, made(110, "0.,0.,0.,1.,0.,0."), group]);
+    assert_eq!(corners(&scene), [DVec3::X * 5.0]);
+    assert_eq!(scene.wires().len(), 1);
+    assert_eq!(warnings, [text]);
 }
 
 #[test]

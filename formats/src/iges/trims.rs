@@ -175,6 +175,8 @@ struct Trimmer<'a> {
     size: f64,
     /// Points no farther apart are one.
     accuracy: f64,
+    /// Points of space that take a whole side of the domain.
+    poles: Vec<DVec3>,
     nearby: OnceCell<Nearby<'a>>,
 }
 
@@ -189,6 +191,7 @@ impl<'a> Trimmer<'a> {
             closed: nearest::closed(surface),
             size,
             accuracy: (size * MEETS).max(resolution.min(most)),
+            poles: laid::poles(surface, size * ACCURACY),
             nearby: OnceCell::new(),
         }
     }

@@ -3,10 +3,10 @@
 
 use std::ops::Range;
 
-use glam::{DAffine2, DVec2};
+use glam::DVec2;
 
 use super::TrimLoop;
-use super::monotone::roots;
+use super::parts::{cut, ended, moved, snapped};
 use crate::{Curve, Error, Surface};
 
 /// Gaps up to this share of the domain's diagonal are rounding.
@@ -14,6 +14,10 @@ const GAP: f64 = 1e-3;
 
 /// Gaps up to this share of the domain's diagonal are closed, and counted.
 const WIDE_GAP: f64 = 1e-2;
+
+/// Ends of curves no farther apart than this share of a domain are one place: files have no more
+/// digits.
+const ROUNDING: f64 = 1e-8;
 
 /// What lies this share of a period beyond the border of a domain lies in it.
 const NEAR: f64 = 1e-9;
@@ -55,10 +59,10 @@ pub struct ClosedLoops {
 ///
 /// Where the surface is `closed`, curves may lie any number of periods off: each continues
 /// the one before, loops that cross the seam are cut there, and a loop that runs around
-/// the surface bounds the part between it and the next one, or the pole or border. Gaps are
-/// closed by straight segments if they are below a thousandth of the domain, if their ends
-/// are one point of space up to `accuracy` (as at poles), or, counted, up to a hundredth of
-/// the domain.
+/// the surface bounds the part between it and the next one, or the pole or border. Ends that
+/// differ by rounding are moved together; other gaps are closed by straight segments if they are
+/// below a thousandth of the domain, if their ends are one point of space up to `accuracy` (as at
+/// poles), or, counted, up to a hundredth of the domain.
 ///
 /// # Errors
 /// If a chain is empty, a gap is wider, or loops run around in both directions.
@@ -271,6 +275,14 @@ impl Closer<'_> {
         if end == next {
             return Ok(());
         }
+        // No segment between the curves could be of use.
+        if self.is_rounding(end, next)
+            && let Some(last) = path.last_mut()
+            && let Some(ended) = ended(last, next)?
+        {
+            *last = ended;
+            return Ok(());
+        }
         let (gap, diagonal) = (end.distance(next), self.size.length());
         let meets = || self.point(end).distance(self.point(next)) <= self.accuracy;
         if gap > diagonal * GAP && !meets() {
@@ -287,6 +299,11 @@ impl Closer<'_> {
         }
         path.push(Curve::line(end, next, 0.0..1.0)?);
         Ok(())
+    }
+
+    /// Whether two places are one up to rounding.
+    fn is_rounding(&self, a: DVec2, b: DVec2) -> bool {
+        ((a - b) / self.size).abs().max_element() <= ROUNDING
     }
 
     /// The point of the surface, with parameters beyond its seams brought back.
@@ -478,7 +495,7 @@ pub(super) fn clipped(
         for piece in cut(curve, axis, &[range.start, range.end])? {
             let middle = f64::midpoint(piece.domain().start, piece.domain().end);
             if is_inside(piece.evaluate(middle)[axis]) {
-                kept.push(snapped(&piece, axis, &range)?);
+                kept.push(snapped(&piece, axis, &range, SLIVER)?);
             }
         }
     }
@@ -489,62 +506,9 @@ pub(super) fn clipped(
     TrimLoop::new(kept, f64::INFINITY).map(Some)
 }
 
-/// A curve with those control points that are next to the border of a range moved into it.
-fn snapped(curve: &Curve<DVec2>, axis: usize, range: &Range<f64>) -> Result<Curve<DVec2>, Error> {
-    let near = SLIVER * (range.end - range.start);
-    let mut points: Vec<_> = curve.points().collect();
-    for point in &mut points {
-        let inside = point[axis].clamp(range.start, range.end);
-        if (inside - point[axis]).abs() <= near {
-            point[axis] = inside;
-        }
-    }
-    let weights: Vec<_> = curve.weights().collect();
-    let weights = curve.is_rational().then_some(weights.as_slice());
-    Curve::new(curve.knots().clone(), &points, weights)
-}
-
-/// A curve cut where one coordinate has one of the values.
-fn cut(curve: &Curve<DVec2>, axis: usize, values: &[f64]) -> Result<Vec<Curve<DVec2>>, Error> {
-    let mut cuts = Vec::new();
-    for piece in curve.bezier_pieces() {
-        let domain = piece.domain();
-        for &value in values {
-            let offsets = piece.homogeneous().iter().map(|h| h[axis] - value * h.z);
-            let mut found = Vec::new();
-            roots(offsets.collect(), &mut found);
-            let at = |t: f64| domain.start + (domain.end - domain.start) * t;
-            cuts.extend(found.into_iter().filter(|t| *t <= 1.0).map(at));
-            cuts.push(domain.end);
-        }
-    }
-    cuts.sort_by(f64::total_cmp);
-    let mut pieces = Vec::new();
-    let mut rest = curve.clone();
-    for t in cuts {
-        let Range { start, end } = rest.domain();
-        let least = 1e-12 * (end - start);
-        if t - start > least && end - t > least {
-            let [before, after] = rest.split(t)?;
-            pieces.push(before);
-            rest = after;
-        }
-    }
-    pieces.push(rest);
-    Ok(pieces)
-}
-
 /// The mean of one coordinate of the curves' starts.
 fn mean(path: &[Curve<DVec2>], axis: usize) -> f64 {
     path.iter().map(|c| c.start()[axis]).sum::<f64>() / path.len() as f64
-}
-
-/// A curve moved in the parameter domain.
-fn moved(curve: &Curve<DVec2>, shift: DVec2) -> Curve<DVec2> {
-    if shift == DVec2::ZERO {
-        return curve.clone();
-    }
-    curve.transformed(&DAffine2::from_translation(shift))
 }
 
 /// The corners of a box around the control points of curves.

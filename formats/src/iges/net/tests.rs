@@ -49,6 +49,22 @@ fn u_runs_fastest() {
 }
 
 #[test]
+fn a_period_is_all_of_a_closed_surface() {
+    let triangle = |z: f64| format!("0.,0.,{z},1.,0.,{z},0.,1.,{z},0.,0.,{z},");
+    let points = triangle(0.0) + &triangle(1.0);
+    let prism = |range: &str| {
+        let knots = format!("0.,0.,1.,2.,3.,3.,{UNIT}");
+        one(&format!(
+            "3,1,1,1,1,0,1,1,0,{knots},1,1,1,1,1,1,1,1,{points}{range},0.,1.;"
+        ))
+    };
+    let (surface, repairs) = prism("0.5,3.5");
+    assert_eq!(surface.knots_u().domain(), 0.0..3.0);
+    assert_eq!(repairs, [""; 0]);
+    assert_eq!(prism("0.5,3.25").1.len(), 1);
+}
+
+#[test]
 fn ranges_restrict() {
     let (surface, repairs) = one(&flat([2, 2], [UNIT, UNIT], "1,1,1,1", "0.25,0.5,0.,1."));
     assert_eq!(surface.knots_u().domain(), 0.25..0.5);

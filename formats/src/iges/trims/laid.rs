@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
-use kernel::Curve;
 use kernel::nearest::Nearby;
+use kernel::{Curve, Surface};
 
 use super::{ACCURACY, Trimmer, straight_or_fitted};
 use crate::Problem;
 use crate::iges::boundary::Use;
 use crate::iges::curves::Reader;
-use crate::iges::order::Chain;
+use crate::iges::order::{self, Chain};
 use crate::iges::quadric::wound;
 use crate::iges::sheets;
 
@@ -18,9 +18,32 @@ use crate::iges::sheets;
 /// not taken for a curve on it.
 const BESIDE: f64 = 0.2;
 
+/// A parameter of a point makes no difference if without it the point is no farther away than this
+/// share of the surface's size.
+const STEADY: f64 = 1e-10;
+
 /// A curve whose middle is no nearer to a border of the domain than this share of it does not run
 /// along that border.
 const BORDER: f64 = 1e-3;
+
+/// The points of space that take a whole side of the domain of a surface, up to `near`.
+pub(super) fn poles(surface: &Surface, near: f64) -> Vec<DVec3> {
+    let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
+    let side = |k: usize| {
+        let at = |share: f64| {
+            let mut shares = DVec2::splat(share);
+            shares[k / 2] = (k % 2) as f64;
+            let place = |axis: usize| {
+                let Range { start, end } = domain[axis];
+                start + (end - start) * shares[axis]
+            };
+            surface.evaluate(DVec2::new(place(0), place(1)))
+        };
+        let is_point = (1..=7).all(|k| at(f64::from(k) / 8.0).distance(at(0.0)) <= near);
+        is_point.then(|| at(0.0))
+    };
+    (0..4).filter_map(side).collect()
+}
 
 impl Trimmer<'_> {
     /// The curve of space of a stretch, laid onto the surface.
@@ -43,10 +66,43 @@ impl Trimmer<'_> {
             };
             // Curves without length are points.
             if curve.hull_bounds().diagonal() > self.size * 1e-9 {
-                chain.push(self.on_surface(&curve)?);
+                for part in self.parted(curve)? {
+                    chain.push(self.on_surface(&part)?);
+                }
             }
         }
         Ok(chain)
+    }
+
+    /// A curve that passes poles of the surface, in parts that end there: parameters jump there.
+    fn parted(&self, curve: Curve<DVec3>) -> Result<Vec<Curve<DVec3>>, Problem> {
+        let mut parts = vec![curve];
+        for &pole in &self.poles {
+            let mut parted = Vec::new();
+            for part in parts {
+                match self.passes(&part, pole) {
+                    Some(t) => parted.extend(part.split(t).map_err(Problem::Geometry)?),
+                    None => parted.push(part),
+                }
+            }
+            parts = parted;
+        }
+        Ok(parts)
+    }
+
+    /// Where a curve passes a pole; `None` also where it begins or ends there.
+    fn passes(&self, curve: &Curve<DVec3>, pole: DVec3) -> Option<f64> {
+        let near = self.size * ACCURACY;
+        let bounds = curve.hull_bounds();
+        let ends = [curve.start(), curve.end()];
+        if pole.distance(pole.clamp(bounds.min, bounds.max)) > near
+            || ends.iter().any(|end| end.distance(pole) <= self.accuracy)
+        {
+            return None;
+        }
+        let off = |t: f64| curve.evaluate(t).distance(pole);
+        let (t, distance) = order::least(&curve.knots().breaks(), off);
+        (distance <= near).then_some(t)
     }
 
     /// A curve of space in the parameters of the surface: exactly in planes and along lines
@@ -130,7 +186,7 @@ impl Trimmer<'_> {
                 .nearby
                 .get_or_init(|| Nearby::new(self.surface, self.closed));
             let found = nearby.nearest(point, guess).uv;
-            return guess.map_or(found, |guess| self.beside(found, guess));
+            return guess.map_or(found, |guess| self.steady(self.beside(found, guess), guess));
         };
         let local = self.sheet.place.inverse().transform_point3(point);
         let mut uv = quadric.locate(local, guess);
@@ -138,6 +194,23 @@ impl Trimmer<'_> {
         for (axis, is_angle) in quadric.angles().into_iter().enumerate() {
             if is_angle {
                 uv[axis] = wound(knots[axis], uv[axis]);
+            }
+        }
+        uv
+    }
+
+    /// Parameters of which at a pole those stay as they were that make no difference there.
+    fn steady(&self, mut uv: DVec2, guess: DVec2) -> DVec2 {
+        let point = self.point(uv);
+        let at_pole = |pole: &DVec3| pole.distance(point) <= self.size * ACCURACY;
+        if !self.poles.iter().any(at_pole) {
+            return uv;
+        }
+        for axis in 0..2 {
+            let mut kept = uv;
+            kept[axis] = guess[axis];
+            if self.point(kept).distance(self.point(uv)) <= self.size * STEADY {
+                uv = kept;
             }
         }
         uv
