@@ -269,7 +269,7 @@ fn contours_are_mended_where_viewers_agree_on_them() {
     let turned = "Contour2D: curves run against each other; they are turned";
     for (contours, expected, told) in [
         (
-            contour(&[open.clone()]),
+            contour(std::slice::from_ref(&open)),
             0.36,
             "Contour2D: the contour is open; a line closes it",
         ),
