@@ -71,6 +71,11 @@ impl Converter<'_> {
     }
 }
 
+/// Curves of the parameter domain.
+pub(super) fn is_parameter_curve(kind: &str) -> bool {
+    kind == "NurbsCurve2D" || is_polyline(kind)
+}
+
 /// The polylines of X3D and of VRML 97.
 pub(super) fn is_polyline(kind: &str) -> bool {
     matches!(kind, "ContourPolyline2D" | "Polyline2D")

@@ -5,6 +5,11 @@ pub(super) fn is_group(kind: &str) -> bool {
     GROUPS.contains(&kind) || TRANSFORMS.contains(&kind)
 }
 
+/// What may stand in a scene and shows something.
+pub(crate) fn stands_in_scene(kind: &str) -> bool {
+    kind == "Shape" || is_group(kind) && kind != "Scene"
+}
+
 /// Nodes that show their children where they are, or some of them.
 const GROUPS: &[&str] = &[
     "Anchor",
@@ -29,7 +34,13 @@ const GROUPS: &[&str] = &[
 ];
 
 /// Nodes that show their children somewhere else.
-pub(super) const TRANSFORMS: &[&str] = &["CADPart", "HAnimJoint", "HAnimSite", "Transform"];
+pub(super) const TRANSFORMS: &[&str] = &[
+    "CADPart",
+    "EspduTransform",
+    "HAnimJoint",
+    "HAnimSite",
+    "Transform",
+];
 
 /// What is read as exact surfaces.
 const SURFACES: &[&str] = &[
@@ -89,7 +100,6 @@ pub(super) const SILENT: &[&str] = &[
     "MultiTextureTransform",
     "TextureCoordinateGenerator",
     "Normal",
-    "NurbsSet",
     "NurbsTextureCoordinate",
     "NurbsTextureSurface",
     "TextureCoordinate",
@@ -101,6 +111,6 @@ pub(super) const SILENT: &[&str] = &[
 /// Nodes that have an area, and need no prototype: programs declare for them what other
 /// viewers may lack.
 pub(super) fn is_known(kind: &str) -> bool {
-    const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "Polyline2D"];
+    const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "NurbsSet", "Polyline2D"];
     is_group(kind) || is_geometry(kind) || SILENT.contains(&kind) || PARTS.contains(&kind)
 }

@@ -134,6 +134,7 @@ fn given(
         warnings.invalid(node.field_place(field), text);
     }
     if given.len() == expected {
+        settle(&mut given);
         return Some(given);
     }
     if !given.is_empty() {
@@ -144,6 +145,23 @@ fn given(
         warnings.invalid(node.field_place(field), text);
     }
     None
+}
+
+/// Steps back that are no larger than this, as a share of all knots, are noise.
+const NOISE: f64 = 1e-9;
+
+/// Repeats knots where the next one is smaller by no more than the noise of a writer.
+fn settle(knots: &mut [f64]) {
+    let [first, .., last] = knots else {
+        return;
+    };
+    let noise = NOISE * (*last - *first);
+    for i in 1..knots.len() {
+        let (before, here) = (knots[i - 1], knots[i]);
+        if here < before && before - here <= noise {
+            knots[i] = before;
+        }
+    }
 }
 
 /// The weights of `count` control points; `None` if all are one.

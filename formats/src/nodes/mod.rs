@@ -45,6 +45,7 @@ use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
 pub use animate::Animation;
 pub(crate) use build::Builder;
+pub(crate) use kinds::stands_in_scene;
 pub(crate) use text::{Lines, decode, without_mark};
 pub(crate) use write::{CLASSIC, VRML97, X3D};
 
@@ -298,15 +299,12 @@ impl Node {
         let Some(text) = self.text(field) else {
             return default;
         };
-        match text.trim().parse() {
-            Ok(count) => count,
-            Err(_) => {
-                let word: String = text.trim().chars().take(20).collect();
-                let text = format!("{word:?} is not a count; {default} is used");
-                warnings.invalid(self.field_place(field), text);
-                default
-            }
-        }
+        text::count(text).unwrap_or_else(|| {
+            let word: String = text.trim().chars().take(20).collect();
+            let text = format!("{word:?} is not a count; {default} is used");
+            warnings.invalid(self.field_place(field), text);
+            default
+        })
     }
 
     /// A truth value, or its default.
@@ -314,17 +312,28 @@ impl Node {
         let Some(text) = self.text(field) else {
             return default;
         };
+        self.truth(field, text, warnings).unwrap_or(default)
+    }
+
+    /// A list of truth values; those that are none are true.
+    pub(crate) fn flags(&self, field: &str, warnings: &mut Warnings) -> Vec<bool> {
+        let words = text::words(self.text(field).unwrap_or_default());
+        words
+            .map(|word| self.truth(field, word, warnings).unwrap_or(true))
+            .collect()
+    }
+
+    fn truth(&self, field: &str, text: &str, warnings: &mut Warnings) -> Option<bool> {
         let text = text.trim();
-        if text.eq_ignore_ascii_case("true") {
-            return true;
-        }
-        if !text.eq_ignore_ascii_case("false") {
+        let found = [("true", true), ("false", false)]
+            .into_iter()
+            .find(|(word, _)| text.eq_ignore_ascii_case(word));
+        if found.is_none() {
             let word: String = text.chars().take(20).collect();
             let text = format!("{word:?} is neither true nor false");
             warnings.invalid(self.field_place(field), text);
-            return default;
         }
-        false
+        found.map(|(_, value)| value)
     }
 
     /// Points of the plane; a rest that is no whole point is warned about.
@@ -399,6 +408,20 @@ mod field_tests {
         assert_eq!(numbers, [-1.5, 2.0, 0.25]);
         let told = warnings.as_slice()[0].to_string();
         assert!(told.starts_with("line 7, Test, a: numbers end"), "{told}");
+    }
+
+    #[test]
+    fn counts_are_read_in_every_spelling() {
+        let mut warnings = Warnings::default();
+        for text in ["12", " +12, ", "12.0", "12.", "0xC"] {
+            assert_eq!(node(text).count("a", 3, &mut warnings), 12, "{text}");
+        }
+        assert!(warnings.as_slice().is_empty());
+        for text in ["-12", "12.5", "1e1", "1 2", "0x", ""] {
+            let mut warnings = Warnings::default();
+            assert_eq!(node(text).count("a", 3, &mut warnings), 3, "{text}");
+            assert_eq!(warnings.as_slice().len(), 1, "{text}");
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use kernel::{Curve, Error as GeometryError, Patch, Surface, modelling};
 
 use super::covering::over_domain;
+use super::curve::is_parameter_curve;
 use super::extrusion::frames;
 use super::knots::{Direction, Knots, weights};
 use super::scene::Converter;
@@ -80,12 +81,7 @@ impl<'a> Converter<'a> {
         let text = "NurbsSwungSurface is read as profile times trajectory; some viewers differ";
         self.warnings.unsupported(node.place(), text);
         let fields = ["profileCurve", "trajectoryCurve"];
-        let [Some(profile), Some(trajectory)] = fields.map(|field| self.part(node, field)) else {
-            let text = format!(
-                "it needs a {} and a {}; it is left out",
-                fields[0], fields[1]
-            );
-            self.warnings.invalid(node.place(), text);
+        let Some([profile, trajectory]) = self.parts(node, fields, |_, _| true) else {
             return Ok(Ok(Vec::new()));
         };
         let profile = self.parameter_curve(profile)?;
@@ -100,12 +96,8 @@ impl<'a> Converter<'a> {
     /// shorter segments of the trajectory.
     fn swept(&mut self, node: &Node) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
         let fields = ["crossSectionCurve", "trajectoryCurve"];
-        let [Some(section), Some(trajectory)] = fields.map(|field| self.part(node, field)) else {
-            let text = format!(
-                "it needs a {} and a {}; it is left out",
-                fields[0], fields[1]
-            );
-            self.warnings.invalid(node.place(), text);
+        let fits = |i, curve: &Node| (i == 0) == is_parameter_curve(&curve.kind);
+        let Some([section, trajectory]) = self.parts(node, fields, fits) else {
             return Ok(Ok(Vec::new()));
         };
         let section = self.parameter_curve(section)?;
@@ -154,6 +146,45 @@ impl<'a> Converter<'a> {
             texture,
             ..patch
         })
+    }
+
+    /// The curves in two fields. For those that the file puts in no field, or in one that the
+    /// node does not have, the first curve that `fits` is taken.
+    fn parts(
+        &mut self,
+        node: &Node,
+        fields: [&str; 2],
+        fits: impl Fn(usize, &Node) -> bool,
+    ) -> Option<[&'a Node; 2]> {
+        let tree = self.tree;
+        let is_free = |link: &&Link| {
+            let curve = &tree.nodes[link.node];
+            let is_curve = &*curve.kind == "NurbsCurve" || is_parameter_curve(&curve.kind);
+            is_curve && link.field.as_deref().is_none_or(|f| !fields.contains(&f))
+        };
+        let free = node.children.iter().filter(is_free);
+        let mut free: Vec<&Node> = free.map(|link| &tree.nodes[link.node]).collect();
+        let mut guessed = false;
+        let mut part = |i: usize| {
+            let said = self.part(node, fields[i]);
+            said.or_else(|| {
+                let found = free.iter().position(|curve| fits(i, curve))?;
+                guessed = true;
+                Some(free.remove(found))
+            })
+        };
+        let parts = [part(0), part(1)];
+        let [first, second] = fields;
+        let [Some(one), Some(two)] = parts else {
+            let text = format!("it needs a {first} and a {second}; it is left out");
+            self.warnings.invalid(node.place(), text);
+            return None;
+        };
+        if guessed {
+            let text = format!("its curves do not say which is {first} and which {second}");
+            self.warnings.invalid(node.place(), text);
+        }
+        Some([one, two])
     }
 
     /// The node in a field.

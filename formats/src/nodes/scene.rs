@@ -12,6 +12,7 @@ use kernel::{
 };
 
 use super::animate::is_driver;
+use super::curve::is_parameter_curve;
 use super::kinds::{MESHES, SILENT, TRANSFORMS, is_geometry, is_group, is_material};
 use super::texture::{self, is_texture};
 use super::wires::is_wire;
@@ -214,11 +215,16 @@ impl<'a> Converter<'a> {
             "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
             "Background" | "TextureBackground" => self.background(index, node),
             "NavigationInfo" => self.navigation(node),
+            "NurbsSet" => self.nurbs_set(node),
             kind if SILENT.contains(&kind) || is_driver(kind) || node.is_metadata() => {
                 Made::Nothing
             }
             kind => {
-                let text = format!("{kind} is not read");
+                let text = match self.geometries_inside(node) {
+                    0 => format!("{kind} is not read"),
+                    1 => format!("{kind} is not read, nor the geometry in it"),
+                    count => format!("{kind} is not read, nor the {count} geometries in it"),
+                };
                 self.warnings.unsupported(node.place(), text);
                 Made::Nothing
             }
@@ -226,20 +232,43 @@ impl<'a> Converter<'a> {
         Ok(made)
     }
 
+    /// How many geometries are defined in a node and not shown elsewhere.
+    fn geometries_inside(&self, node: &'a Node) -> usize {
+        let defined = |node: &'a Node| {
+            let links = node.children.iter().filter(|link| link.defined_here);
+            links.map(|link| link.node)
+        };
+        let mut count = 0;
+        let mut open: Vec<usize> = defined(node).collect();
+        while let Some(index) = open.pop() {
+            let inside = &self.tree.nodes[index];
+            let is_shown = self.reached.get(index).is_some_and(Option::is_some);
+            count += usize::from(is_geometry(&inside.kind) && !is_shown);
+            open.extend(defined(inside));
+        }
+        count
+    }
+
     fn group(&mut self, index: usize, node: &Node) -> Made {
         if &*node.kind == "Billboard" {
             let text = "Billboard does not turn to the camera";
             self.warnings.unsupported(node.place(), text);
         }
-        let made = self.made_inside(node).into_iter();
+        let tree = self.tree;
         let (mut children, mut wires) = (Vec::new(), Vec::new());
-        for made in made {
-            match made {
+        // What is wrong with the fields has been told on the way down.
+        for child in shown(tree, node, &mut Warnings::default()) {
+            let child = node.children[child].node;
+            match self.made[child] {
                 Made::Node(id) => children.push(Child::Node(id)),
                 Made::Wires(geometry, material) => wires.extend(self.wired(geometry, material)),
                 Made::Shape(geometry, material) => {
                     let shapes = self.shapes[geometry].iter();
                     children.extend(shapes.map(|&shape| Child::Item(Item { shape, material })));
+                }
+                Made::Geometry(_) => {
+                    let text = "it stands in no Shape; it is not shown";
+                    self.warnings.invalid(tree.nodes[child].place(), text);
                 }
                 _ => {}
             }
@@ -263,6 +292,19 @@ impl<'a> Converter<'a> {
                 Made::Nothing
             }
         }
+    }
+
+    /// Surfaces in a `NurbsSet` are shown by the shapes that use them.
+    fn nurbs_set(&mut self, node: &Node) -> Made {
+        for link in &node.children {
+            let inside = &self.tree.nodes[link.node];
+            let is_shown = self.reached.get(link.node).is_some_and(Option::is_some);
+            if is_geometry(&inside.kind) && !is_shown {
+                let text = "a surface of a NurbsSet that no Shape uses; it is not shown";
+                self.warnings.invalid(inside.place(), text);
+            }
+        }
+        Made::Nothing
     }
 
     /// What the shown children of a node have become.
@@ -476,10 +518,21 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
         || is_geometry(kind)
         || is_material(kind)
         || matches!(kind, "Shape" | "Appearance" | "MultiTexture");
-    if !has_shown || !node.flag("visible", true, warnings) {
+    if !has_shown || kind != "CADLayer" && !node.flag("visible", true, warnings) {
         return Vec::new();
     }
     match kind {
+        "CADLayer" => {
+            let visible = node.flags("visible", warnings);
+            // Since X3D 4 there is one for all.
+            let of = |i: usize| match (&visible[..], &*node.file.version) {
+                (&[only], "4.0" | "4.1") => only,
+                _ => visible.get(i).copied().unwrap_or(true),
+            };
+            let all = all.enumerate();
+            all.filter_map(|(i, child)| of(i).then_some(child))
+                .collect()
+        }
         "LOD" => all.next().into_iter().collect(),
         // The other fields say how points are deformed.
         "CoordinateDeformer" => all
@@ -487,6 +540,9 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
             .collect(),
         // What stands inside is part of it.
         "NurbsSweptSurface" | "NurbsSwungSurface" | "TrimmedSurface" => Vec::new(),
+        "NurbsTrimmedSurface" => all
+            .filter(|&i| !is_parameter_curve(&tree.nodes[node.children[i].node].kind))
+            .collect(),
         // The other fields repeat what stands in its skeleton.
         "HAnimHumanoid" => all
             .filter(|&i| matches!(node.children[i].field.as_deref(), Some("skeleton" | "skin")))

@@ -76,6 +76,18 @@ pub(super) fn words(text: &str) -> impl Iterator<Item = &str> {
     words.filter(|word| !word.is_empty())
 }
 
+/// A whole number that is not negative. VRML 97 allows hexadecimal ones, and some programs write
+/// a point behind.
+pub(super) fn count(text: &str) -> Option<usize> {
+    let word = text.trim_matches(|c: char| c == ',' || c.is_ascii_whitespace());
+    if let Some(digits) = word.strip_prefix("0x").or_else(|| word.strip_prefix("0X")) {
+        return usize::from_str_radix(digits, 16).ok();
+    }
+    let (whole, fraction) = word.split_once('.').unwrap_or((word, ""));
+    let is_whole = fraction.bytes().all(|b| b == b'0');
+    whole.parse().ok().filter(|_| is_whole)
+}
+
 /// The strings of a value: what stands in quotes, or all of it if nothing does. A backslash
 /// keeps the character after it as it is.
 pub(super) fn strings(text: &str) -> Vec<String> {

@@ -1,11 +1,13 @@
 //! `Contour2D`: the loops that trim a surface.
 
+use std::collections::BTreeSet;
+
 use glam::DVec2;
 use kernel::{Curve, Error as GeometryError, Surface, TrimLoop};
 
-use super::Node;
-use super::curve::is_polyline;
+use super::curve::is_parameter_curve;
 use super::scene::Converter;
+use super::{Link, Node};
 use crate::Error;
 
 /// Gaps between the curves of a contour that are bridged, as a share of the diagonal of the
@@ -28,12 +30,22 @@ impl Converter<'_> {
         let mut loops = Vec::new();
         for link in &node.children {
             let contour = &self.tree.nodes[link.node];
-            if &*contour.kind != "Contour2D" {
-                continue;
-            }
-            let curves = self.contour_curves(contour)?;
-            match curves.and_then(|curves| TrimLoop::new(curves, gap)) {
-                Ok(trim) => loops.push(trim),
+            let curves = match &*contour.kind {
+                "Contour2D" => self.contour_curves(contour)?,
+                kind if is_parameter_curve(kind) && is_trim(link) => {
+                    let text = "it stands in no Contour2D; it is taken for one";
+                    self.warnings.invalid(contour.place(), text);
+                    self.parameter_curve(contour)?.map(|curve| vec![curve])
+                }
+                _ => continue,
+            };
+            match curves.and_then(|curves| joined(curves, gap)) {
+                Ok(joined) => {
+                    loops.extend(joined.loops);
+                    for text in joined.repairs {
+                        self.warnings.invalid(contour.place(), text);
+                    }
+                }
                 Err(problem) => {
                     let text = format!("{problem}; the surface is shown untrimmed");
                     self.warnings.invalid(contour.place(), text);
@@ -61,8 +73,7 @@ impl Converter<'_> {
         for link in &contour.children {
             let node = &self.tree.nodes[link.node];
             let curve = match &*node.kind {
-                "NurbsCurve2D" => self.parameter_curve(node)?,
-                kind if is_polyline(kind) => self.parameter_curve(node)?,
+                kind if is_parameter_curve(kind) => self.parameter_curve(node)?,
                 _ if node.is_metadata() => continue,
                 kind => {
                     let text = format!("{kind} is not read as part of a contour");
@@ -78,6 +89,82 @@ impl Converter<'_> {
         Ok(Ok(curves))
     }
 }
+
+/// Whether a node is in the field for contours, or in none.
+fn is_trim(link: &Link) -> bool {
+    matches!(link.field.as_deref(), None | Some("trimmingContour"))
+}
+
+/// The loops of a contour, and what had to be repaired for them.
+#[derive(Default)]
+struct Joined {
+    loops: Vec<TrimLoop>,
+    repairs: BTreeSet<&'static str>,
+}
+
+/// The loop of the curves of a contour, end to start.
+///
+/// If they do not make one as they are, curves may run backwards, several loops may stand one
+/// after the other, and a line may close what is open: some viewers take each curve for a loop
+/// of its own, and close it.
+fn joined(curves: Vec<Curve<DVec2>>, gap: f64) -> Result<Joined, GeometryError> {
+    let problem = match TrimLoop::new(curves.clone(), gap) {
+        Ok(whole) => {
+            return Ok(Joined {
+                loops: vec![whole],
+                ..Joined::default()
+            });
+        }
+        Err(problem) => problem,
+    };
+    let near = |a: DVec2, b: DVec2| a.distance(b) <= gap;
+    let mut joined = Joined::default();
+    let mut rest = curves.into_iter().peekable();
+    while let Some(first) = rest.next() {
+        let mut chain = vec![first];
+        while let Some(next) = rest.peek() {
+            let (start, end) = (chain[0].start(), chain[chain.len() - 1].end());
+            let (from, to) = (next.start(), next.end());
+            let is_open = !near(start, end);
+            let turns = if near(end, from) {
+                false
+            } else if is_open && near(end, to) {
+                true
+            } else if is_open && chain.len() == 1 && (near(start, from) || near(start, to)) {
+                chain[0] = chain[0].reversed();
+                joined.repairs.insert(TURNED);
+                !near(start, from)
+            } else {
+                break;
+            };
+            let next = rest.next().into_iter();
+            if turns {
+                joined.repairs.insert(TURNED);
+                chain.extend(next.map(|curve| curve.reversed()));
+            } else {
+                chain.extend(next);
+            }
+        }
+        let (start, end) = (chain[0].start(), chain[chain.len() - 1].end());
+        if !near(start, end) {
+            // What is open in the middle is no loop that lacks its last side.
+            if !joined.loops.is_empty() || rest.peek().is_some() {
+                return Err(problem);
+            }
+            joined.repairs.insert(CLOSED);
+            chain.push(Curve::line(end, start, 0.0..1.0)?);
+        }
+        joined.loops.push(TrimLoop::new(chain, gap)?);
+    }
+    if joined.loops.len() > 1 {
+        joined.repairs.insert(SEVERAL);
+    }
+    Ok(joined)
+}
+
+const TURNED: &str = "curves run against each other; they are turned";
+const CLOSED: &str = "the contour is open; a line closes it";
+const SEVERAL: &str = "several loops stand in one contour; each counts by itself";
 
 /// Whether the loop with the largest area runs clockwise: the border is left to the reader
 /// of the file then.

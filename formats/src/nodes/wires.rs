@@ -26,6 +26,13 @@ const WIRES: &[&str] = &[
     "Polypoint2D",
 ];
 
+/// Points, if there are any.
+fn some_points(points: Vec<DVec3>) -> Vec<WireShape> {
+    let is_empty = points.is_empty();
+    let shape = (!is_empty).then_some(WireShape::Points(points));
+    shape.into_iter().collect()
+}
+
 impl Converter<'_> {
     /// Whether a node is a circle: a disk without width.
     pub(super) fn is_circle(&mut self, node: &Node) -> bool {
@@ -78,9 +85,9 @@ impl Converter<'_> {
             "Polypoint2D" => {
                 let points = flat(node.points_2d("point", &mut self.warnings));
                 self.count_points(points.len(), node)?;
-                Ok(vec![WireShape::Points(points)])
+                Ok(some_points(points))
             }
-            "PointSet" => Ok(vec![WireShape::Points(self.points_inside(node)?)]),
+            "PointSet" => Ok(some_points(self.points_inside(node)?)),
             _ => self.lines(node)?,
         })
     }

@@ -77,6 +77,13 @@ fn invalid(text: impl Into<String>) -> Problem {
 }
 
 impl Direction<'_> {
+    /// Of a B-spline whose first and last knot are left out: how many points it needs.
+    pub(super) fn outer_count(&self) -> Option<usize> {
+        let is_bspline = self.basis == Basis::Bspline && self.parm.len() >= 2;
+        let points = (self.parm.len() + 1).checked_sub(self.degree);
+        points.filter(|&m| is_bspline && m > self.degree)
+    }
+
     /// Checks the direction by itself and tells how many control points it asks for.
     ///
     /// With `m` points of degree `n`: `parm` has `(m - 1) / n + 1` values for Bézier pieces,

@@ -93,8 +93,10 @@ impl Attributes {
         let degree = match self.degrees.get(index) {
             _ if basis == Basis::Cardinal => 3,
             Some(&degree) => degree,
-            None if self.degrees.is_empty() => return Err(invalid("no valid deg before it")),
-            None => return Err(invalid("deg has one number; a surface needs two")),
+            None => match self.degrees.first() {
+                Some(&degree) => degree,
+                None => return Err(invalid("no valid deg before it")),
+            },
         };
         Ok(Direction {
             name: ["u", "v"][index],
@@ -172,6 +174,9 @@ impl Element {
             return Err(invalid("not a surface"));
         };
         let mut repairs = Vec::new();
+        if attributes.degrees.len() == 1 && attributes.basis != Some(Basis::Cardinal) {
+            repairs.push("deg has one number; it is taken for both directions".to_owned());
+        }
         let mut parms = self.parms.clone();
         for (i, parm) in parms.iter_mut().enumerate() {
             let direction = attributes.direction(i, &self.parms[i])?;
@@ -180,6 +185,14 @@ impl Element {
             let others = other.count().ok();
             let points = others.map(|count| self.points.len() / count.max(1));
             repairs.extend(with_steps(&direction, parm, points, &ranges[i]));
+        }
+        let spans = [0, 1].map(|i| attributes.direction(i, &parms[i]).map(|d| d.outer_count()));
+        if let [Ok(Some(u)), Ok(Some(v))] = spans
+            && u.saturating_mul(v) == self.points.len()
+        {
+            for (parm, name) in parms.iter_mut().zip(["u", "v"]) {
+                repairs.push(with_outer(parm, name));
+            }
         }
         let u = attributes.direction(0, &parms[0])?;
         let v = attributes.direction(1, &parms[1])?;
@@ -294,8 +307,10 @@ impl Element {
         let mut parm = self.parms[0].clone();
         let direction = attributes.direction(0, &self.parms[0])?;
         let points = Some(self.points.len());
+        let outer = direction.outer_count();
         let repairs = with_span(&direction, &mut parm, &range)
             .or_else(|| with_steps(&direction, &mut parm, points, &range))
+            .or_else(|| (outer == points).then(|| with_outer(&mut parm, "u")))
             .into_iter()
             .collect();
         let direction = attributes.direction(0, &parm)?;
@@ -337,16 +352,35 @@ fn with_span(direction: &Direction<'_>, parm: &mut Vec<f64>, range: &Range<f64>)
     ))
 }
 
+/// Repeats the first and the last knot, which some programs leave out as superfluous, and says so.
+fn with_outer(parm: &mut Vec<f64>, name: &str) -> String {
+    let [first, .., last] = parm[..] else {
+        return String::new();
+    };
+    parm.insert(0, first);
+    parm.push(last);
+    format!("two knots along {name} are missing; the first and the last are repeated")
+}
+
 /// Gives segments without `parm` equal steps over `range`, as many as there are `points` for, or
-/// one if that is not known, and says so.
+/// one if that is not known, and says so. B-splines are clamped then.
 fn with_steps(
     direction: &Direction<'_>,
     parm: &mut Vec<f64>,
     points: Option<usize>,
     range: &Range<f64>,
 ) -> Option<String> {
-    if direction.basis == Basis::Bspline || !parm.is_empty() {
+    if !parm.is_empty() {
         return None;
+    }
+    let name = direction.name;
+    let [start, end] = [range.start, range.end];
+    let told = format!("parm {name} is missing; equal steps from {start} to {end} are taken");
+    if direction.basis == Basis::Bspline {
+        let count = points.unwrap_or(direction.degree + 1);
+        let knots = KnotVector::clamped_uniform(direction.degree, count, start..end).ok()?;
+        *parm = knots.as_slice().to_vec();
+        return Some(told);
     }
     let count = |parm: &[f64]| Direction { parm, ..*direction }.count().ok();
     let [one, two] = [count(&[0.0, 1.0])?, count(&[0.0, 1.0, 2.0])?];
@@ -354,10 +388,7 @@ fn with_steps(
     let segments = 1 + more / (two - one);
     let at = |k: usize| range.start + (range.end - range.start) * k as f64 / segments as f64;
     *parm = (0..=segments).map(at).collect();
-    let (name, [start, end]) = (direction.name, [range.start, range.end]);
-    Some(format!(
-        "parm {name} is missing; equal steps from {start} to {end} are taken"
-    ))
+    Some(told)
 }
 
 /// The part of the domain that an element is to be shown on: `asked`, cut to the domain.

@@ -343,6 +343,41 @@ fn without_parm_pieces_have_equal_steps() {
 }
 
 #[test]
+fn b_splines_without_knots_or_a_degree_are_clamped() {
+    let whole = "cstype bspline\ndeg 1 1\nsurf 2 4 0 1 1 2 3 4\nparm u 2 2 4 4\n\
+                 parm v 0 0 1 1\nend\n";
+    let expected = parse(&format!("{SQUARE}{whole}")).unwrap();
+    let [steps, outer] = [
+        "is missing; equal steps from",
+        "two knots along u are missing; the first and the last are repeated",
+    ];
+    for (from, to, told) in [
+        ("parm u 2 2 4 4\n", "", steps),
+        ("parm v 0 0 1 1\n", "", steps),
+        ("parm u 2 2 4 4\nparm v 0 0 1 1\n", "", steps),
+        (
+            "parm u 2 2 4 4\nparm v 0 0 1 1\n",
+            "parm u 2 4\nparm v 0 1\n",
+            outer,
+        ),
+        (
+            "deg 1 1",
+            "deg 1",
+            "deg has one number; it is taken for both directions",
+        ),
+    ] {
+        let import = parse(&format!("{SQUARE}{}", whole.replace(from, to))).unwrap();
+        assert_eq!(import.scene.patches(), expected.scene.patches(), "{to}");
+        let found = messages(&import);
+        assert!(found[0].starts_with("line 7, surf 1: "), "{found:?}");
+        assert!(found[0].contains(told), "{found:?}");
+    }
+    let curve = "cstype bspline\ndeg 2\ncurv 0 1 1 2 3 4\nparm u 0 0 .5 1 1\nend\n";
+    let import = parse(&format!("{SQUARE}{curve}")).unwrap();
+    assert_eq!(import.scene.wires().len(), 1, "{:?}", messages(&import));
+}
+
+#[test]
 fn nothing_left_is_an_error_with_its_line() {
     let with = |from: &str, to: &str| error(&format!("{SQUARE}{}end\n", SADDLE.replace(from, to)));
     let cases = [
@@ -369,10 +404,6 @@ fn nothing_left_is_an_error_with_its_line() {
         (
             with("deg 1 1", "deg 4294967295 -1"),
             "line 6, deg: \"-1\" is not a whole number",
-        ),
-        (
-            with("deg 1 1", "deg 1"),
-            "line 7, surf 1: deg has one number; a surface needs two",
         ),
         (
             with("bezier", "nurbs"),

@@ -1,7 +1,7 @@
 //! The words of VRML 97 and of the classic encoding of X3D.
 
 use nom::branch::alt;
-use nom::bytes::complete::{is_a, is_not, take_while1};
+use nom::bytes::complete::{is_a, is_not, tag, take_while, take_while1};
 use nom::character::complete::{anychar, char, none_of};
 use nom::combinator::{map, opt, recognize, value, verify};
 use nom::multi::many0_count;
@@ -47,6 +47,25 @@ fn is_of_word(c: char) -> bool {
     )
 }
 
+/// The rest of `1.#QNAN` and the like, as some programs write what is no number: it begins with
+/// the sign of a comment.
+fn no_number(input: &str) -> IResult<&str, &str> {
+    let kind = alt((tag("#IND"), tag("#INF"), tag("#QNAN"), tag("#SNAN")));
+    recognize(pair(kind, take_while(is_of_word))).parse(input)
+}
+
+/// What `of` finds, with what follows if that is the rest of what is no number.
+fn with_rest<'a>(
+    mut of: impl Parser<&'a str, Output = &'a str, Error = nom::error::Error<&'a str>>,
+    input: &'a str,
+) -> IResult<&'a str, &'a str> {
+    let (rest, found) = of.parse(input)?;
+    match no_number(rest) {
+        Ok((rest, more)) if found.ends_with('.') => Ok((rest, &input[..found.len() + more.len()])),
+        _ => Ok((rest, found)),
+    }
+}
+
 /// The next word, after white space.
 pub(super) fn token(input: &str) -> IResult<&str, Token<'_>> {
     let sign = map(none_of("\"#"), |c| match c {
@@ -58,7 +77,10 @@ pub(super) fn token(input: &str) -> IResult<&str, Token<'_>> {
     preceded(
         blank,
         alt((
-            map(take_while1(is_of_word), Token::Word),
+            map(
+                |input| with_rest(take_while1(is_of_word), input),
+                Token::Word,
+            ),
             map(string, Token::Text),
             sign,
         )),
@@ -69,7 +91,8 @@ pub(super) fn token(input: &str) -> IResult<&str, Token<'_>> {
 /// What stands in a list of numbers or strings, up to its bracket.
 pub(super) fn list_content(input: &str) -> IResult<&str, &str> {
     let comment = recognize(pair(char('#'), opt(is_not("\r\n"))));
-    recognize(many0_count(alt((is_not("[]{}\"#"), string, comment)))).parse(input)
+    let words = |input| with_rest(is_not("[]{}\"#"), input);
+    recognize(many0_count(alt((words, string, comment)))).parse(input)
 }
 
 /// A number, as far as the grammar goes: what it is worth is seen when it is used.
@@ -122,6 +145,17 @@ mod tests {
         ];
         assert_eq!(found, expected);
         assert_eq!(blank(rest), Ok(("", ())));
+    }
+
+    #[test]
+    fn what_is_no_number_is_no_comment() {
+        assert_eq!(token("-1.#IND00, 2"), Ok((", 2", Token::Word("-1.#IND00"))));
+        assert_eq!(token("1#INF"), Ok(("#INF", Token::Word("1"))));
+        assert_eq!(token("1.#a"), Ok(("#a", Token::Word("1."))));
+        assert_eq!(
+            list_content("0 1.#QNAN 2 3.# ]\n4] 5"),
+            Ok(("] 5", "0 1.#QNAN 2 3.# ]\n4"))
+        );
     }
 
     #[test]

@@ -25,6 +25,8 @@ fn knots_that_do_not_fit_are_replaced() {
     let text = "knot 2 is 0 after 1; knots must not decrease; equal steps are used";
     let expected = (clamped, vec![format!("{place}{text}")]);
     assert_eq!(knots("uKnot='0 1 0 1'"), expected);
+    let settled = (vec![2.0, 2.0, 5.0, 5.0], vec![]);
+    assert_eq!(knots("uKnot='2 1.9999999999 5 5'"), settled);
 }
 
 #[test]
@@ -242,4 +244,142 @@ fn deep_json_meets_the_limit() {
         let problem = read_with(&Limits::default(), &text).unwrap_err();
         assert_eq!(problem.problem.kind(), "too large", "{problem}");
     }
+}
+
+/// The area inside the contours of a square, with what is told about them.
+fn area_inside(contours: &str) -> (f64, Vec<String>) {
+    let import = read_scene(&format!(
+        "<Shape><NurbsTrimmedSurface uDimension='2' vDimension='2' uOrder='2' vOrder='2'>\
+         <Coordinate point='0 0 0, 1 0 0, 0 1 0, 1 1 0'/>{contours}</NurbsTrimmedSurface></Shape>"
+    ));
+    let loops = &import.scene.patches()[0].loops;
+    let area = loops.iter().map(kernel::TrimLoop::signed_area).sum();
+    (area, messages(&import))
+}
+
+#[test]
+fn contours_are_mended_where_viewers_agree_on_them() {
+    let line = |points: &str| format!("<ContourPolyline2D controlPoint='{points}'/>");
+    let contour = |inside: &[String]| format!("<Contour2D>{}</Contour2D>", inside.concat());
+    let open = line(".2 .2 .8 .2 .8 .8 .2 .8");
+    let border = line("0 0 1 0 1 1 0 1 0 0");
+    let hole = line(".2 .2 .2 .8 .8 .8 .8 .2 .2 .2");
+    let (one, two) = (line(".2 .2 .8 .2 .8 .8"), line(".8 .8 .2 .8 .2 .2"));
+    let (one_back, two_back) = (line(".8 .8 .8 .2 .2 .2"), line(".2 .2 .2 .8 .8 .8"));
+    let turned = "Contour2D: curves run against each other; they are turned";
+    for (contours, expected, told) in [
+        (
+            contour(std::slice::from_ref(&open)),
+            0.36,
+            "Contour2D: the contour is open; a line closes it",
+        ),
+        (contour(&[one.clone(), two_back]), 0.36, turned),
+        (contour(&[one_back, two]), -0.36, turned),
+        (
+            contour(&[border, hole.clone()]),
+            0.64,
+            "Contour2D: several loops stand in one contour; each counts by itself",
+        ),
+    ] {
+        let (area, messages) = area_inside(&contours);
+        let area = if expected < 0.0 { area - 1.0 } else { area };
+        assert!((area - expected).abs() < 1e-12, "{contours} {area}");
+        assert_eq!(messages, [format!("line 2, {told}")]);
+    }
+    let (area, messages) = area_inside(&open);
+    assert!((area - 0.36).abs() < 1e-12, "{area}");
+    let told = "line 2, ContourPolyline2D: it stands in no Contour2D; it is taken for one";
+    assert_eq!(messages[0], told);
+    // Which part comes next is not guessed.
+    let apart = contour(&[one, line(".1 .1 .1 .9")]);
+    let (_, messages) = area_inside(&apart);
+    assert!(messages[0].ends_with("untrimmed"), "{messages:?}");
+}
+
+#[test]
+fn what_stands_in_no_scene_or_shape_is_told() {
+    let found = read_with(
+        &Limits::default(),
+        &format!("<Group><Shape>{0}</Shape></Group>", square("")),
+    );
+    let found = found.unwrap();
+    assert_eq!(found.scene.placement_count(), 1);
+    let told = "line 1, Group: there is no X3D element around it; it is taken for the scene";
+    assert_eq!(messages(&found), [told]);
+
+    let bare = read_scene(&format!("<Group>{}</Group>", square("DEF='A'")));
+    assert_eq!(bare.scene.placement_count(), 0);
+    let told = "line 2, NurbsPatchSurface DEF A: it stands in no Shape; it is not shown";
+    assert_eq!(messages(&bare), [told]);
+
+    let lost = read_scene(&format!(
+        "<EspduTransform><Shape>{0}</Shape></EspduTransform>\
+         <GeoLocation><Group><Shape>{0}</Shape><Shape DEF='B'>{0}</Shape></Group></GeoLocation>\
+         <Shape USE='B'/>",
+        square("")
+    ));
+    assert_eq!(lost.scene.placement_count(), 2);
+    let told = "line 2, GeoLocation: GeoLocation is not read, nor the geometry in it";
+    assert_eq!(messages(&lost), [told]);
+
+    let empty = read_scene("<Shape><PointSet><Coordinate/></PointSet></Shape>");
+    assert_eq!(empty.scene.wires().len(), 0);
+
+    let set = read_scene(&format!("<NurbsSet>{}</NurbsSet>", square("")));
+    assert_eq!(set.scene.placement_count(), 0);
+    let told = "line 2, NurbsPatchSurface: a surface of a NurbsSet that no Shape uses; it is not \
+                shown";
+    assert_eq!(messages(&set), [told]);
+    let set = read_scene(&format!(
+        "<NurbsSet>{}</NurbsSet><Shape><NurbsPatchSurface USE='A'/></Shape>",
+        square("DEF='A'")
+    ));
+    assert_eq!(set.scene.placement_count(), 1);
+    assert_eq!(messages(&set), Vec::<String>::new());
+}
+
+#[test]
+fn curves_without_a_field_are_told_apart() {
+    let section = "<NurbsCurve2D order='2' controlPoint='1 0 0 1'/>";
+    let trajectory = "<NurbsCurve order='2'><Coordinate point='0 0 0 0 3 0'/></NurbsCurve>";
+    for inside in [
+        format!("{section}{trajectory}"),
+        format!("{trajectory}{section}"),
+    ] {
+        let import = read_scene(&format!(
+            "<Shape><NurbsSweptSurface>{inside}</NurbsSweptSurface></Shape>"
+        ));
+        let end = only_surface(&import).evaluate(DVec2::ONE);
+        assert!((end.y - 3.0).abs() < 1e-15, "{end}");
+        let told = "line 2, NurbsSweptSurface: its curves do not say which is crossSectionCurve \
+                    and which trajectoryCurve";
+        assert_eq!(messages(&import), [told]);
+    }
+    let alone = read_scene(&format!(
+        "<Shape><NurbsSweptSurface>{section}{section}</NurbsSweptSurface></Shape>"
+    ));
+    assert_eq!(alone.scene.placement_count(), 0);
+}
+
+#[test]
+fn layers_hide_their_children_one_by_one() {
+    let shown = |version: &str, visible: &str| {
+        let part = |x: i32| {
+            format!(
+                "<CADFace><Transform translation='{x} 0 0'><Shape><Box/></Shape></Transform></CADFace>"
+            )
+        };
+        let text = format!(
+            "<X3D version='{version}'><Scene><CADLayer visible='{visible}'>{}{}</CADLayer></Scene></X3D>",
+            part(0),
+            part(9)
+        );
+        let import = read_with(&Limits::default(), &text).unwrap();
+        assert_eq!(messages(&import), Vec::<String>::new());
+        import.scene.placement_count() / 6
+    };
+    assert_eq!(shown("3.3", ""), 2);
+    assert_eq!(shown("3.3", "true false"), 1);
+    assert_eq!(shown("3.3", "false"), 1);
+    assert_eq!(shown("4.0", "false"), 0);
 }

@@ -211,7 +211,9 @@ fn contours_become_loops() {
     assert_eq!(loops[0].segments().len(), 2);
     let (loops, _) = contour("<ContourPolyline2D point='.2 .2 .2 .8 .8 .8 .2 .2'/>");
     assert_eq!(loops.len(), 2, "a hole needs the border around it");
-    let (loops, message) = contour("<ContourPolyline2D controlPoint='0 0 1 0 1 1'/>");
+    let (loops, message) = contour(
+        "<ContourPolyline2D controlPoint='0 0 1 0'/><ContourPolyline2D controlPoint='1 1 0 1'/>",
+    );
     assert_eq!(loops.len(), 0);
     assert!(
         message.contains("the surface is shown untrimmed"),

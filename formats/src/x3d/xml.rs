@@ -8,7 +8,7 @@ use quick_xml::escape::unescape;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::Error;
-use crate::nodes::{Builder, Lines, decode};
+use crate::nodes::{Builder, Lines, decode, stands_in_scene};
 
 /// How many attributes of an element are read. No node has as many, and each one is
 /// compared with all before it.
@@ -25,17 +25,27 @@ pub(super) fn read_xml(bytes: &[u8], builder: &mut Builder<'_>) -> Result<Option
     let mut reader = Reader::from_str(&text);
     let mut lines = Lines::new(&text);
     let mut line_at = |position| lines.at(usize::try_from(position).unwrap_or(usize::MAX));
+    // Whether the scene is ours, and ends with the file.
+    let mut has_scene = false;
     loop {
         let line = line_at(reader.buffer_position());
         match reader.read_event() {
-            Ok(Event::Start(element)) => begin(&element, line, builder)?,
+            Ok(Event::Start(element)) => {
+                has_scene |= begin_scene(&element, line, builder)?;
+                begin(&element, line, builder)?;
+            }
             Ok(Event::Empty(element)) => {
+                has_scene |= begin_scene(&element, line, builder)?;
                 begin(&element, line, builder)?;
                 builder.end()?;
             }
             Ok(Event::End(_)) => builder.end()?,
             Ok(Event::Eof) => match builder.innermost() {
                 None => return Ok(None),
+                Some(node) if has_scene && &*node.kind == "Scene" => {
+                    builder.end()?;
+                    return Ok(None);
+                }
                 Some(node) => {
                     let text = format!("the file ends inside {} of line {}", node.kind, node.line);
                     return Ok(Some(builder.broken(line, text)));
@@ -49,6 +59,23 @@ pub(super) fn read_xml(bytes: &[u8], builder: &mut Builder<'_>) -> Result<Option
             }
         }
     }
+}
+
+/// Puts a scene around an outermost element that is part of one. Says whether it did.
+fn begin_scene(
+    element: &BytesStart<'_>,
+    line: usize,
+    builder: &mut Builder<'_>,
+) -> Result<bool, Error> {
+    let kind = element.local_name().into_inner();
+    if builder.innermost().is_some() || !stands_in_scene(kind) {
+        return Ok(false);
+    }
+    let place = builder.file().place(line, kind);
+    let text = "there is no X3D element around it; it is taken for the scene";
+    builder.warnings.invalid(place, text);
+    builder.begin("Scene", line)?;
+    Ok(true)
 }
 
 /// Begins the node of an element.
