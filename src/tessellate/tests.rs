@@ -335,7 +335,7 @@ fn creases_of_neighbours_that_nearly_meet_leave_no_gap() {
         let point = |k: u32, height: f64| {
             let fold = f64::from(k % 2) * height;
             let at = f64::from(k);
-            let shift = if k % 16 == 0 { 0.0 } else { off };
+            let shift = if k.is_multiple_of(16) { 0.0 } else { off };
             DVec3::new(at + shift, height, fold.abs() + gap * at)
         };
         let row = |height: f64| (0..=16).map(move |k| point(k, height)).collect::<Vec<_>>();
