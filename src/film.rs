@@ -85,18 +85,11 @@ impl Film {
         }
         let squares = blocks(&(0..self.height), &(0..self.width), side);
         let mut tiles: Vec<_> = squares.map(|(y, x)| FilmTile::empty(x, y)).collect();
-        let across = row.div_ceil(step);
-        for (y, colors) in self.colors.chunks_mut(row).enumerate() {
-            let tiles = tiles[y / step * across..].iter_mut();
-            for (tile, part) in tiles.zip(colors.chunks_mut(step)) {
-                tile.colors.push(part);
-            }
+        for (tile, part) in parts(&mut self.colors, row, step) {
+            tiles[tile].colors.push(part);
         }
-        for (y, data) in self.data.chunks_mut(row).enumerate() {
-            let tiles = tiles[y / step * across..].iter_mut();
-            for (tile, part) in tiles.zip(data.chunks_mut(step)) {
-                tile.data.push(part);
-            }
+        for (tile, part) in parts(&mut self.data, row, step) {
+            tiles[tile].data.push(part);
         }
         tiles
     }
@@ -158,6 +151,16 @@ impl Film {
         }
         self
     }
+}
+
+/// The rows of pixels cut at each `step`, and the number of the square that each part lies in.
+fn parts<T>(pixels: &mut [T], row: usize, step: usize) -> impl Iterator<Item = (usize, &mut [T])> {
+    let across = row.div_ceil(step);
+    let rows = pixels.chunks_mut(row).enumerate();
+    rows.flat_map(move |(y, row)| {
+        let parts = row.chunks_mut(step).enumerate();
+        parts.map(move |(x, part)| (y / step * across + x, part))
+    })
 }
 
 /// A rectangle of a film.

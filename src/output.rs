@@ -293,8 +293,11 @@ fn write_exr(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
             }
         }
     }
-    let aovs = options.aovs.iter().filter(|_| !film.data().is_empty());
-    for (name, value) in aovs.flat_map(|aov| aov.channels) {
+    let aovs = match film.data() {
+        [] => &[],
+        _ => &options.aovs[..],
+    };
+    for (name, value) in aovs.iter().flat_map(|aov| aov.channels) {
         let samples = film.data().iter().map(value).collect();
         channels.push(AnyChannel::new(*name, FlatSamples::F32(samples)));
     }

@@ -50,6 +50,21 @@ pub fn closed(surface: &Surface) -> [bool; 2] {
     [is_closed(at, near), is_closed(|s, t| at(t, s), near)]
 }
 
+/// The point of space that a side of the domain is, up to `near`: the side at the start (0) or the
+/// end (1) of `axis`. `None` if it is none.
+pub fn pole(surface: &Surface, axis: usize, side: usize, near: f64) -> Option<DVec3> {
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let (start, end) = (DVec2::new(u.start, v.start), DVec2::new(u.end, v.end));
+    let at = |share: f64| {
+        let mut shares = DVec2::splat(share);
+        shares[axis] = side as f64;
+        surface.evaluate(start + (end - start) * shares)
+    };
+    let point = at(0.0);
+    let is_point = (1..=7).all(|k| at(f64::from(k) / 8.0).distance(point) <= near);
+    is_point.then_some(point)
+}
+
 /// Whether the lines at both ends of the first parameter agree, and are not all there is. Some
 /// lines along it may be points, as one is of a torus that touches itself.
 fn is_closed(at: impl Fn(f64, f64) -> DVec3, near: f64) -> bool {

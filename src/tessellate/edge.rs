@@ -205,11 +205,10 @@ impl<'a> Walker<'a> {
             let face = &self.faces[used.face];
             let turned = used.reversed != first.reversed;
             for t in face.kinks(&used.curve) {
-                let share = used.trail.share(t);
-                let share = if turned { 1.0 - share } else { share };
                 let point = face.point(used.curve.evaluate(t));
                 let place = (home, &first.curve);
-                let (t, _) = first.trail.project_beside(place, point, share);
+                let from = (&used.trail, t, turned);
+                let (t, _) = first.trail.project_beside(place, point, from);
                 if kinks.iter().all(|kink| (kink - t).abs() > near) {
                     kinks.push(t);
                 }
@@ -322,13 +321,11 @@ impl<'a> Walker<'a> {
         let mut snapped: SmallVec<[DVec3; 2]> = SmallVec::new();
         snapped.push(points.snapped);
         let mut sum = master;
-        let share = first.trail.share(t);
         for (k, used) in self.uses.iter().enumerate().skip(1) {
             let face = &self.faces[used.face];
             let turned = used.reversed != first.reversed;
-            let share = if turned { 1.0 - share } else { share };
-            let beside = (face, &used.curve);
-            let (t, _) = used.trail.project_beside(beside, master, share);
+            let (beside, from) = ((face, &used.curve), (&first.trail, t, turned));
+            let (t, _) = used.trail.project_beside(beside, master, from);
             let (place, points) = self.look(k, t);
             sum += points.own;
             places.push(place);

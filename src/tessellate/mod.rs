@@ -28,9 +28,8 @@ use kernel::{Camera, Mesh, Projection, Scene, Shape};
 use rayon::prelude::*;
 
 pub(crate) use rim::Face;
-pub(crate) use sew::{Edge, Sewn, sew};
+pub(crate) use sew::{Edge, Sewn, Use, sew};
 pub use shell::Shell;
-pub(crate) use trail::Trail;
 
 /// How far triangles may be from the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,6 +3,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Item, Node, Patch, Shape, Surface, modelling};
 
+use super::trail::Trail;
 use super::*;
 
 /// A scene that shows patches as they are.
@@ -390,7 +391,8 @@ fn a_curve_that_comes_back_is_followed_in_order() {
         // What is expected may be a little off.
         for off in [-0.02, 0.02] {
             let place = (&face, &curve);
-            let (found, distance) = trail.project_beside(place, target, share + off);
+            let from = (&trail, t + whole * off, false);
+            let (found, distance) = trail.project_beside(place, target, from);
             assert!((found - t).abs() < 1e-9 && distance < 1e-12, "{found} {t}");
         }
     }

@@ -119,14 +119,16 @@ impl Trail {
         (found.1 <= reach).then_some(found)
     }
 
-    /// The same on a curve that may come back to where it was; the place is expected at a share
-    /// of its length.
+    /// The same on a curve that may come back to where it was; the place is expected as far along
+    /// as parameter `t` is on another trail, from the opposite end if they are `turned`.
     pub(crate) fn project_beside(
         &self,
         place: (&Face<'_>, &Curve<DVec2>),
         target: DVec3,
-        share: f64,
+        (other, t, turned): (&Self, f64, bool),
     ) -> (f64, f64) {
+        let share = other.share(t);
+        let share = if turned { 1.0 - share } else { share };
         let expected = Some(share * self.length());
         self.search(place, target, 0.0..f64::INFINITY, expected)
     }
@@ -180,7 +182,7 @@ impl Trail {
     }
 
     /// The share of its length at which a parameter is.
-    pub(crate) fn share(&self, t: f64) -> f64 {
+    pub(super) fn share(&self, t: f64) -> f64 {
         let share = self.along(t) / self.length();
         if share.is_finite() { share } else { 0.0 }
     }

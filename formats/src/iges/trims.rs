@@ -191,7 +191,9 @@ impl<'a> Trimmer<'a> {
             closed: nearest::closed(surface),
             size,
             accuracy: (size * MEETS).max(resolution.min(most)),
-            poles: laid::poles(surface, size * ACCURACY),
+            poles: (0..4)
+                .filter_map(|side| nearest::pole(surface, side / 2, side % 2, size * ACCURACY))
+                .collect(),
             nearby: OnceCell::new(),
         }
     }

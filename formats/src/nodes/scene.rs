@@ -241,12 +241,16 @@ impl<'a> Converter<'a> {
         let mut count = 0;
         let mut open: Vec<usize> = defined(node).collect();
         while let Some(index) = open.pop() {
-            let inside = &self.tree.nodes[index];
-            let is_shown = self.reached.get(index).is_some_and(Option::is_some);
-            count += usize::from(is_geometry(&inside.kind) && !is_shown);
-            open.extend(defined(inside));
+            count += usize::from(self.is_lost_geometry(index));
+            open.extend(defined(&self.tree.nodes[index]));
         }
         count
+    }
+
+    /// Whether a node is a geometry that nothing shows.
+    fn is_lost_geometry(&self, index: usize) -> bool {
+        let is_shown = self.reached.get(index).is_some_and(Option::is_some);
+        is_geometry(&self.tree.nodes[index].kind) && !is_shown
     }
 
     fn group(&mut self, index: usize, node: &Node) -> Made {
@@ -254,11 +258,8 @@ impl<'a> Converter<'a> {
             let text = "Billboard does not turn to the camera";
             self.warnings.unsupported(node.place(), text);
         }
-        let tree = self.tree;
         let (mut children, mut wires) = (Vec::new(), Vec::new());
-        // What is wrong with the fields has been told on the way down.
-        for child in shown(tree, node, &mut Warnings::default()) {
-            let child = node.children[child].node;
+        for child in self.shown_inside(node) {
             match self.made[child] {
                 Made::Node(id) => children.push(Child::Node(id)),
                 Made::Wires(geometry, material) => wires.extend(self.wired(geometry, material)),
@@ -268,7 +269,7 @@ impl<'a> Converter<'a> {
                 }
                 Made::Geometry(_) => {
                     let text = "it stands in no Shape; it is not shown";
-                    self.warnings.invalid(tree.nodes[child].place(), text);
+                    self.warnings.invalid(self.tree.nodes[child].place(), text);
                 }
                 _ => {}
             }
@@ -297,11 +298,10 @@ impl<'a> Converter<'a> {
     /// Surfaces in a `NurbsSet` are shown by the shapes that use them.
     fn nurbs_set(&mut self, node: &Node) -> Made {
         for link in &node.children {
-            let inside = &self.tree.nodes[link.node];
-            let is_shown = self.reached.get(link.node).is_some_and(Option::is_some);
-            if is_geometry(&inside.kind) && !is_shown {
+            if self.is_lost_geometry(link.node) {
                 let text = "a surface of a NurbsSet that no Shape uses; it is not shown";
-                self.warnings.invalid(inside.place(), text);
+                let place = self.tree.nodes[link.node].place();
+                self.warnings.invalid(place, text);
             }
         }
         Made::Nothing
@@ -309,9 +309,15 @@ impl<'a> Converter<'a> {
 
     /// What the shown children of a node have become.
     pub(super) fn made_inside(&self, node: &Node) -> Vec<Made> {
+        let shown = self.shown_inside(node).into_iter();
+        shown.map(|index| self.made[index]).collect()
+    }
+
+    /// The shown children of a node.
+    fn shown_inside(&self, node: &Node) -> Vec<usize> {
         // What is wrong with the fields has been told on the way down.
         let shown = shown(self.tree, node, &mut Warnings::default()).into_iter();
-        shown.map(|i| self.made[node.children[i].node]).collect()
+        shown.map(|i| node.children[i].node).collect()
     }
 
     fn shape(&mut self, node: &Node) -> Made {

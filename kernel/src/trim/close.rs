@@ -7,7 +7,7 @@ use glam::DVec2;
 
 use super::TrimLoop;
 use super::parts::{cut, ended, moved, snapped};
-use crate::{Curve, Error, Surface};
+use crate::{Curve, Error, Surface, nearest};
 
 /// Gaps up to this share of the domain's diagonal are rounding.
 const GAP: f64 = 1e-3;
@@ -340,12 +340,7 @@ impl Closer<'_> {
 
     /// Whether the side of the domain at the start (0) or end (1) of `axis` is a single point.
     fn is_point(&self, axis: usize, side: usize) -> bool {
-        let at = |share: f64| {
-            let mut shares = DVec2::splat(share);
-            shares[axis] = side as f64;
-            self.surface.evaluate(self.start + self.size * shares)
-        };
-        (1..=7).all(|k| at(f64::from(k) / 8.0).distance(at(0.0)) <= self.accuracy)
+        nearest::pole(self.surface, axis, side, self.accuracy).is_some()
     }
 
     /// Whether the part of the domain next to the lower border, which an even number of

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::super::strip::{NODES, ORDER, Strip, bernstein, interpolated};
 use super::super::{Cluster, ItemShape};
 use super::{EXACT, NOISE};
-use crate::tessellate::{Edge, Face, Sewn, Trail, sew};
+use crate::tessellate::{Edge, Face, Sewn, Use, sew};
 
 /// How often the stretch for a strip is halved to be accurate.
 const DEPTH: u32 = 8;
@@ -182,10 +182,8 @@ struct Seams<'a, 's> {
 /// The two boundaries of a strip.
 struct Pair<'a, 's> {
     faces: [&'a Face<'s>; 2],
-    curves: [&'a Curve<DVec2>; 2],
-    trails: [Trail; 2],
-    /// Where the second begins and ends as the first does.
-    ends: [f64; 2],
+    /// The first is run through forwards.
+    uses: [&'a Use; 2],
 }
 
 impl Seams<'_, '_> {
@@ -197,18 +195,10 @@ impl Seams<'_, '_> {
             return strips;
         };
         for other in others {
-            let domain = other.curve.domain();
-            let mut ends = [domain.start, domain.end];
-            if other.reversed {
-                ends.reverse();
-            }
             let uses = [first, other];
-            let faces = uses.map(|used| &self.faces[used.face]);
             let pair = Pair {
-                faces,
-                curves: uses.map(|used| &used.curve),
-                trails: [0, 1].map(|k| Trail::of(faces[k], &uses[k].curve)),
-                ends,
+                faces: uses.map(|used| &self.faces[used.face]),
+                uses,
             };
             let item = self.items[first.face];
             for part in pair.breaks(*self.widths.end()).windows(2) {
@@ -276,34 +266,34 @@ impl Pair<'_, '_> {
     /// The ends of the first boundary, and the parameters between them where one of both need not
     /// be smooth, of what is no farther apart than `reach`.
     fn breaks(&self, reach: f64) -> Vec<f64> {
-        let [home, beside] = self.faces;
-        let mut breaks = home.breaks(self.curves[0]);
-        let place = (home, self.curves[0]);
-        for t in beside.breaks(self.curves[1]) {
-            let found = self.trails[0].project_within(place, self.other(t), reach);
-            breaks.extend(found.map(|(t, _)| t));
+        let ([home, beside], [first, second]) = (self.faces, self.uses);
+        let mut inner = home.breaks(&first.curve);
+        for t in beside.breaks(&second.curve) {
+            let place = (home, &first.curve);
+            let found = first.trail.project_within(place, self.other(t), reach);
+            inner.extend(found.map(|(t, _)| t));
         }
-        breaks.sort_by(f64::total_cmp);
-        let (start, end) = (breaks[0], breaks[breaks.len() - 1]);
+        inner.sort_by(f64::total_cmp);
+        let Range { start, end } = first.curve.domain();
         let least = SHORTEST * (end - start);
-        let mut last = start;
-        breaks.retain(|&t| {
-            let is_kept = t <= start || t >= end || (t - last > least && end - t > least);
-            last = if is_kept { t } else { last };
-            is_kept
-        });
-        breaks.dedup();
+        let mut breaks = vec![start];
+        for t in inner {
+            if t - breaks[breaks.len() - 1] > least && end - t > least {
+                breaks.push(t);
+            }
+        }
+        breaks.push(end);
         breaks
     }
 
     /// Parameters of the first face on its boundary.
     fn uv(&self, t: f64) -> DVec2 {
-        self.faces[0].clamped(self.curves[0].evaluate(t))
+        self.faces[0].clamped(self.uses[0].curve.evaluate(t))
     }
 
     /// A point of the second boundary.
     fn other(&self, t: f64) -> DVec3 {
-        self.faces[1].point(self.curves[1].evaluate(t))
+        self.faces[1].point(self.uses[1].curve.evaluate(t))
     }
 
     /// Whether a strip there leads away from both faces, rather than back along one of them.
@@ -312,33 +302,31 @@ impl Pair<'_, '_> {
         [(0, t, across), (1, partner, -across)]
             .into_iter()
             .all(|(k, t, way)| {
-                let inwards = self.faces[k].inwards(self.curves[k], t).unwrap_or_default();
+                let inwards = self.faces[k].inwards(&self.uses[k].curve, t);
+                let inwards = inwards.unwrap_or_default();
                 way.dot(inwards) < BACK * way.length() * inwards.length()
             })
     }
 
     /// Where the second boundary is next to the first.
     fn partner(&self, t: f64) -> f64 {
-        let whole = self.curves[0].domain();
-        if t <= whole.start {
-            return self.ends[0];
-        }
-        if t >= whole.end {
-            return self.ends[1];
+        let [first, second] = self.uses;
+        let (whole, other) = (first.curve.domain(), second.curve.domain());
+        if t <= whole.start || t >= whole.end {
+            let is_start = (t <= whole.start) != second.reversed;
+            return if is_start { other.start } else { other.end };
         }
         let target = self.faces[0].point(self.uv(t));
         // Where a boundary comes back beside itself, the one is meant that is as far along.
-        let share = self.trails[0].share(t);
-        let is_turned = self.ends[0] > self.ends[1];
-        let share = if is_turned { 1.0 - share } else { share };
-        let place = (self.faces[1], self.curves[1]);
-        self.trails[1].project_beside(place, target, share).0
+        let place = (self.faces[1], &second.curve);
+        let from = (&first.trail, t, second.reversed);
+        second.trail.project_beside(place, target, from).0
     }
 
     /// A strip that prolongs those before by `length` beyond an end, where more than two
     /// faces may leave a gap.
     fn cap(&self, at: f64, length: f64, item: u32) -> Option<Strip> {
-        let whole = self.curves[0].domain();
+        let whole = self.uses[0].curve.domain();
         let inwards = if at <= whole.start { 1e-3 } else { -1e-3 };
         let point = |t: f64| self.faces[0].point(self.uv(t));
         let end = point(at);

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
+use kernel::Curve;
 use kernel::nearest::Nearby;
-use kernel::{Curve, Surface};
 
 use super::{ACCURACY, Trimmer, straight_or_fitted};
 use crate::Problem;
@@ -25,25 +25,6 @@ const STEADY: f64 = 1e-10;
 /// A curve whose middle is no nearer to a border of the domain than this share of it does not run
 /// along that border.
 const BORDER: f64 = 1e-3;
-
-/// The points of space that take a whole side of the domain of a surface, up to `near`.
-pub(super) fn poles(surface: &Surface, near: f64) -> Vec<DVec3> {
-    let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
-    let side = |k: usize| {
-        let at = |share: f64| {
-            let mut shares = DVec2::splat(share);
-            shares[k / 2] = (k % 2) as f64;
-            let place = |axis: usize| {
-                let Range { start, end } = domain[axis];
-                start + (end - start) * shares[axis]
-            };
-            surface.evaluate(DVec2::new(place(0), place(1)))
-        };
-        let is_point = (1..=7).all(|k| at(f64::from(k) / 8.0).distance(at(0.0)) <= near);
-        is_point.then(|| at(0.0))
-    };
-    (0..4).filter_map(side).collect()
-}
 
 impl Trimmer<'_> {
     /// The curve of space of a stretch, laid onto the surface.

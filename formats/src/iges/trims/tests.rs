@@ -20,6 +20,18 @@ fn border() -> Vec<Made> {
     border
 }
 
+/// A square trimmed by its border, of which the first line is another.
+fn trimmed(first: &str) -> Vec<Made> {
+    let mut entities = border();
+    first.clone_into(&mut entities[0].parameters);
+    let mut base = square(3.0);
+    base.status = "00010000";
+    entities.push(base);
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,0,13"));
+    entities
+}
+
 #[test]
 fn trimmed_surfaces_have_loops_and_show_once() {
     let mut entities = border();
@@ -56,14 +68,7 @@ fn bounded_surfaces_have_loops() {
 
 #[test]
 fn loops_that_cannot_be_read_are_told() {
-    let mut entities = border();
-    entities[0].parameters = "0.,0.,0.,0.5,0.,0.".to_owned();
-    let mut base = square(3.0);
-    base.status = "00010000";
-    entities.push(base);
-    entities.push(made(142, "1,11,9,0,1"));
-    entities.push(made(144, "11,1,0,13"));
-    let (scene, warnings) = read(&entities);
+    let (scene, warnings) = read(&trimmed("0.,0.,0.,0.5,0.,0."));
     assert!(scene.patches()[0].loops.is_empty());
     assert!(warnings[0].ends_with("shown untrimmed: a trim loop does not close"));
 }
@@ -109,14 +114,7 @@ fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
 
 #[test]
 fn small_gaps_in_loops_are_bridged() {
-    let mut entities = border();
-    entities[0].parameters = "0.,0.,0.,0.995,0.,0.".to_owned();
-    let mut base = square(3.0);
-    base.status = "00010000";
-    entities.push(base);
-    entities.push(made(142, "1,11,9,0,1"));
-    entities.push(made(144, "11,1,0,13"));
-    let (scene, warnings) = read(&entities);
+    let (scene, warnings) = read(&trimmed("0.,0.,0.,0.995,0.,0."));
     assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);
     assert_eq!(
         warnings[0],
