@@ -277,7 +277,7 @@ impl<'a> Part<'a> {
             .fold(Aabb::EMPTY, |all, face| all.union(face.bounds));
         let origin = bounds.center();
         let each: Vec<_> = faces
-            .iter()
+            .par_iter()
             .map(|face| Integrals::of(&face.patch, origin))
             .collect();
         let accelerator = accelerator.filter(|_| part.is_closed);

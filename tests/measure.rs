@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use glam::DVec3;
-use nurbray::formats::{Import, Limits, open};
+use nurbray::formats::{Import, Limits, NoFiles, ReadOptions, open, read};
 use nurbray::{Measure, measure};
 use serde_json::Value;
 
@@ -73,6 +73,23 @@ fn solids_by_construction_are_bodies() {
         assert_eq!(body.name, name);
         assert!((body.volume - volume).abs() < 1e-9, "{name}: {body:?}");
     }
+}
+
+#[test]
+fn bodies_with_folds_at_even_shares_are_bodies() {
+    let file = "#VRML V2.0 utf8
+        Shape { geometry Extrusion {
+            crossSection [ 1 1, 1 -1, -1 -1, -1 1, 1 1 ] spine [ 0 0 0, 0 1 0, 0 3 0 ] } }";
+    let options = ReadOptions {
+        limits: &Limits::default(),
+        resolver: &NoFiles,
+    };
+    let read = read(file.as_bytes(), None, &options);
+    let found = measure(&read.expect("a file").scene);
+    let [body] = found.bodies.as_slice() else {
+        panic!("{found:?}");
+    };
+    assert!((body.volume - 12.0).abs() < 1e-12, "{body:?}");
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod monotone;
 mod nesting;
 mod parts;
 mod region;
+mod rings;
 #[cfg(test)]
 mod tests;
 

@@ -87,6 +87,41 @@ fn a_circle_of_latitude_bounds_the_cap_to_its_left() {
 }
 
 #[test]
+fn bands_between_rings_and_beyond_them_are_single_loops() {
+    let ring = |start: f64, turn: f64, v: f64| path(&[[start, v], [start + turn, v]]);
+    let areas = |surface: &Surface, chains: &[Vec<Curve<DVec2>>]| {
+        let loops = close(surface, chains, Orientation::Left).unwrap().loops;
+        let areas = loops.iter().map(|l| l.signed_area().abs());
+        areas.collect::<Vec<_>>()
+    };
+    let assert_areas = |found: Vec<f64>, expected: &[f64]| {
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        let pairs = found.iter().zip(expected);
+        assert!(
+            pairs.clone().all(|(a, b)| (a - b).abs() < 1e-9),
+            "{found:?}"
+        );
+    };
+    // Begun at the seam or elsewhere, and in either direction.
+    for [a, b] in [[0.0, 0.0], [1.0, 5.0], [-TAU, 7.0], [TAU, 3.0]] {
+        for turn in [TAU, -TAU] {
+            let rings = [ring(a, TAU, 1.0), ring(b, turn, 3.0)];
+            assert_areas(areas(&cylinder(), &rings), &[2.0 * TAU]);
+        }
+        let rings = [ring(a, TAU, 1.0), ring(b, -TAU, 2.0), ring(a, TAU, 2.5)];
+        assert_areas(areas(&cylinder(), &rings), &[TAU, 1.5 * TAU]);
+        let south = [ring(a, -TAU, 0.5)];
+        assert_areas(areas(&sphere(), &south), &[TAU * (FRAC_PI_2 + 0.5)]);
+        let north = [ring(b, TAU, 0.5)];
+        assert_areas(areas(&sphere(), &north), &[TAU * (FRAC_PI_2 - 0.5)]);
+        let parts = [ring(a, TAU, 1.0), ring(b, -TAU, 3.0)];
+        assert_areas(areas(&torus(), &parts), &[2.0 * TAU]);
+        let parts = [ring(a, -TAU, 1.0), ring(b, TAU, 3.0)];
+        assert_areas(areas(&torus(), &parts), &[TAU, TAU * (TAU - 3.0)]);
+    }
+}
+
+#[test]
 fn a_small_loop_on_a_sphere_bounds_its_inside_or_all_else() {
     let sphere = sphere();
     let square = [[1.0, 0.0], [2.0, 0.0], [2.0, 0.5], [1.0, 0.5], [1.0, 0.0]];

@@ -139,6 +139,11 @@ impl Stretch {
         let is_inside = point.cmpge(bounds.min).all() && point.cmple(bounds.max).all();
         is_inside && self.chords.iter().any(|chord| chord.is_near(point, slack))
     }
+
+    /// Whether anything of another stretch may be near.
+    fn may_meet(&self, other: &Self, slack: f64) -> bool {
+        grown(self.bounds, slack).meets(&other.bounds)
+    }
 }
 
 fn grown(bounds: Aabb, reach: f64) -> Aabb {
@@ -181,45 +186,53 @@ impl Border {
         }
     }
 
-    /// Chords that have a length, each with its curve.
-    fn long(&self) -> impl Iterator<Item = (&Chord, usize)> {
-        let stretches = self.stretches.iter();
-        let chords = stretches.flat_map(|s| s.chords.iter().map(|chord| (chord, s.curve)));
-        chords.filter(|(chord, _)| chord.length() > self.slack)
+    /// Whether a chord has a length.
+    fn is_long(&self, chord: &Chord) -> bool {
+        chord.length() > self.slack
     }
 
     fn length(&self) -> f64 {
-        self.long().map(|(chord, _)| chord.length()).sum()
+        let chords = self.stretches.iter().flat_map(|stretch| &stretch.chords);
+        let long = chords.filter(|chord| self.is_long(chord));
+        long.map(Chord::length).sum()
     }
 
     /// Whether an end of a chord of one border is near a chord of the other.
     fn touches(&self, other: &Self) -> bool {
         let slack = self.slack.min(other.slack);
-        let meets = |a: &Self, b: &Self| {
-            let chords = a.stretches.iter().flat_map(|stretch| &stretch.chords);
-            let mut ends = chords.map(|chord| chord.ends[0]);
-            ends.any(|end| b.stretches.iter().any(|other| other.is_near(end, slack)))
+        let meets = |a: &Stretch, b: &Stretch| {
+            let mut ends = a.chords.iter().map(|chord| chord.ends[0]);
+            ends.any(|end| b.is_near(end, slack))
         };
-        meets(self, other) || meets(other, self)
+        self.stretches.iter().any(|a| {
+            let mut near = other.stretches.iter().filter(|b| a.may_meet(b, slack));
+            near.any(|b| meets(a, b) || meets(b, a))
+        })
     }
 
     /// The length of chords that meet no other curve of the borders around, itself among them.
     fn open_length(&self, around: &[&Self]) -> f64 {
-        let meets = |chord: &Chord, curve: usize| {
-            let own = chord.length() * NEAR[0];
-            around.iter().any(|border| {
+        let open = |stretch: &Stretch| {
+            let near = around.iter().flat_map(|border| {
                 let is_same = border.number == self.number;
-                let mut others = border.stretches.iter();
-                let slack = own + self.slack.max(border.slack);
-                others.any(|other| {
-                    !(is_same && other.curve == curve) && other.is_near(chord.middle, slack)
-                })
-            })
+                let slack = self.slack.max(border.slack);
+                let others = border.stretches.iter();
+                let others = others.filter(move |other| {
+                    !(is_same && other.curve == stretch.curve) && stretch.may_meet(other, slack)
+                });
+                others.map(move |other| (other, slack))
+            });
+            let near: Vec<_> = near.collect();
+            let meets = |chord: &Chord| {
+                let own = chord.length() * NEAR[0];
+                let mut others = near.iter();
+                others.any(|(other, slack)| other.is_near(chord.middle, own + slack))
+            };
+            let long = stretch.chords.iter().filter(|chord| self.is_long(chord));
+            let alone = long.filter(|chord| !meets(chord));
+            alone.map(Chord::length).sum::<f64>()
         };
-        self.long()
-            .filter(|(chord, curve)| !meets(chord, *curve))
-            .map(|(chord, _)| chord.length())
-            .sum()
+        self.stretches.iter().map(open).sum()
     }
 }
 

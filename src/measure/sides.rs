@@ -70,26 +70,19 @@ pub(super) fn outsides(
     is_closed.then_some(sides)
 }
 
-/// Points inside a face, spread over it (Halton's sequence).
+/// Steps that spread points evenly, and never onto the even shares where surfaces have folds:
+/// powers of the root of `x^3 = x + 1` (Roberts's sequence).
+const STEPS: DVec2 = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_2);
+
+/// Points inside a face, spread over it.
 fn points(face: &Face) -> Vec<DVec2> {
     let surface = &face.patch.surface;
     let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
     let region = face.patch.region();
     let place = |k: usize| {
-        let share = DVec2::new(inverse(k, 2), inverse(k, 3));
+        let share = (STEPS * k as f64).fract();
         DVec2::new(u.start, v.start) + share * DVec2::new(u.end - u.start, v.end - v.start)
     };
     let inside = |uv: &DVec2| region.as_ref().is_none_or(|region| region.contains(*uv));
     (1..=TRIES).map(place).filter(inside).take(POINTS).collect()
-}
-
-/// The digits of a number behind the point, in turned order.
-fn inverse(mut k: usize, base: usize) -> f64 {
-    let (mut result, mut share) = (0.0, 1.0);
-    while k > 0 {
-        share /= base as f64;
-        result += share * (k % base) as f64;
-        k /= base;
-    }
-    result
 }

@@ -11,6 +11,9 @@ pub(super) const ACCURACY: f64 = 1e-8;
 /// Parts of each piece of a trim curve that are searched for an extreme point.
 const PARTS: usize = 16;
 
+/// How far beside a loop is inside or outside, as a share of the domain.
+const ASIDE: f64 = 1e-6;
+
 /// Halvings of such a part.
 const STEPS: usize = 50;
 
@@ -33,7 +36,7 @@ pub(super) fn bounds(patch: &Patch) -> Aabb {
                 bounds = bounds.including(start).including(end);
             }
         }
-        Some(_) => along_loops(patch, &mut bounds),
+        Some(region) => along_loops(patch, region, &mut bounds),
     }
     let pieces = surface.bezier_pieces();
     for axis in 0..3 {
@@ -54,12 +57,15 @@ pub(super) fn bounds(patch: &Patch) -> Aabb {
     bounds
 }
 
-/// Adds the extreme points of the loops.
-fn along_loops(patch: &Patch, bounds: &mut Aabb) {
+/// Adds the extreme points of the loops, but for sides that two of them share: both sides of these are
+/// outside, or inside.
+fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
     let surface = &patch.surface;
     let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
     let corners = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
+    let size = corners[1] - corners[0];
     let closed = surface.closed();
+    let is_alone = patch.loops.len() == 1;
     for trim in &patch.loops {
         for shift in shifts(trim, corners, closed) {
             for curve in trim.segments().iter().flat_map(Curve::bezier_pieces) {
@@ -68,7 +74,15 @@ fn along_loops(patch: &Patch, bounds: &mut Aabb) {
                 let step = (domain.end - domain.start) / PARTS as f64;
                 for k in 0..PARTS {
                     let from = domain.start + step * k as f64;
-                    along(&on, [from, from + step], bounds);
+                    let divides = |share: &f64| {
+                        let at = curve.derivatives(from + step * share);
+                        let way = (at.first / size).perp().normalize_or_zero() * ASIDE;
+                        let [a, b] = [1.0, -1.0].map(|sign| at.point + shift + way * size * sign);
+                        region.contains(a) != region.contains(b)
+                    };
+                    if is_alone || [0.01, 0.5, 0.99].iter().any(divides) {
+                        along(&on, [from, from + step], bounds);
+                    }
                 }
             }
         }

@@ -86,10 +86,10 @@ impl Piece {
             points: [DVec4::ZERO; MAX_DEGREE + 1],
             slopes: [DVec4::ZERO; MAX_DEGREE + 1],
         };
-        let mut work = [DVec4::ZERO; MAX_DEGREE + 1];
-        for i in 0..=p {
-            work[..=q].copy_from_slice(&self.points[i * (q + 1)..(i + 1) * (q + 1)]);
-            [row.points[i], row.slopes[i]] = casteljau(&mut work[..=q], t);
+        let basis = Basis::at(q, t);
+        for (i, points) in self.points.chunks_exact(q + 1).enumerate().take(p + 1) {
+            row.points[i] = sum(points, &basis.values);
+            row.slopes[i] = sum(points, &basis.slopes);
         }
         row
     }
@@ -97,10 +97,10 @@ impl Piece {
     /// The point at `s` of a row, about the origin, and the normal there, as long as its area.
     pub(super) fn at(&self, row: &Row, s: f64) -> (DVec3, DVec3) {
         let p = self.degrees[0];
-        let mut work = row.points;
-        let [h, hs] = casteljau(&mut work[..=p], s);
-        let mut work = row.slopes;
-        let [ht, _] = casteljau(&mut work[..=p], s);
+        let basis = Basis::at(p, s);
+        let h = sum(&row.points[..=p], &basis.values);
+        let hs = sum(&row.points[..=p], &basis.slopes);
+        let ht = sum(&row.slopes[..=p], &basis.values);
         let point = h.truncate() / h.w;
         let along_s = (hs.truncate() - point * hs.w) / h.w;
         let along_t = (ht.truncate() - point * ht.w) / h.w;
@@ -207,16 +207,40 @@ impl Piece {
     }
 }
 
-/// Value and derivative of a Bézier form; `points` are used up.
-fn casteljau(points: &mut [DVec4], t: f64) -> [DVec4; 2] {
-    let degree = points.len() - 1;
-    for level in 1..degree {
-        for k in 0..=degree - level {
-            points[k] = points[k] + (points[k + 1] - points[k]) * t;
+/// The Bernstein polynomials of a degree at some place, and their derivatives.
+struct Basis {
+    values: [f64; MAX_DEGREE + 1],
+    slopes: [f64; MAX_DEGREE + 1],
+}
+
+impl Basis {
+    fn at(degree: usize, t: f64) -> Self {
+        let mut values = [0.0; MAX_DEGREE + 1];
+        let mut slopes = [0.0; MAX_DEGREE + 1];
+        values[0] = 1.0;
+        for level in 1..=degree {
+            if level == degree {
+                let mut before = 0.0;
+                for k in 0..=degree {
+                    slopes[k] = degree as f64 * (before - values[k]);
+                    before = values[k];
+                }
+            }
+            let mut saved = 0.0;
+            for value in &mut values[..=level] {
+                let own = *value;
+                *value = saved + own * (1.0 - t);
+                saved = own * t;
+            }
         }
+        Self { values, slopes }
     }
-    let step = points[1] - points[0];
-    [points[0] + step * t, step * degree as f64]
+}
+
+/// Points with a factor for each.
+fn sum(points: &[DVec4], factors: &[f64]) -> DVec4 {
+    let pairs = points.iter().zip(factors);
+    pairs.fold(DVec4::ZERO, |sum, (point, factor)| sum + *point * *factor)
 }
 
 #[cfg(test)]

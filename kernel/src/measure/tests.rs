@@ -41,6 +41,20 @@ fn circle(center: DVec2, radius: f64, turns: f64) -> TrimLoop {
 }
 
 #[test]
+fn sides_that_loops_share_are_not_in_the_box() {
+    // The face, less the lower left part of it.
+    let [whole, part] = [1.0, 0.4].map(|u| TrimLoop::border(&(0.0..u), &(0.0..1.0)).unwrap());
+    let mut patch = Patch::from(square());
+    patch.loops = vec![whole, part];
+    let bounds = patch.bounds();
+    assert!((bounds.min.x - 1.2).abs() < 1e-9, "{bounds:?}");
+    assert!((bounds.max.x - 3.0).abs() < 1e-9, "{bounds:?}");
+    assert_eq!((bounds.min.y, bounds.max.y), (0.0, 2.0));
+    let area = Integrals::of(&patch, DVec3::ZERO).area();
+    assert!((area - 3.6).abs() < 1e-12, "{area}");
+}
+
+#[test]
 fn trimmed_planes_have_the_area_inside() {
     let outer = circle(DVec2::new(0.52, 0.45), 0.41, 1.0);
     let hole = circle(DVec2::new(0.5, 0.5), 0.2, 1.0);

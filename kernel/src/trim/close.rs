@@ -20,7 +20,7 @@ const WIDE_GAP: f64 = 1e-2;
 const ROUNDING: f64 = 1e-8;
 
 /// What lies this share of a period beyond the border of a domain lies in it.
-const NEAR: f64 = 1e-9;
+pub(super) const NEAR: f64 = 1e-9;
 
 /// Parts of a loop no wider than this share of a range are rounding: curves laid onto surfaces
 /// are no more accurate.
@@ -97,32 +97,22 @@ pub fn close(
     if let (Some(path), Some(_)) = (around_u.first(), around_v.first()) {
         return Err(closer.gap(path));
     }
-    let mut inverted = false;
-    for (axis, paths) in open.into_iter().enumerate() {
-        let paths: Vec<_> = paths
-            .iter()
-            .map(|path| closer.leveled(path, 1 - axis))
-            .collect();
-        if !paths.is_empty() {
-            inverted = closer.is_inverted(&paths, axis);
-        }
-        for path in paths {
-            simple.push(closer.completed(path, axis)?);
-        }
+    let has_rings = !around_u.is_empty() || !around_v.is_empty();
+    for (axis, rings) in open.into_iter().enumerate() {
+        closer.add_bands(rings, axis, &mut simple)?;
     }
     let loops: Result<Vec<_>, _> = simple
         .into_iter()
         .map(|path| TrimLoop::new(path, f64::INFINITY))
         .collect();
     let loops = loops?;
-    if orientation == Orientation::Left && !inverted && closer.is_boundless() {
+    if orientation == Orientation::Left && !has_rings && closer.is_boundless() {
         let areas = loops.iter().map(|l| area(l.segments()));
         let largest = areas.max_by(|a, b| a.abs().total_cmp(&b.abs()));
         let is_alone = around(&loops, closer.size, closed);
-        inverted = is_alone && largest.is_some_and(|a| a < 0.0);
-    }
-    if inverted {
-        result.loops.push(TrimLoop::border(&u, &v)?);
+        if is_alone && largest.is_some_and(|a| a < 0.0) {
+            result.loops.push(TrimLoop::border(&u, &v)?);
+        }
     }
     for trim in loops {
         closer.tile(trim, &mut result.loops)?;
@@ -139,11 +129,11 @@ fn around(loops: &[TrimLoop], size: DVec2, closed: [bool; 2]) -> bool {
 }
 
 /// A surface and what there is to know about its domain.
-struct Closer<'a> {
+pub(super) struct Closer<'a> {
     surface: &'a Surface,
-    closed: [bool; 2],
-    start: DVec2,
-    size: DVec2,
+    pub(super) closed: [bool; 2],
+    pub(super) start: DVec2,
+    pub(super) size: DVec2,
     accuracy: f64,
     orientation: Orientation,
 }
@@ -247,7 +237,7 @@ impl Closer<'_> {
     }
 
     /// The whole periods nearest to a difference, in parameters.
-    fn periods(&self, difference: DVec2) -> DVec2 {
+    pub(super) fn periods(&self, difference: DVec2) -> DVec2 {
         let along = |axis: usize| {
             let share = difference[axis] / self.size[axis];
             if self.closed[axis] {
@@ -343,103 +333,6 @@ impl Closer<'_> {
         nearest::pole(self.surface, axis, side, self.accuracy).is_some()
     }
 
-    /// Whether the part of the domain next to the lower border, which an even number of
-    /// loops around it leave out, belongs to the face, or the other way round.
-    fn is_inverted(&self, paths: &[Vec<Curve<DVec2>>], axis: usize) -> bool {
-        let other = 1 - axis;
-        if paths.len().is_multiple_of(2) && !self.closed[other] {
-            return false;
-        }
-        let mut sorted: Vec<(f64, bool)> = paths
-            .iter()
-            .filter_map(|path| {
-                let forward = path.last()?.end()[axis] > path.first()?.start()[axis];
-                // To the left of u is the larger v, to the left of v the smaller u.
-                Some((mean(path, other), forward == (axis == 0)))
-            })
-            .collect();
-        sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let (mut agree, mut differ) = (0, 0);
-        for (above, (_, wanted)) in sorted.into_iter().enumerate() {
-            let is_inside = above % 2 == 1;
-            *(if is_inside == wanted {
-                &mut agree
-            } else {
-                &mut differ
-            }) += 1;
-        }
-        differ > agree
-    }
-
-    /// A path moved by whole periods along `axis` so that its middle is in the domain.
-    fn leveled(&self, path: &[Curve<DVec2>], axis: usize) -> Vec<Curve<DVec2>> {
-        let periods = ((mean(path, axis) - self.start[axis]) / self.size[axis]).floor();
-        let mut shift = DVec2::ZERO;
-        if self.closed[axis] {
-            shift[axis] = -periods * self.size[axis];
-        }
-        path.iter().map(|curve| moved(curve, shift)).collect()
-    }
-
-    /// The loop around what lies between a path along a whole period and the lower border.
-    fn completed(&self, path: Vec<Curve<DVec2>>, axis: usize) -> Result<Vec<Curve<DVec2>>, Error> {
-        let mut path = self.begun_at_seam(path, axis)?;
-        let (Some(first), Some(last)) = (path.first(), path.last()) else {
-            return Err(Error::EmptyLoop);
-        };
-        let (start, end) = (first.start(), last.end());
-        let corner = |p: DVec2| {
-            let mut corner = p;
-            corner[1 - axis] = self.start[1 - axis];
-            corner
-        };
-        for points in [
-            [end, corner(end)],
-            [corner(end), corner(start)],
-            [corner(start), start],
-        ] {
-            if points[0] != points[1] {
-                path.push(Curve::line(points[0], points[1], 0.0..1.0)?);
-            }
-        }
-        Ok(path)
-    }
-
-    /// A path along a whole period, begun anew where it crosses the seam.
-    fn begun_at_seam(
-        &self,
-        path: Vec<Curve<DVec2>>,
-        axis: usize,
-    ) -> Result<Vec<Curve<DVec2>>, Error> {
-        let (size, near) = (self.size[axis], self.size[axis] * NEAR);
-        let begin = path.first().map_or(0.0, |c| c.start()[axis]) - self.start[axis];
-        if (begin - (begin / size).round() * size).abs() <= near {
-            return Ok(path);
-        }
-        let forward = path.last().map_or(0.0, |c| c.end()[axis]) - self.start[axis] > begin;
-        let seam = self.start[axis]
-            + size
-                * if forward {
-                    (begin / size).ceil()
-                } else {
-                    (begin / size).floor()
-                };
-        let turn = path
-            .last()
-            .zip(path.first())
-            .map(|(a, b)| self.periods(a.end() - b.start()));
-        let (mut before, mut after) = (Vec::new(), Vec::new());
-        for curve in path {
-            for piece in cut(&curve, axis, &[seam])? {
-                let crossed = !after.is_empty() || (piece.start()[axis] - seam).abs() <= near;
-                if crossed { &mut after } else { &mut before }.push(piece);
-            }
-        }
-        let shift = turn.unwrap_or_default();
-        after.extend(before.iter().map(|curve| moved(curve, shift)));
-        Ok(after)
-    }
-
     /// Adds those parts of a loop that lie in the domain after moving it by whole periods.
     fn tile(&self, trim: TrimLoop, loops: &mut Vec<TrimLoop>) -> Result<(), Error> {
         let mut parts = vec![trim];
@@ -499,11 +392,6 @@ pub(super) fn clipped(
         return Ok(None);
     }
     TrimLoop::new(kept, f64::INFINITY).map(Some)
-}
-
-/// The mean of one coordinate of the curves' starts.
-fn mean(path: &[Curve<DVec2>], axis: usize) -> f64 {
-    path.iter().map(|c| c.start()[axis]).sum::<f64>() / path.len() as f64
 }
 
 /// The corners of a box around the control points of curves.

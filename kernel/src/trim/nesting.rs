@@ -17,16 +17,20 @@ pub struct Nest {
 /// Sorts loops into outer ones and holes, in their order.
 ///
 /// What lies inside an odd number of loops lies inside one outer loop and none of its holes.
-/// Loops are taken not to cross each other; of loops that do, each counts as inside another
-/// if most of its curves are.
+/// Loops are taken not to cross each other; of loops that do, or that share sides, the one with less
+/// area counts as inside the other if most of its curves are.
 pub fn nesting(loops: &[TrimLoop]) -> Vec<Nest> {
     let hulls: Vec<_> = loops.iter().map(hull).collect();
     let probes: Vec<_> = loops.iter().map(probes).collect();
+    let areas: Vec<_> = loops.iter().map(|l| l.signed_area().abs()).collect();
+    // No two hold each other.
+    let is_larger = |a: usize, b: usize| areas[a].total_cmp(&areas[b]).then(b.cmp(&a)).is_gt();
     let mut around = vec![Vec::new(); loops.len()];
     for (index, outer) in loops.iter().enumerate() {
         let (min, max) = hulls[index];
-        let meets =
-            |&k: &usize| k != index && hulls[k].0.cmple(max).all() && hulls[k].1.cmpge(min).all();
+        let meets = |&k: &usize| {
+            is_larger(index, k) && hulls[k].0.cmple(max).all() && hulls[k].1.cmpge(min).all()
+        };
         let near: Vec<_> = (0..loops.len()).filter(meets).collect();
         if near.is_empty() {
             continue;
@@ -151,5 +155,16 @@ mod tests {
             .map(TrimLoop::signed_area)
             .sum::<f64>();
         assert!((areas - 50.0).abs() < 1e-12, "{areas}");
+    }
+
+    #[test]
+    fn most_of_a_loop_may_be_a_hole() {
+        // The middles of three of four sides of each are inside the other.
+        let [hole, face] = [0.6, 1.0].map(|v| TrimLoop::border(&(0.0..1.0), &(0.0..v)).unwrap());
+        let nest = Nest {
+            outer: 0,
+            holes: vec![1],
+        };
+        assert_eq!(nesting(&[face, hole]), [nest]);
     }
 }
