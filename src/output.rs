@@ -161,6 +161,12 @@ pub fn write(film: &Film, path: &Path, options: &OutputOptions) -> io::Result<()
     replace_file(path, |file| (format.write)(film, options, file))
 }
 
+/// The folder of a file.
+pub fn folder(path: &Path) -> &Path {
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
 /// Writes a file under a temporary name beside its place and renames it when it is complete.
 ///
 /// # Errors

@@ -9,7 +9,7 @@ use anyhow::{Context as _, bail};
 use glam::DVec3;
 use nurbray::compare::{self, Candidate, Made, Report, Subject, View, read};
 use nurbray::formats::Limits;
-use nurbray::gltf::{self, Container, Packing};
+use nurbray::gltf::{self, Container, Packing, Source};
 use nurbray::kernel::{Scene, linear_from_srgb};
 use nurbray::{TessellateOptions, Tolerance, output, tessellate};
 
@@ -92,7 +92,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
 
 fn run_here(args: &Args) -> anyhow::Result<Failures> {
     let started = Instant::now();
-    let loaded = args.read.load(&args.cad)?;
+    let bytes = args.read.bytes(&args.cad)?;
+    let source = mesh::source(&args.cad, input::sha256(&bytes));
+    let loaded = args.read.understand(&args.cad, &bytes)?;
+    drop(bytes);
     let import = &loaded.import;
     input::report_warnings(&args.cad, import.format, &import.warnings);
     let scene = &import.scene;
@@ -109,7 +112,7 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         .map(|limit| limit.length(scene))
         .transpose()?;
     let candidates = if args.meshes.is_empty() {
-        own(args, scene)?
+        own(args, scene, &source)?
     } else {
         let open = |path: &PathBuf| foreign(path, scene, &args.read.limits());
         args.meshes
@@ -154,15 +157,14 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     tell(args, &report, started)?;
     let failed = limit.is_some_and(|limit| report.fails(limit));
     Ok(Failures {
-        count: usize::from(failed),
-        code: DIFFERENT,
+        count: 0,
+        code: if failed { DIFFERENT } else { 0 },
     })
 }
 
 /// Our own glTF at every tolerance, read back from the file.
-fn own(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Candidate>> {
+fn own(args: &Args, scene: &Scene, source: &Source) -> anyhow::Result<Vec<Candidate>> {
     let mut candidates = Vec::new();
-    let source = mesh::source(&args.cad)?;
     for (distance, number) in args.tolerance.iter().zip(1..) {
         let started = Instant::now();
         let options = TessellateOptions {
@@ -173,7 +175,7 @@ fn own(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Candidate>> {
         let export = gltf::write(
             scene,
             &triangles,
-            &source,
+            source,
             (Container::Binary, Packing::default()),
             "mesh",
         )?;

@@ -8,7 +8,6 @@ use nurbray::gltf::{self, Packing, Source};
 use nurbray::kernel::{Camera, Scene};
 use nurbray::{FaceMesh, Screen, TessellateOptions, Tessellation, Tolerance};
 use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
 
 /// How surfaces become triangles.
 #[derive(Clone, Debug, clap::Args)]
@@ -162,21 +161,15 @@ impl MeshArgs {
 }
 
 /// Name and hash of a file; standard input has neither.
-pub(super) fn source(path: &Path) -> anyhow::Result<Source> {
+pub(super) fn source(path: &Path, sha256: String) -> Source {
     if path == Path::new("-") {
-        return Ok(Source::default());
+        return Source::default();
     }
-    let name = path
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
-    let mut file = std::fs::File::open(path).with_context(|| path.display().to_string())?;
-    let mut hash = Sha256::new();
-    std::io::copy(&mut file, &mut hash).with_context(|| path.display().to_string())?;
-    let hash = hash.finalize();
-    let sha256 = hash.iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(Source { name, sha256 })
+    let name = path.file_name().unwrap_or_default();
+    Source {
+        name: name.to_string_lossy().into_owned(),
+        sha256,
+    }
 }
 
 /// What there is to say about triangles whose points are moved by up to `rounding` afterwards.

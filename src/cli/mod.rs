@@ -67,7 +67,7 @@ const FAILED: u8 = 2;
 /// Exit code when some files of a batch were converted and others were not.
 const PARTLY: u8 = 3;
 
-/// The files that a command failed on, and the exit code if there are any.
+/// How many files a command failed on, and its exit code.
 struct Failures {
     count: usize,
     code: u8,
@@ -75,10 +75,8 @@ struct Failures {
 
 impl From<usize> for Failures {
     fn from(count: usize) -> Self {
-        Self {
-            count,
-            code: FAILED,
-        }
+        let code = if count > 0 { FAILED } else { 0 };
+        Self { count, code }
     }
 }
 
@@ -95,7 +93,6 @@ pub(crate) fn run() -> ExitCode {
         Command::Volume(args) => volume::run(&args).map(Failures::from),
     };
     match result {
-        Ok(Failures { count: 0, .. }) => ExitCode::SUCCESS,
         Ok(Failures { count, code }) => {
             if count > 1 {
                 eprintln!("nurbray: {count} files failed");

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
-use nurbray::formats::{Export, Limits, PointBody, PointFormat, PointSet, open_points};
+use nurbray::formats::{Export, Limits, PointBody, PointFormat, PointSet, read_points};
 use nurbray::gltf::Source;
 use nurbray::kernel::modelling::{Along, Spacing, Twist};
 use nurbray::kernel::{MAX_DEGREE, Unit};
@@ -23,7 +23,7 @@ use super::mesh::{self, MeshArgs};
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// File with points
+    /// File with points; - reads standard input
     #[arg(required_unless_present = "synthetic", conflicts_with = "synthetic")]
     data: Option<PathBuf>,
     /// File to write; its ending chooses the format: one of those of convert, or .csv, .json or
@@ -264,9 +264,14 @@ impl Args {
     /// The points, what they are from, and a name for messages.
     fn points(&self) -> anyhow::Result<(PointSet, Source, PathBuf)> {
         if let Some(data) = &self.data {
-            let set =
-                open_points(data, &Limits::default()).with_context(|| input::display(data))?;
-            return Ok((set, mesh::source(data)?, data.clone()));
+            let limits = Limits::default();
+            let bytes =
+                input::read_bytes(data, limits.bytes).with_context(|| input::display(data))?;
+            let extension = data.extension().map(|e| e.to_string_lossy().to_lowercase());
+            let set = read_points(&bytes, extension.as_deref(), &limits)
+                .with_context(|| input::display(data))?;
+            let origin = mesh::source(data, input::sha256(&bytes));
+            return Ok((set, origin, data.clone()));
         }
         let mut set = PointSet {
             unit: Some(LengthUnit::Mm.unit()),
@@ -326,6 +331,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         );
     }
     let (mut set, origin, source) = args.points()?;
+    let inputs = args.data.as_slice();
     input::report_warnings(&source, set.format, &set.warnings);
     select(&mut set, args).with_context(|| input::display(&source))?;
     if let (None, Some(write)) = (target, points_as) {
@@ -333,6 +339,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             bytes: write(&set),
             ..Export::default()
         };
+        input::check_apart(&convert::outputs(path, &export), inputs)?;
         convert::store(path, &export)?;
         eprintln!("{} -> {}", input::display(&source), path.display());
         return Ok(0);
@@ -345,6 +352,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let scene = &modelled.scene;
     let (export, _) = convert::export(scene, target, path, &args.mesh, &origin)?;
     input::report_warnings(path, target.name(), &export.warnings);
+    input::check_apart(&convert::outputs(path, &export), inputs)?;
     convert::store(path, &export)?;
     eprintln!(
         "{} -> {}: {} bodies, {} patches",

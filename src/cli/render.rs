@@ -37,7 +37,7 @@ pub(super) struct Args {
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Picture to write, .png or .exr; {stem} stands for the input's name without its ending,
-    /// {frame} for the number of the frame in four digits
+    /// {ext} for that ending, {frame} for the number of the frame in four digits
     #[arg(short, long, value_name = "OUT", required_unless_present = "sheet")]
     output: Option<String>,
     /// One picture of all files instead: small ones side by side, with their names
@@ -237,10 +237,13 @@ fn thumbnail(args: &Args, file: &Path, size: (u32, u32)) -> anyhow::Result<Optio
 /// The picture of each file; no two may be the same.
 fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
     let output = args.output.as_deref().unwrap_or_default();
-    let target = |file: &PathBuf| PathBuf::from(output.replace("{stem}", &input::stem(file)));
+    let target = |file: &PathBuf| PathBuf::from(input::named(output, file));
     let targets: Vec<_> = args.files.iter().map(target).collect();
-    let pairs = args.files.iter().map(PathBuf::as_path);
-    input::check_distinct(pairs.zip(targets.iter().map(PathBuf::as_path)))?;
+    let pairs = args.files.iter().zip(&targets);
+    let pairs: Vec<_> = pairs.map(|(a, b)| (a.as_path(), b.as_path())).collect();
+    if let Some(clash) = input::clashes(&pairs).into_iter().flatten().next() {
+        bail!("{clash}");
+    }
     for target in &targets {
         if output::picture_format(target).is_none() {
             bail!("{}: {ENDINGS}", target.display());
@@ -371,9 +374,8 @@ fn render_scene(
     let data = holds_data && !output.aovs.is_empty();
     let shot = shot(args, loaded, file, args.size.unwrap_or(SIZE), data)?;
     let started = Instant::now();
-    if let Some(folder) = target.parent().filter(|f| !f.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    }
+    let folder = output::folder(target);
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     output::write(&shot.film, target, output).with_context(|| target.display().to_string())?;
     eprintln!("{}", shot.sentence(file, target));
     Ok(shot.json(file, target, started.elapsed()))
