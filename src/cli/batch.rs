@@ -15,6 +15,7 @@ use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::input::{Beside, Named, sha256};
+use super::say::say;
 
 /// How often is looked whether a signal has come.
 const PAUSE: Duration = Duration::from_millis(20);
@@ -74,7 +75,7 @@ impl Stop {
                     }
                     process::exit(128 + i32::try_from(got).unwrap_or_default());
                 }
-                eprintln!(
+                say!(
                     "nurbray: stopping when the files that are being converted are done; \
                      a second signal stops at once"
                 );

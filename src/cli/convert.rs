@@ -18,6 +18,8 @@ use serde_json::{Map, Value, json};
 use super::batch::{self, Fate, Stop};
 use super::input::{self, Beside, Loaded, ReadArgs};
 use super::mesh::{self, MeshArgs, Shard};
+use super::parse;
+use super::say::say;
 use super::{FAILED, Failures, PARTLY};
 
 /// Turns files of one format into another
@@ -60,7 +62,7 @@ pub(super) struct Args {
 #[derive(Clone, Copy, Debug, clap::Args)]
 struct BatchArgs {
     /// Files converted at the same time; 0 is one for each core
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = parse::threads)]
     jobs: usize,
     /// Skip files that an earlier run with --resume finished with the same options, if source,
     /// files that it names and outputs are as they were, as a .done file beside each output tells
@@ -109,6 +111,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
         let own = numbered.filter(|(number, _)| number % count == index);
         jobs = own.map(|(_, job)| job).collect();
     }
+    if jobs.iter().all(|job| !job.target.has_triangles()) {
+        args.mesh.warn_unused(&args.output);
+    }
     let json = args.json || args.log == Log::Json;
     let folder = |job: &Job| output::folder(&job.path).to_owned();
     let mut folders: Vec<_> = jobs.iter().map(folder).collect();
@@ -121,7 +126,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
             Fate::Left
         } else {
             convert(job, args, &stop, &mut row).unwrap_or_else(|error| {
-                eprintln!("nurbray: {error:#}");
+                say!("nurbray: {error:#}");
                 row.insert("error".to_owned(), format!("{error:#}").into());
                 Fate::Failed
             })
@@ -137,8 +142,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
     let result = batch::run(&jobs, args.batch.jobs, work)?;
     match result.left {
         0 => {}
-        1 => eprintln!("nurbray: stopped; 1 file is left"),
-        left => eprintln!("nurbray: stopped; {left} files are left"),
+        1 => say!("nurbray: stopped; 1 file is left"),
+        left => say!("nurbray: stopped; {left} files are left"),
     }
     let count = result.failed;
     let code = match count + result.left {
@@ -269,7 +274,7 @@ fn convert(job: &Job, args: &Args, stop: &Stop, row: &mut Row) -> anyhow::Result
     if let Some(record) = &record {
         batch::remove_leftovers(path)?;
         if record.is_done(&args.read.beside(source, &args.read.limits())) {
-            eprintln!("{}: done before", input::display(source));
+            say!("{}: done before", input::display(source));
             row.insert("status".to_owned(), "skipped".into());
             row.insert("output".to_owned(), path.display().to_string().into());
             return Ok(Fate::Done);
@@ -324,7 +329,7 @@ fn write(
     let took = started.elapsed();
     let bytes = export.bytes.len() + export.beside.iter().map(|(_, b)| b.len()).sum::<usize>();
     let patches = scene.patches().len();
-    eprintln!(
+    say!(
         "{} -> {}: {patches} patches, {bytes} bytes, {:.2} s",
         input::display(source),
         path.display(),
@@ -386,8 +391,13 @@ pub(super) fn export(
 
 /// The endings of all formats that are written.
 pub(super) fn endings() -> String {
-    let known = Target::all().flat_map(Target::extensions);
-    let known: Vec<_> = known.map(|e| format!(".{e}")).collect();
+    let mut known: Vec<String> = Vec::new();
+    for extension in Target::all().flat_map(Target::extensions) {
+        let ending = format!(".{extension}");
+        if !known.contains(&ending) {
+            known.push(ending);
+        }
+    }
     known.join(", ")
 }
 

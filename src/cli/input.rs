@@ -7,6 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use super::say::say;
 use anyhow::{Context as _, bail};
 use nurbray::formats::{self, Folder, Import, Limits, NoFiles, ReadOptions, Resolver, Warnings};
 use serde_json::{Value, json};
@@ -209,14 +210,14 @@ pub(super) fn check_apart(outputs: &[PathBuf], inputs: &[PathBuf]) -> anyhow::Re
 pub(super) fn report_warnings(path: &Path, format: &str, warnings: &Warnings) {
     let warnings = warnings.as_slice();
     for warning in warnings.iter().take(WARNINGS_SHOWN) {
-        eprintln!("nurbray: {}: warning: {format} {warning}", display(path));
+        say!("nurbray: {}: warning: {format} {warning}", display(path));
     }
     if let Some(more) = warnings
         .len()
         .checked_sub(WARNINGS_SHOWN)
         .filter(|&more| more > 0)
     {
-        eprintln!(
+        say!(
             "nurbray: {}: {more} more kinds of warnings; 'nurbray info' shows them",
             display(path)
         );

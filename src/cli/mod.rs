@@ -12,6 +12,7 @@ mod model;
 mod parse;
 mod probe;
 mod render;
+mod say;
 mod sheet;
 mod shot;
 mod sizes;
@@ -20,6 +21,8 @@ mod volume;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+
+use self::say::say;
 
 /// Turns NURBS files into exact pictures and numbers, and into each other.
 ///
@@ -95,14 +98,14 @@ pub(crate) fn run() -> ExitCode {
     match result {
         Ok(Failures { count, code }) => {
             if count > 1 {
-                eprintln!("nurbray: {count} files failed");
+                say!("nurbray: {count} files failed");
             }
             ExitCode::from(code)
         }
         // Whoever reads our output has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("nurbray: {error:#}");
+            say!("nurbray: {error:#}");
             ExitCode::from(FAILED)
         }
     }

@@ -14,6 +14,8 @@ use nurbray::{Caps, ModelMethod, ModelOptions, Synthetic, model, synthetic};
 use super::convert;
 use super::input;
 use super::mesh::{self, MeshArgs};
+use super::parse;
+use super::say::say;
 
 /// Makes bodies of measured points: grids, and contours in layers
 ///
@@ -37,7 +39,7 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t = End::Flat)]
     caps: End,
     /// Height of rounded caps; otherwise half the distance of the last two layers
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", value_parser = parse::length)]
     cap_height: Option<f64>,
     /// Bodies of which layers have several contours
     #[arg(long, value_enum, default_value_t = Branches::Refuse)]
@@ -290,7 +292,7 @@ impl Args {
                 ..
             } = self.synthetic;
             let (body, volume) = synthetic(kind, seed, layers as usize, points as usize);
-            eprintln!("{}: the volume is {volume:.6} mm^3", body.name);
+            say!("{}: the volume is {volume:.6} mm^3", body.name);
             set.bodies.push(body);
         }
         Ok((set, Source::default(), PathBuf::from("synthetic")))
@@ -330,6 +332,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             convert::endings()
         );
     }
+    if target.is_none_or(|target| !target.has_triangles()) {
+        args.mesh.warn_unused(&path.display().to_string());
+    }
     let (mut set, origin, source) = args.points()?;
     let inputs = args.data.as_slice();
     input::report_warnings(&source, set.format, &set.warnings);
@@ -341,7 +346,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         };
         input::check_apart(&convert::outputs(path, &export), inputs)?;
         convert::store(path, &export)?;
-        eprintln!("{} -> {}", input::display(&source), path.display());
+        say!("{} -> {}", input::display(&source), path.display());
         return Ok(0);
     }
     let Some(target) = target else {
@@ -354,7 +359,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     input::report_warnings(path, target.name(), &export.warnings);
     input::check_apart(&convert::outputs(path, &export), inputs)?;
     convert::store(path, &export)?;
-    eprintln!(
+    say!(
         "{} -> {}: {} bodies, {} patches",
         input::display(&source),
         path.display(),
