@@ -280,6 +280,35 @@ fn probe_finds_the_hits_of_a_sphere() {
 }
 
 #[test]
+fn probe_takes_directions_of_any_length() {
+    let place = Place::new();
+    let mut input = String::from("\u{feff}ox,oy,oz,dx,dy,dz\n");
+    let expected = 5.0 - 0.9_f64.sqrt();
+    let lengths = [1.0, 1e-290, 1e-161, 1e-80, 1e80, 1e161, 1e290];
+    for length in lengths {
+        writeln!(input, "-2.2,0.3,5,0,0,{:e}", -length).unwrap();
+    }
+    let line = "probe samples/sphere_torus.x3d --rays -";
+    let run = place.run_with(line, input.as_bytes());
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
+    let rows = rows(&run.stdout);
+    assert_eq!(rows.len(), lengths.len());
+    for (row, length) in rows.iter().zip(lengths) {
+        let [t] = numbers(&row[1..2]);
+        assert!((t * length - expected).abs() < 1e-12, "{row:?}");
+    }
+    // A byte order mark before numbers.
+    let run = place.run_with(line, "\u{feff}-2.2,0.3,5,0,0,-1\n".as_bytes());
+    assert_eq!(run.stdout.lines().count(), 2, "{}", run.stderr);
+    let run = place.run_with(&format!("{line} --certify"), input.as_bytes());
+    for (row, length) in self::rows(&run.stdout).iter().zip(lengths) {
+        let [low, high] = numbers(&row[2..4]);
+        assert_eq!(row[1], "hit");
+        assert!(low * length <= expected + 1e-12 && high * length >= expected - 1e-12);
+    }
+}
+
+#[test]
 fn probe_evaluates_surfaces() {
     let place = Place::new();
     let input = "0,0.1,0.3\n0,0.6,0.8\n2,0.2,0.7\n";
@@ -324,6 +353,8 @@ fn bad_rows_are_named() {
         ("probe samples/teapot.obj --rays -", "0,5,0,0,-1,inf\n"),
         ("probe samples/teapot.obj --rays -", "0,5,0,0,-1,0,7\n"),
         ("probe samples/teapot.obj --rays -", "0,5,0,0,0,0\n"),
+        ("probe samples/teapot.obj --rays -", "nan,5,0,0,-1,0\n"),
+        ("probe samples/teapot.obj --rays -", "0,5,0,0,-1e305,0\n"),
         (
             "probe samples/teapot.obj --uv -",
             "# a comment\n32,0.5,0.5\n",
