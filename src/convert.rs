@@ -91,6 +91,11 @@ impl Target {
         found.map(Self::Triangles)
     }
 
+    /// Whether surfaces become triangles.
+    pub fn has_triangles(self) -> bool {
+        matches!(self, Self::Triangles(_))
+    }
+
     /// Name in messages and on the command line.
     pub fn name(self) -> &'static str {
         match self {

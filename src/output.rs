@@ -1,8 +1,9 @@
 //! From film to file: encoding happens here only.
 
 use std::fs::File;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::{fmt, fs};
 
 use exr::block::writer::ChunksWriter;
@@ -161,7 +162,31 @@ pub fn write(film: &Film, path: &Path, options: &OutputOptions) -> io::Result<()
     replace_file(path, |file| (format.write)(film, options, file))
 }
 
+/// The folder of a file.
+pub fn folder(path: &Path) -> &Path {
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
+/// The longest file name, in bytes, that file systems take.
+const LONGEST_NAME: usize = 255;
+
+/// The name, beside a file, under which it is written: `NAME.PROCESS.part`.
+fn temporary(path: &Path) -> PathBuf {
+    let end = format!(".{}.part", std::process::id());
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    if name.len() + end.len() > LONGEST_NAME {
+        // Something short that belongs to this name alone.
+        let mut hash = DefaultHasher::new();
+        name.hash(&mut hash);
+        name = format!("{:016x}", hash.finish()).into();
+    }
+    name.push(end);
+    path.with_file_name(name)
+}
+
 /// Writes a file under a temporary name beside its place and renames it when it is complete.
+/// Pipes and devices are written into.
 ///
 /// # Errors
 /// If the file cannot be written; nothing is left behind then.
@@ -169,15 +194,17 @@ pub fn replace_file(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    let temporary = path.with_file_name(name);
-    let written = File::create(&temporary).and_then(|file| {
-        let mut file = BufWriter::new(file);
+    let write = |path: &Path| {
+        let mut file = BufWriter::new(File::create(path)?);
         fill(&mut file)?;
-        file.flush()?;
-        fs::rename(&temporary, path)
-    });
+        file.flush()
+    };
+    let is_special = |found: fs::Metadata| !found.is_file() && !found.is_dir();
+    if fs::metadata(path).is_ok_and(is_special) {
+        return write(path);
+    }
+    let temporary = temporary(path);
+    let written = write(&temporary).and_then(|()| fs::rename(&temporary, path));
     if written.is_err() {
         // The error that stopped the writing is the one to tell.
         let _ = fs::remove_file(&temporary);

@@ -46,6 +46,12 @@ const MISTAKES: &[&str] = &[
     "render samples/teapot.obj -o t.png --eye 1,2",
     "render samples/teapot.obj -o t.png --eye 1,2,3 --target 1,2,3",
     "render samples/teapot.obj -o t.png --background pink",
+    "render samples/goblet.x3d -o t.png --camera RIM --fov 20",
+    "render samples/goblet.x3d -o t.png --camera RIM --up 1,0,0",
+    "render samples/goblet.x3d -o t.png --time nan",
+    "render samples/goblet.x3d -o t.png --threads 100000",
+    "render samples/goblet.x3d -o t.png --method newton-map --write-map m.jpg",
+    "render samples/goblet.x3d --sheet s.png --bits 16",
     "render samples/teapot.obj -o t.png --method magic",
     "render samples/teapot.obj -o t.png --shading none",
     "render samples/teapot.obj -o t.exr --aov colour",
@@ -54,6 +60,7 @@ const MISTAKES: &[&str] = &[
     "convert samples/teapot.obj -o teapot.doc",
     "convert samples/teapot.obj samples/goblet.x3d -o one.igs",
     "convert samples/two_surfaces.igs -o samples/two_surfaces.igs",
+    "convert samples/two_surfaces.igs -o t.x3d --jobs 100000",
     "convert samples/broken/obj_wrong_control_count.obj -o t.igs",
     "info samples/teapot.mtl",
     "probe samples/teapot.obj",
@@ -63,6 +70,7 @@ const MISTAKES: &[&str] = &[
     "model samples/phantom.dcm -o phantom.doc",
     "model samples/phantom.dcm -o phantom.x3d --opacity Nobody=0.5",
     "model samples/phantom.dcm -o phantom.x3d --opacity 2",
+    "model samples/phantom.dcm -o phantom.x3d --caps rounded --cap-height nan",
     "model samples/phantom.dcm -o phantom.x3d --method interpolate",
     "model samples/teapot.mtl -o teapot.x3d",
     "volume",
@@ -272,6 +280,35 @@ fn probe_finds_the_hits_of_a_sphere() {
 }
 
 #[test]
+fn probe_takes_directions_of_any_length() {
+    let place = Place::new();
+    let mut input = String::from("\u{feff}ox,oy,oz,dx,dy,dz\n");
+    let expected = 5.0 - 0.9_f64.sqrt();
+    let lengths = [1.0, 1e-290, 1e-161, 1e-80, 1e80, 1e161, 1e290];
+    for length in lengths {
+        writeln!(input, "-2.2,0.3,5,0,0,{:e}", -length).unwrap();
+    }
+    let line = "probe samples/sphere_torus.x3d --rays -";
+    let run = place.run_with(line, input.as_bytes());
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
+    let rows = rows(&run.stdout);
+    assert_eq!(rows.len(), lengths.len());
+    for (row, length) in rows.iter().zip(lengths) {
+        let [t] = numbers(&row[1..2]);
+        assert!((t * length - expected).abs() < 1e-12, "{row:?}");
+    }
+    // A byte order mark before numbers.
+    let run = place.run_with(line, "\u{feff}-2.2,0.3,5,0,0,-1\n".as_bytes());
+    assert_eq!(run.stdout.lines().count(), 2, "{}", run.stderr);
+    let run = place.run_with(&format!("{line} --certify"), input.as_bytes());
+    for (row, length) in self::rows(&run.stdout).iter().zip(lengths) {
+        let [low, high] = numbers(&row[2..4]);
+        assert_eq!(row[1], "hit");
+        assert!(low * length <= expected + 1e-12 && high * length >= expected - 1e-12);
+    }
+}
+
+#[test]
 fn probe_evaluates_surfaces() {
     let place = Place::new();
     let input = "0,0.1,0.3\n0,0.6,0.8\n2,0.2,0.7\n";
@@ -316,6 +353,8 @@ fn bad_rows_are_named() {
         ("probe samples/teapot.obj --rays -", "0,5,0,0,-1,inf\n"),
         ("probe samples/teapot.obj --rays -", "0,5,0,0,-1,0,7\n"),
         ("probe samples/teapot.obj --rays -", "0,5,0,0,0,0\n"),
+        ("probe samples/teapot.obj --rays -", "nan,5,0,0,-1,0\n"),
+        ("probe samples/teapot.obj --rays -", "0,5,0,0,-1e305,0\n"),
         (
             "probe samples/teapot.obj --uv -",
             "# a comment\n32,0.5,0.5\n",

@@ -194,3 +194,19 @@ fn what_is_wrong_with_a_mesh_is_named() {
         }
     }
 }
+
+#[test]
+fn a_report_replaces_an_earlier_one() {
+    let place = Place::new();
+    let line = "compare samples/goblet.x3d -o report --size 32x24 --samples 1 --tolerance";
+    place.run(&format!("{line} 2%,1%"));
+    assert!(place.path("report/mesh2.glb").is_file());
+    assert!(place.path("report/mesh2-flip.png").is_file());
+    fs::write(place.path("report/mesh2-notes.txt"), "mine").unwrap();
+    let run = place.run(&format!("{line} 2%"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let names = fs::read_dir(place.path("report")).unwrap();
+    let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let second: Vec<_> = names.filter(|name| name.starts_with("mesh2")).collect();
+    assert_eq!(second, ["mesh2-notes.txt"]);
+}

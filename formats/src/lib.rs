@@ -276,7 +276,10 @@ fn describe(bytes: &[u8]) -> String {
 }
 
 /// All bytes of `source`, or an error if there are more than `limit`.
-fn read_within(source: impl io::Read, limit: usize) -> io::Result<Vec<u8>> {
+///
+/// # Errors
+/// If the source cannot be read or holds more.
+pub fn read_within(source: impl io::Read, limit: usize) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     source.take(limit as u64 + 1).read_to_end(&mut bytes)?;
     if bytes.len() > limit {
@@ -318,6 +321,10 @@ impl Resolver for Folder<'_> {
         let path = base.join(name).canonicalize()?;
         if !path.starts_with(root.canonicalize()?) {
             return Err(denied("the name leads out of the folder"));
+        }
+        // A pipe or a device might wait for ever.
+        if !path.is_file() {
+            return Err(denied("not a regular file"));
         }
         read_within(fs::File::open(path)?, self.limits.bytes)
     }

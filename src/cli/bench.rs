@@ -13,6 +13,7 @@ use nurbray::{Accelerator, RenderOptions};
 
 use super::input::{self, ReadArgs};
 use super::parse;
+use super::say::say;
 
 /// Where the scenes are that are measured if none is named.
 const SCENES: &str = "samples/methods";
@@ -100,7 +101,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             Ok(measured) => rows.extend(measured),
             Err(error) => {
                 failed += 1;
-                eprintln!("nurbray: {error:#}");
+                say!("nurbray: {error:#}");
             }
         }
     }
@@ -153,7 +154,7 @@ fn measure_file(
         match choice.check(scene) {
             Ok(()) => running.push((choice, Vec::new(), None)),
             Err(refusal) => {
-                eprintln!("nurbray: {}: {refusal}", input::display(file));
+                say!("nurbray: {}: {refusal}", input::display(file));
                 rows.push(Row {
                     scene: stem.clone(),
                     method: choice.to_string(),

@@ -9,13 +9,14 @@ use anyhow::{Context as _, bail};
 use glam::DVec3;
 use nurbray::compare::{self, Candidate, Made, Report, Subject, View, read};
 use nurbray::formats::Limits;
-use nurbray::gltf::{self, Container, Packing};
+use nurbray::gltf::{self, Container, Packing, Source};
 use nurbray::kernel::{Scene, linear_from_srgb};
 use nurbray::{TessellateOptions, Tolerance, output, tessellate};
 
 use super::input::{self, ReadArgs};
 use super::mesh::{self, Distance};
 use super::parse;
+use super::say::{say, visible};
 use super::{DIFFERENT, Failures};
 
 /// Compares exact surfaces with meshes, in numbers and pictures
@@ -59,7 +60,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
     samples: u32,
     /// Threads; 0 uses every core
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::threads)]
     threads: usize,
     #[command(flatten, next_help_heading = "Reading")]
     read: ReadArgs,
@@ -92,7 +93,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
 
 fn run_here(args: &Args) -> anyhow::Result<Failures> {
     let started = Instant::now();
-    let loaded = args.read.load(&args.cad)?;
+    let bytes = args.read.bytes(&args.cad)?;
+    let source = mesh::source(&args.cad, input::sha256(&bytes));
+    let loaded = args.read.understand(&args.cad, &bytes)?;
+    drop(bytes);
     let import = &loaded.import;
     input::report_warnings(&args.cad, import.format, &import.warnings);
     let scene = &import.scene;
@@ -108,8 +112,9 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         .fail_above
         .map(|limit| limit.length(scene))
         .transpose()?;
+    remove_earlier(args)?;
     let candidates = if args.meshes.is_empty() {
-        own(args, scene)?
+        own(args, scene, &source)?
     } else {
         let open = |path: &PathBuf| foreign(path, scene, &args.read.limits());
         args.meshes
@@ -154,15 +159,28 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     tell(args, &report, started)?;
     let failed = limit.is_some_and(|limit| report.fails(limit));
     Ok(Failures {
-        count: usize::from(failed),
-        code: DIFFERENT,
+        count: 0,
+        code: if failed { DIFFERENT } else { 0 },
     })
 }
 
+/// Removes meshes of ours from an earlier report, unless they are what is to be compared.
+fn remove_earlier(args: &Args) -> anyhow::Result<()> {
+    let real = |path: &Path| path.canonicalize().ok();
+    let inputs: Vec<_> = args.meshes.iter().filter_map(|path| real(path)).collect();
+    for number in 1.. {
+        let path = args.output.join(format!("mesh{number}.glb"));
+        let Some(found) = real(&path) else { break };
+        if !inputs.contains(&found) {
+            fs::remove_file(&path).with_context(|| path.display().to_string())?;
+        }
+    }
+    Ok(())
+}
+
 /// Our own glTF at every tolerance, read back from the file.
-fn own(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Candidate>> {
+fn own(args: &Args, scene: &Scene, source: &Source) -> anyhow::Result<Vec<Candidate>> {
     let mut candidates = Vec::new();
-    let source = mesh::source(&args.cad)?;
     for (distance, number) in args.tolerance.iter().zip(1..) {
         let started = Instant::now();
         let options = TessellateOptions {
@@ -173,7 +191,7 @@ fn own(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Candidate>> {
         let export = gltf::write(
             scene,
             &triangles,
-            &source,
+            source,
             (Container::Binary, Packing::default()),
             "mesh",
         )?;
@@ -213,7 +231,7 @@ fn foreign(path: &Path, scene: &Scene, limits: &Limits) -> anyhow::Result<Candid
 fn tell(args: &Args, report: &Report, started: Instant) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     if report.unmeasured > 0 {
-        eprintln!(
+        say!(
             "nurbray: {}: {} meshes of the file are shown, but not compared",
             input::display(&args.cad),
             report.unmeasured
@@ -223,23 +241,23 @@ fn tell(args: &Args, report: &Report, started: Instant) -> anyhow::Result<()> {
         writeln!(
             out,
             "{}: {} triangles, {:.4e} to {:.4e} {} apart, {} silhouette pixels, FLIP {:.4}",
-            mesh.name,
+            visible(&mesh.name),
             mesh.triangles,
             mesh.deviation.found(),
             mesh.bound(),
-            report.unit,
+            visible(&report.unit),
             mesh.image.silhouette_pixels,
             mesh.image.flip
         )?;
         for fault in &mesh.faults {
-            writeln!(out, "  {}: {}", fault.kind.name(), fault.text)?;
+            writeln!(out, "  {}: {}", fault.kind.name(), visible(&fault.text))?;
         }
     }
     let page = Path::new(&args.output).join("index.html");
     writeln!(
         out,
         "{} in {:.1} s",
-        page.display(),
+        visible(&page.display().to_string()),
         started.elapsed().as_secs_f64()
     )?;
     Ok(())

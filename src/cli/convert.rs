@@ -1,5 +1,6 @@
 //! `nurbray convert`.
 
+use std::collections::HashSet;
 use std::fs;
 use std::io::{BufWriter, Write as _};
 use std::path::{Component, Path, PathBuf};
@@ -12,11 +13,13 @@ use nurbray::formats::{Export, FORMATS};
 use nurbray::gltf::{Packing, Source};
 use nurbray::kernel::Scene;
 use nurbray::{output, tessellate};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
-use super::batch;
-use super::input::{self, ReadArgs};
+use super::batch::{self, Fate, Stop};
+use super::input::{self, Beside, Loaded, ReadArgs};
 use super::mesh::{self, MeshArgs, Shard};
+use super::parse;
+use super::say::say;
 use super::{FAILED, Failures, PARTLY};
 
 /// Turns files of one format into another
@@ -31,8 +34,8 @@ pub(super) struct Args {
     /// Files to convert, and folders to look for files in; - reads standard input
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// File to write; its ending chooses the format, and {stem} stands for the input's name
-    /// without its ending
+    /// File to write; its ending chooses the format, {stem} stands for the input's name without
+    /// its ending, and {ext} for that ending
     #[arg(short, long, value_name = "OUT")]
     output: String,
     /// Write into this folder, in the same folders below it as the inputs are in
@@ -59,10 +62,10 @@ pub(super) struct Args {
 #[derive(Clone, Copy, Debug, clap::Args)]
 struct BatchArgs {
     /// Files converted at the same time; 0 is one for each core
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = parse::threads)]
     jobs: usize,
-    /// Skip files that an earlier run with --resume finished from the same source with the same
-    /// options, as a .done file beside each output tells
+    /// Skip files that an earlier run with --resume finished with the same options, if source,
+    /// files that it names and outputs are as they were, as a .done file beside each output tells
     #[arg(long)]
     resume: bool,
     /// Convert only part I of N, counted from 0, or with slurm the part of this task of a job
@@ -78,7 +81,8 @@ Examples:
   nurbray convert wing.igs -o wing.glb --tolerance 0.1mm
   nurbray convert parts -o '{stem}.glb' --out-dir meshes --jobs 8 --resume
 
-Exit codes: 0 all files were converted, 2 none was, 3 some were.";
+Exit codes: 0 all files were converted, 2 none was, 3 some were.
+SIGINT or SIGTERM (Ctrl-C) begins no more files; a second one ends the program at once.";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Log {
@@ -92,7 +96,12 @@ struct Job {
     source: PathBuf,
     path: PathBuf,
     target: Target,
+    /// Why it cannot be, if that is known without a look at the file.
+    refused: Option<String>,
 }
+
+/// What there is to say about a file, for machines.
+type Row = Map<String, Value>;
 
 /// Converts every file.
 pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
@@ -102,32 +111,51 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
         let own = numbered.filter(|(number, _)| number % count == index);
         jobs = own.map(|(_, job)| job).collect();
     }
+    if jobs.iter().all(|job| !job.target.has_triangles()) {
+        args.mesh.warn_unused(&args.output);
+    }
     let json = args.json || args.log == Log::Json;
+    let folder = |job: &Job| output::folder(&job.path).to_owned();
+    let mut folders: Vec<_> = jobs.iter().map(folder).collect();
+    folders.sort();
+    folders.dedup();
+    let stop = Stop::listen(folders)?;
     let work = |job: &Job| {
-        let report = convert(job, args);
-        if let Err(error) = &report {
-            eprintln!("nurbray: {error:#}");
-        }
-        let failed = report.is_err();
+        let mut row = Row::new();
+        let fate = if stop.is_asked() {
+            Fate::Left
+        } else {
+            convert(job, args, &stop, &mut row).unwrap_or_else(|error| {
+                say!("nurbray: {error:#}");
+                row.insert("error".to_owned(), format!("{error:#}").into());
+                Fate::Failed
+            })
+        };
         if json {
-            let line = report.unwrap_or_else(|error| {
-                let file = input::display(&job.source);
-                json!({ "file": file, "status": "failed", "error": format!("{error:#}") })
-            });
-            writeln!(std::io::stdout().lock(), "{line}")?;
+            let status = row.entry("status");
+            status.or_insert_with(|| fate.name().into());
+            row.insert("file".to_owned(), input::display(&job.source).into());
+            writeln!(std::io::stdout().lock(), "{}", Value::Object(row))?;
         }
-        Ok(failed)
+        Ok(fate)
     };
     let result = batch::run(&jobs, args.batch.jobs, work)?;
-    if result.left > 0 {
-        eprintln!("nurbray: stopped; {} files are left", result.left);
+    match result.left {
+        0 => {}
+        1 => say!("nurbray: stopped; 1 file is left"),
+        left => say!("nurbray: stopped; {left} files are left"),
     }
-    let count = result.failed + result.left;
-    let code = if count < jobs.len() { PARTLY } else { FAILED };
+    let count = result.failed;
+    let code = match count + result.left {
+        0 => 0,
+        without if without < jobs.len() => PARTLY,
+        _ => FAILED,
+    };
     Ok(Failures { count, code })
 }
 
-/// Every file with its target; no two may be the same.
+/// Every file with its target; those that would be written to one place, or over an input, are
+/// refused.
 fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for given in &args.files {
@@ -155,30 +183,30 @@ fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
                     endings()
                 );
             };
-            if path
-                .canonicalize()
-                .ok()
-                .is_some_and(|path| Some(path) == source.canonicalize().ok())
-            {
-                bail!("{}: the file would be written over itself", path.display());
-            }
             jobs.push(Job {
                 source,
                 path,
                 target,
+                refused: None,
             });
         }
     }
-    input::check_distinct(
-        jobs.iter()
-            .map(|job| (job.source.as_path(), job.path.as_path())),
-    )?;
+    let pair = |job: &Job| (job.source.clone(), job.path.clone());
+    let pairs: Vec<_> = jobs.iter().map(pair).collect();
+    let pairs: Vec<_> = pairs.iter().map(|(a, b)| (&**a, &**b)).collect();
+    let real = |path: &Path| path.canonicalize().ok();
+    let sources: HashSet<_> = pairs.iter().filter_map(|pair| real(pair.0)).collect();
+    for (job, clash) in jobs.iter_mut().zip(input::clashes(&pairs)) {
+        let is_input = real(&job.path).is_some_and(|path| sources.contains(&path));
+        let over = || format!("{}: an input would be written over", job.path.display());
+        job.refused = is_input.then(over).or(clash);
+    }
     Ok(jobs)
 }
 
 /// Where a file goes; `given` is what led to it, itself or a folder.
 fn path(args: &Args, given: &Path, source: &Path) -> PathBuf {
-    let name = args.output.replace("{stem}", &input::stem(source));
+    let name = input::named(&args.output, source);
     let Some(folder) = &args.out_dir else {
         return name.into();
     };
@@ -227,73 +255,102 @@ fn is_known(path: &Path) -> bool {
     extension.is_some_and(has)
 }
 
-/// Converts a file; the result is what there is to say about it.
-fn convert(job: &Job, args: &Args) -> anyhow::Result<Value> {
+/// Converts a file; what there is to say about it goes into `row`.
+fn convert(job: &Job, args: &Args, stop: &Stop, row: &mut Row) -> anyhow::Result<Fate> {
+    let Job { source, path, .. } = job;
+    if let Some(why) = &job.refused {
+        bail!("{why}");
+    }
+    let (read, from) = (args.read.clone(), source.clone());
+    let Some(bytes) = stop.or_wait(move || read.bytes(&from)) else {
+        return Ok(Fate::Left);
+    };
+    let bytes = bytes?;
+    let sha256 = input::sha256(&bytes);
+    let record = args.batch.resume.then(|| {
+        let options = format!("{:?} {:?} {:?}", args.mesh, args.read, job.target.name());
+        batch::Record::new(path, &sha256, &options)
+    });
+    if let Some(record) = &record {
+        batch::remove_leftovers(path)?;
+        if record.is_done(&args.read.beside(source, &args.read.limits())) {
+            say!("{}: done before", input::display(source));
+            row.insert("status".to_owned(), "skipped".into());
+            row.insert("output".to_owned(), path.display().to_string().into());
+            return Ok(Fate::Done);
+        }
+        record.remove()?;
+    }
+    let loaded = args.read.understand(source, &bytes)?;
+    drop(bytes);
+    let export = write(job, args, &loaded, &mesh::source(source, sha256), row)?;
+    if let Some(record) = &record {
+        record.write(&loaded.beside, &export)?;
+    }
+    Ok(Fate::Done)
+}
+
+/// Writes a file that has been read; what there is to say about it goes into `row`.
+fn write(
+    job: &Job,
+    args: &Args,
+    loaded: &Loaded,
+    origin: &Source,
+    row: &mut Row,
+) -> anyhow::Result<Export> {
     let Job {
         source,
         path,
         target,
+        ..
     } = job;
-    let origin = mesh::source(source)?;
-    let record = args.batch.resume.then(|| {
-        let options = format!("{:?} {:?} {:?}", args.mesh, args.read, target.name());
-        batch::Record::new(path, &origin.sha256, &options)
-    });
-    if let Some(record) = &record {
-        batch::remove_leftovers(path)?;
-        if record.is_done() {
-            let file = input::display(source);
-            eprintln!("{file}: done before");
-            return Ok(json!({
-                "file": file,
-                "status": "skipped",
-                "output": path.display().to_string(),
-            }));
-        }
-        record.remove()?;
-    }
-    let loaded = args.read.load(source)?;
-    let import = &loaded.import;
+    let Loaded {
+        import,
+        took: read,
+        beside,
+    } = loaded;
     input::report_warnings(source, import.format, &import.warnings);
+    row.insert("from".to_owned(), import.format.into());
+    row.insert(
+        "warnings".to_owned(),
+        input::warnings_json(&import.warnings),
+    );
     let scene = &import.scene;
     if scene.placement_count() == 0 {
         bail!("{}: there is nothing to convert", input::display(source));
     }
     let started = Instant::now();
-    let (export, mut report) = export(scene, *target, path, &args.mesh, &origin)
+    let (export, report) = export(scene, *target, path, &args.mesh, origin)
         .map_err(|error| error.context(input::display(source)))?;
     input::report_warnings(path, target.name(), &export.warnings);
+    let named = beside.keys().map(|name| Beside::place(source, name));
+    input::check_apart(&outputs(path, &export), &named.collect::<Vec<_>>())?;
     store(path, &export)?;
-    if let Some(record) = &record {
-        record.write()?;
-    }
     let took = started.elapsed();
     let bytes = export.bytes.len() + export.beside.iter().map(|(_, b)| b.len()).sum::<usize>();
     let patches = scene.patches().len();
-    eprintln!(
+    say!(
         "{} -> {}: {patches} patches, {bytes} bytes, {:.2} s",
         input::display(source),
         path.display(),
-        (loaded.took + took).as_secs_f64()
+        (*read + took).as_secs_f64()
     );
     let common = json!({
-        "file": input::display(source),
-        "status": "ok",
         "output": path.display().to_string(),
-        "from": import.format,
         "to": target.name(),
-        "read_s": loaded.took.as_secs_f64(),
+        "read_s": read.as_secs_f64(),
         "write_s": took.as_secs_f64(),
         "patches": patches,
         "meshes": scene.meshes().len(),
         "bytes": bytes,
-        "warnings": input::warnings_json(&import.warnings),
         "left_out": input::warnings_json(&export.warnings),
     });
-    if let (Some(report), Value::Object(common)) = (report.as_object_mut(), common) {
-        report.extend(common);
+    for part in [report, common] {
+        if let Value::Object(part) = part {
+            row.extend(part);
+        }
     }
-    Ok(report)
+    Ok(export)
 }
 
 /// The content of a file, and what there is to say about its triangles.
@@ -334,23 +391,35 @@ pub(super) fn export(
 
 /// The endings of all formats that are written.
 pub(super) fn endings() -> String {
-    let known = Target::all().flat_map(Target::extensions);
-    let known: Vec<_> = known.map(|e| format!(".{e}")).collect();
+    let mut known: Vec<String> = Vec::new();
+    for extension in Target::all().flat_map(Target::extensions) {
+        let ending = format!(".{extension}");
+        if !known.contains(&ending) {
+            known.push(ending);
+        }
+    }
     known.join(", ")
+}
+
+/// The places of a file and of those beside it, the file itself last.
+pub(super) fn outputs(path: &Path, export: &Export) -> Vec<PathBuf> {
+    let beside = export.beside.iter();
+    let mut paths: Vec<_> = beside.map(|(name, _)| path.with_file_name(name)).collect();
+    paths.push(path.to_owned());
+    paths
 }
 
 /// Writes a file and those beside it, the file itself last.
 pub(super) fn store(path: &Path, export: &Export) -> anyhow::Result<()> {
-    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
-        fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    }
-    let beside = export
-        .beside
+    let folder = output::folder(path);
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let beside = export.beside.iter().map(|(_, bytes)| bytes);
+    for (path, bytes) in outputs(path, export)
         .iter()
-        .map(|(name, bytes)| (path.with_file_name(name), bytes));
-    for (path, bytes) in beside.chain([(path.to_owned(), &export.bytes)]) {
+        .zip(beside.chain([&export.bytes]))
+    {
         let fill = |file: &mut BufWriter<fs::File>| file.write_all(bytes);
-        output::replace_file(&path, fill).with_context(|| path.display().to_string())?;
+        output::replace_file(path, fill).with_context(|| path.display().to_string())?;
     }
     Ok(())
 }

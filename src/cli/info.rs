@@ -11,6 +11,7 @@ use nurbray::measure;
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
+use super::say::{say, visible};
 use super::sizes;
 
 /// Lines of the tree that are printed; `--json` has all.
@@ -57,12 +58,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
                 } else {
                     let sizes = measure.map(|m| sizes::to_text(&m, import.scene.unit.as_ref()));
                     let sizes = sizes.unwrap_or_default();
-                    write!(out, "{}{sizes}", to_text(file, import))?;
+                    let text = visible(&to_text(file, import));
+                    write!(out, "{text}{}", visible(&sizes))?;
                 }
             }
             Err(error) => {
                 failed += 1;
-                eprintln!("nurbray: {error:#}");
+                say!("nurbray: {error:#}");
                 if args.json {
                     let name = input::display(file);
                     writeln!(

@@ -1,13 +1,17 @@
 //! Input files of every command: reading, limits, and what to say about warnings.
 
-use std::collections::HashMap;
-use std::io::Read as _;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use super::say::say;
 use anyhow::{Context as _, bail};
-use nurbray::formats::{self, Import, Limits, NoFiles, ReadOptions, Warnings};
+use nurbray::formats::{self, Folder, Import, Limits, NoFiles, ReadOptions, Resolver, Warnings};
 use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
 
 /// Warnings that are printed one by one; `info` shows all.
 const WARNINGS_SHOWN: usize = 8;
@@ -28,6 +32,8 @@ pub(super) struct ReadArgs {
 pub(super) struct Loaded {
     pub(super) import: Import,
     pub(super) took: Duration,
+    /// What was read beside it.
+    pub(super) beside: Named,
 }
 
 impl ReadArgs {
@@ -49,29 +55,88 @@ impl ReadArgs {
     /// Reads a file, or standard input for `-`.
     pub(super) fn load(&self, path: &Path) -> anyhow::Result<Loaded> {
         let started = Instant::now();
+        let mut loaded = self.understand(path, &self.bytes(path)?)?;
+        loaded.took = started.elapsed();
+        Ok(loaded)
+    }
+
+    /// The content of a file, or of standard input for `-`.
+    pub(super) fn bytes(&self, path: &Path) -> anyhow::Result<Vec<u8>> {
+        read_bytes(path, self.limits().bytes).with_context(|| display(path))
+    }
+
+    /// Makes a scene of the content of a file.
+    pub(super) fn understand(&self, path: &Path, bytes: &[u8]) -> anyhow::Result<Loaded> {
+        let started = Instant::now();
         let limits = self.limits();
-        let import = if is_stdin(path) {
-            let mut bytes = Vec::new();
-            std::io::stdin()
-                .lock()
-                .take(limits.bytes as u64)
-                .read_to_end(&mut bytes)?;
-            let options = ReadOptions {
-                limits: &limits,
-                resolver: &NoFiles,
-            };
-            formats::read(&bytes, None, &options).context(display(path))?
-        } else {
-            match &self.within {
-                Some(root) => formats::open_within(path, root, &limits),
-                None => formats::open(path, &limits),
-            }
-            .with_context(|| display(path))?
+        let beside = self.beside(path, &limits);
+        let options = ReadOptions {
+            limits: &limits,
+            resolver: &beside,
         };
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let import = formats::read(bytes, extension.as_deref(), &options);
         Ok(Loaded {
-            import,
+            import: import.with_context(|| display(path))?,
             took: started.elapsed(),
+            beside: beside.found.into_inner(),
         })
+    }
+
+    /// What fetches the files that a file names.
+    pub(super) fn beside<'a>(&'a self, path: &'a Path, limits: &'a Limits) -> Beside<'a> {
+        let base = path.parent().unwrap_or(Path::new(""));
+        let root = self.within.as_deref().unwrap_or(base);
+        Beside {
+            folder: (!is_stdin(path)).then(|| Folder::new(base, root, limits)),
+            found: RefCell::default(),
+        }
+    }
+}
+
+/// The content of a file, or of standard input for `-`.
+pub(super) fn read_bytes(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
+    if is_stdin(path) {
+        formats::read_within(io::stdin().lock(), limit)
+    } else {
+        formats::read_within(File::open(path)?, limit)
+    }
+}
+
+/// The hash by which contents are told apart.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    let hash = Sha256::digest(bytes);
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The files that a file names, as it spells them, each with the hash of its content; without one
+/// where it could not be read.
+pub(super) type Named = BTreeMap<String, Option<String>>;
+
+/// Fetches the files that a file names, and keeps in mind which these were.
+#[derive(Debug)]
+pub(super) struct Beside<'a> {
+    /// Where they are; standard input has no place.
+    folder: Option<Folder<'a>>,
+    found: RefCell<Named>,
+}
+
+impl Beside<'_> {
+    /// Where a file is that is named.
+    pub(super) fn place(source: &Path, name: &str) -> PathBuf {
+        source.with_file_name(name.replace('\\', "/"))
+    }
+}
+
+impl Resolver for Beside<'_> {
+    fn resolve(&self, name: &str) -> io::Result<Vec<u8>> {
+        let bytes = match &self.folder {
+            Some(folder) => folder.resolve(name),
+            None => NoFiles.resolve(name),
+        };
+        let hash = bytes.as_deref().ok().map(sha256);
+        self.found.borrow_mut().insert(name.to_owned(), hash);
+        bytes
     }
 }
 
@@ -96,22 +161,48 @@ pub(super) fn stem(path: &Path) -> String {
     }
 }
 
-/// Refuses to write two files to one place; each pair is an input and where it goes.
-pub(super) fn check_distinct<'a>(
-    pairs: impl IntoIterator<Item = (&'a Path, &'a Path)>,
-) -> anyhow::Result<()> {
-    let mut taken: HashMap<&Path, &Path> = HashMap::new();
-    for (file, target) in pairs {
-        if let Some(other) = taken.insert(target, file) {
-            bail!(
-                "{} and {} would both be written to {}; put {{stem}} into -o or rename one",
-                display(other),
-                display(file),
-                target.display()
-            );
-        }
+/// The name of an output: `{stem}` and `{ext}` stand for the name and the ending of its input.
+pub(super) fn named(pattern: &str, path: &Path) -> String {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    pattern
+        .replace("{ext}", &ending)
+        .replace("{stem}", &stem(path))
+}
+
+/// For every pair of an input and where it goes: the reason, if another one goes there, too.
+pub(super) fn clashes(pairs: &[(&Path, &Path)]) -> Vec<Option<String>> {
+    let mut takers: HashMap<&Path, Vec<&Path>> = HashMap::new();
+    for &(file, target) in pairs {
+        takers.entry(target).or_default().push(file);
     }
-    Ok(())
+    let clash = |&(file, target): &(&Path, &Path)| {
+        let all = &takers[target];
+        let own = all.iter().position(|&other| other == file)?;
+        let other = if own > 0 { all.first() } else { all.get(1) }?;
+        let advice = if stem(file) != stem(other) {
+            "put {stem} into -o"
+        } else if file.extension() != other.extension() {
+            "put {stem}-{ext} into -o"
+        } else {
+            "rename one or write them to different folders"
+        };
+        let (file, other, target) = (display(file), display(other), target.display());
+        Some(format!(
+            "{file}: {other} would be written to {target}, too; {advice}"
+        ))
+    };
+    pairs.iter().map(clash).collect()
+}
+
+/// Refuses outputs that would be written over one of these inputs.
+pub(super) fn check_apart(outputs: &[PathBuf], inputs: &[PathBuf]) -> anyhow::Result<()> {
+    let real = |path: &PathBuf| path.canonicalize().ok();
+    let inputs: Vec<_> = inputs.iter().filter_map(real).collect();
+    let over = |path: &&PathBuf| real(path).is_some_and(|path| inputs.contains(&path));
+    match outputs.iter().find(over) {
+        Some(path) => bail!("{}: an input would be written over", path.display()),
+        None => Ok(()),
+    }
 }
 
 /// Prints the first warnings about a file, and how many more there are; `format` is what it
@@ -119,14 +210,14 @@ pub(super) fn check_distinct<'a>(
 pub(super) fn report_warnings(path: &Path, format: &str, warnings: &Warnings) {
     let warnings = warnings.as_slice();
     for warning in warnings.iter().take(WARNINGS_SHOWN) {
-        eprintln!("nurbray: {}: warning: {format} {warning}", display(path));
+        say!("nurbray: {}: warning: {format} {warning}", display(path));
     }
     if let Some(more) = warnings
         .len()
         .checked_sub(WARNINGS_SHOWN)
         .filter(|&more| more > 0)
     {
-        eprintln!(
+        say!(
             "nurbray: {}: {more} more kinds of warnings; 'nurbray info' shows them",
             display(path)
         );

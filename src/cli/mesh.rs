@@ -8,7 +8,8 @@ use nurbray::gltf::{self, Packing, Source};
 use nurbray::kernel::{Camera, Scene};
 use nurbray::{FaceMesh, Screen, TessellateOptions, Tessellation, Tolerance};
 use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
+
+use super::say::say;
 
 /// How surfaces become triangles.
 #[derive(Clone, Debug, clap::Args)]
@@ -16,12 +17,13 @@ use sha2::{Digest as _, Sha256};
 pub(super) struct MeshArgs {
     /// Largest distance between surface and triangles: a length, with a unit (m, cm, mm, um, in,
     /// ft) or in units of the file, or a share of the diagonal of the scene in percent
-    #[arg(long, value_name = "LENGTH|%", default_value = "0.05%", value_parser = distance)]
-    tolerance: Distance,
+    /// [default: 0.05%]
+    #[arg(long, value_name = "LENGTH|%", value_parser = distance)]
+    tolerance: Option<Distance>,
     /// Largest angle between the normals at the ends of a side, in degrees; over less than the
-    /// tolerance they may turn by any angle
-    #[arg(long, value_name = "DEGREES", default_value_t = 15.0, value_parser = angle)]
-    angle: f64,
+    /// tolerance they may turn by any angle [default: 15]
+    #[arg(long, value_name = "DEGREES", value_parser = angle)]
+    angle: Option<f64>,
     /// Longest side: a length as for --tolerance
     #[arg(long, value_name = "LENGTH|%", value_parser = distance)]
     max_edge: Option<Distance>,
@@ -45,6 +47,12 @@ pub(super) enum Distance {
     Units(f64),
     Share(f64),
 }
+
+/// Largest distance, unless the user wants another.
+const TOLERANCE: Distance = Distance::Share(0.05 / 100.0);
+
+/// Largest angle in degrees, unless the user wants another.
+const ANGLE: f64 = 15.0;
 
 /// Rows of the picture that --screen speaks of.
 const ROWS: u32 = 1080;
@@ -109,6 +117,22 @@ impl Distance {
 }
 
 impl MeshArgs {
+    /// Says which of them were given for an output without triangles.
+    pub(super) fn warn_unused(&self, output: &str) {
+        for (name, given) in [
+            ("--tolerance", self.tolerance.is_some()),
+            ("--angle", self.angle.is_some()),
+            ("--max-edge", self.max_edge.is_some()),
+            ("--screen", self.screen.is_some()),
+            ("--quantize", self.quantize),
+            ("--meshopt", self.meshopt),
+        ] {
+            if given {
+                say!("nurbray: warning: {name} is for triangles; {output} holds none");
+            }
+        }
+    }
+
     /// What is to make files smaller.
     pub(super) fn packing(&self) -> Packing {
         Packing {
@@ -139,11 +163,12 @@ impl MeshArgs {
                 height: ROWS,
             }
         });
-        let mut tolerance = self.tolerance.tolerance(scene)?;
+        let wanted = self.tolerance.unwrap_or(TOLERANCE);
+        let mut tolerance = wanted.tolerance(scene)?;
         let error = self.rounding(scene);
         if error > 0.0 {
             // What is left when positions have been moved to their grid.
-            let most = self.tolerance.length(scene)?;
+            let most = wanted.length(scene)?;
             if error > 0.5 * most {
                 bail!(
                     "--quantize moves points by up to {error:.3e}, too much for a tolerance of \
@@ -154,7 +179,7 @@ impl MeshArgs {
         }
         Ok(TessellateOptions {
             tolerance,
-            angle: self.angle.to_radians(),
+            angle: self.angle.unwrap_or(ANGLE).to_radians(),
             max_edge,
             screen,
         })
@@ -162,21 +187,15 @@ impl MeshArgs {
 }
 
 /// Name and hash of a file; standard input has neither.
-pub(super) fn source(path: &Path) -> anyhow::Result<Source> {
+pub(super) fn source(path: &Path, sha256: String) -> Source {
     if path == Path::new("-") {
-        return Ok(Source::default());
+        return Source::default();
     }
-    let name = path
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
-    let mut file = std::fs::File::open(path).with_context(|| path.display().to_string())?;
-    let mut hash = Sha256::new();
-    std::io::copy(&mut file, &mut hash).with_context(|| path.display().to_string())?;
-    let hash = hash.finalize();
-    let sha256 = hash.iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(Source { name, sha256 })
+    let name = path.file_name().unwrap_or_default();
+    Source {
+        name: name.to_string_lossy().into_owned(),
+        sha256,
+    }
 }
 
 /// What there is to say about triangles whose points are moved by up to `rounding` afterwards.

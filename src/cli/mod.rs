@@ -12,6 +12,7 @@ mod model;
 mod parse;
 mod probe;
 mod render;
+mod say;
 mod sheet;
 mod shot;
 mod sizes;
@@ -20,6 +21,8 @@ mod volume;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+
+use self::say::say;
 
 /// Turns NURBS files into exact pictures and numbers, and into each other.
 ///
@@ -67,7 +70,7 @@ const FAILED: u8 = 2;
 /// Exit code when some files of a batch were converted and others were not.
 const PARTLY: u8 = 3;
 
-/// The files that a command failed on, and the exit code if there are any.
+/// How many files a command failed on, and its exit code.
 struct Failures {
     count: usize,
     code: u8,
@@ -75,10 +78,8 @@ struct Failures {
 
 impl From<usize> for Failures {
     fn from(count: usize) -> Self {
-        Self {
-            count,
-            code: FAILED,
-        }
+        let code = if count > 0 { FAILED } else { 0 };
+        Self { count, code }
     }
 }
 
@@ -95,17 +96,16 @@ pub(crate) fn run() -> ExitCode {
         Command::Volume(args) => volume::run(&args).map(Failures::from),
     };
     match result {
-        Ok(Failures { count: 0, .. }) => ExitCode::SUCCESS,
         Ok(Failures { count, code }) => {
             if count > 1 {
-                eprintln!("nurbray: {count} files failed");
+                say!("nurbray: {count} files failed");
             }
             ExitCode::from(code)
         }
         // Whoever reads our output has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("nurbray: {error:#}");
+            say!("nurbray: {error:#}");
             ExitCode::from(FAILED)
         }
     }

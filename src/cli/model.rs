@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
-use nurbray::formats::{Export, Limits, PointBody, PointFormat, PointSet, open_points};
+use nurbray::formats::{Export, Limits, PointBody, PointFormat, PointSet, read_points};
 use nurbray::gltf::Source;
 use nurbray::kernel::modelling::{Along, Spacing, Twist};
 use nurbray::kernel::{MAX_DEGREE, Unit};
@@ -14,6 +14,8 @@ use nurbray::{Caps, ModelMethod, ModelOptions, Synthetic, model, synthetic};
 use super::convert;
 use super::input;
 use super::mesh::{self, MeshArgs};
+use super::parse;
+use super::say::say;
 
 /// Makes bodies of measured points: grids, and contours in layers
 ///
@@ -23,7 +25,7 @@ use super::mesh::{self, MeshArgs};
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// File with points
+    /// File with points; - reads standard input
     #[arg(required_unless_present = "synthetic", conflicts_with = "synthetic")]
     data: Option<PathBuf>,
     /// File to write; its ending chooses the format: one of those of convert, or .csv, .json or
@@ -37,7 +39,7 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t = End::Flat)]
     caps: End,
     /// Height of rounded caps; otherwise half the distance of the last two layers
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", value_parser = parse::length)]
     cap_height: Option<f64>,
     /// Bodies of which layers have several contours
     #[arg(long, value_enum, default_value_t = Branches::Refuse)]
@@ -264,9 +266,14 @@ impl Args {
     /// The points, what they are from, and a name for messages.
     fn points(&self) -> anyhow::Result<(PointSet, Source, PathBuf)> {
         if let Some(data) = &self.data {
-            let set =
-                open_points(data, &Limits::default()).with_context(|| input::display(data))?;
-            return Ok((set, mesh::source(data)?, data.clone()));
+            let limits = Limits::default();
+            let bytes =
+                input::read_bytes(data, limits.bytes).with_context(|| input::display(data))?;
+            let extension = data.extension().map(|e| e.to_string_lossy().to_lowercase());
+            let set = read_points(&bytes, extension.as_deref(), &limits)
+                .with_context(|| input::display(data))?;
+            let origin = mesh::source(data, input::sha256(&bytes));
+            return Ok((set, origin, data.clone()));
         }
         let mut set = PointSet {
             unit: Some(LengthUnit::Mm.unit()),
@@ -285,7 +292,7 @@ impl Args {
                 ..
             } = self.synthetic;
             let (body, volume) = synthetic(kind, seed, layers as usize, points as usize);
-            eprintln!("{}: the volume is {volume:.6} mm^3", body.name);
+            say!("{}: the volume is {volume:.6} mm^3", body.name);
             set.bodies.push(body);
         }
         Ok((set, Source::default(), PathBuf::from("synthetic")))
@@ -325,7 +332,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             convert::endings()
         );
     }
+    if target.is_none_or(|target| !target.has_triangles()) {
+        args.mesh.warn_unused(&path.display().to_string());
+    }
     let (mut set, origin, source) = args.points()?;
+    let inputs = args.data.as_slice();
     input::report_warnings(&source, set.format, &set.warnings);
     select(&mut set, args).with_context(|| input::display(&source))?;
     if let (None, Some(write)) = (target, points_as) {
@@ -333,8 +344,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             bytes: write(&set),
             ..Export::default()
         };
+        input::check_apart(&convert::outputs(path, &export), inputs)?;
         convert::store(path, &export)?;
-        eprintln!("{} -> {}", input::display(&source), path.display());
+        say!("{} -> {}", input::display(&source), path.display());
         return Ok(0);
     }
     let Some(target) = target else {
@@ -345,8 +357,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let scene = &modelled.scene;
     let (export, _) = convert::export(scene, target, path, &args.mesh, &origin)?;
     input::report_warnings(path, target.name(), &export.warnings);
+    input::check_apart(&convert::outputs(path, &export), inputs)?;
     convert::store(path, &export)?;
-    eprintln!(
+    say!(
         "{} -> {}: {} bodies, {} patches",
         input::display(&source),
         path.display(),

@@ -10,6 +10,21 @@ use nurbray::methods::VARIANTS;
 /// The largest picture, in pixels: the film then takes about eight gigabytes.
 const MOST_PIXELS: u64 = 1 << 27;
 
+/// The most threads that may be asked for.
+const MOST_THREADS: usize = 1024;
+
+/// A number of threads.
+pub(super) fn threads(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| *count <= MOST_THREADS);
+    count.ok_or_else(|| format!("'{text}' is not a number from 0 to {MOST_THREADS}"))
+}
+
+/// A moment, in seconds.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|x: &f64| x.is_finite());
+    seconds.ok_or_else(|| format!("'{text}' is not a number of seconds"))
+}
+
 /// `WxH`.
 pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
     let wrong = || format!("'{text}' is not a size such as 1920x1080");
@@ -111,6 +126,9 @@ mod tests {
         assert_eq!(background("0,0,0"), Ok(Background::Color(DVec3::ZERO)));
         assert_eq!((frames("0..23"), frames("7..7")), (Ok(0..24), Ok(7..8)));
         assert!(frames("3..2").is_err() && frames("3").is_err() && frames("-1..2").is_err());
+        assert_eq!((threads("0"), threads("1024")), (Ok(0), Ok(1024)));
+        assert!(threads("1025").is_err() && threads("-1").is_err());
+        assert!(seconds("nan").is_err() && seconds("-1.5") == Ok(-1.5));
         assert!(background("2,0,0").is_err() && background("#fff").is_err());
     }
 }

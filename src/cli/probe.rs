@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
@@ -12,6 +13,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::input::{self, ReadArgs};
+use super::parse;
 
 /// Rows that are read, answered in parallel and written before the next are read.
 const CHUNK: usize = 1 << 14;
@@ -19,6 +21,13 @@ const CHUNK: usize = 1 << 14;
 /// Hits this little behind the origin count as starting on the surface, relative to the
 /// scene's size.
 const ON_SURFACE: f64 = 1e-12;
+
+/// Largest coordinates of directions that are used as they are: their squares, and those of their
+/// squares, are numbers.
+const SAFE: RangeInclusive<f64> = 1e-70..=1e70;
+
+/// Largest coordinates of directions that are possible.
+const POSSIBLE: RangeInclusive<f64> = 1e-300..=1e300;
 
 /// Shoots rays at a file, or evaluates its surfaces, and prints numbers
 ///
@@ -49,7 +58,7 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     /// Threads; 0 uses every core
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::threads)]
     threads: usize,
     #[command(flatten)]
     read: ReadArgs,
@@ -81,11 +90,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
                 writeln!(out, "ray,status,t_low,t_high,patch")?;
             }
             stream(rays, &mut out, |(): &mut (), row, fields| {
-                Ok(certificate_row(
-                    row,
-                    &certifier.certify(&ray(fields)?),
-                    args.json,
-                ))
+                let (ray, scale) = ray(fields)?;
+                let certificate = certifier.certify(&ray);
+                Ok(certificate_row(row, &certificate, scale, args.json))
             })
         }
         (Some(rays), _) => {
@@ -99,7 +106,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
                 writeln!(out, "{}", Prober::HEADER)?;
             }
             stream(rays, &mut out, |workspace: &mut Workspace, row, fields| {
-                Ok(prober.shoot(&ray(fields)?, row, workspace))
+                let (ray, scale) = ray(fields)?;
+                Ok(prober.shoot(&ray, scale, row, workspace))
             })
         }
         (None, Some(uv)) => {
@@ -121,21 +129,33 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     Ok(0)
 }
 
-fn ray([ox, oy, oz, dx, dy, dz]: [f64; 6]) -> anyhow::Result<Ray> {
-    let (origin, direction) = (DVec3::new(ox, oy, oz), DVec3::new(dx, dy, dz));
+/// A ray, and the factor from its `t` to that of the row. A direction of which the square is out
+/// of range is replaced by one of about the length 1; the factor is a power of two.
+fn ray([ox, oy, oz, dx, dy, dz]: [f64; 6]) -> anyhow::Result<(Ray, f64)> {
+    let (origin, mut direction) = (DVec3::new(ox, oy, oz), DVec3::new(dx, dy, dz));
     if direction == DVec3::ZERO {
         bail!("the direction 0,0,0 has no length");
     }
-    Ok(Ray { origin, direction })
+    let largest = direction.abs().max_element();
+    let mut scale = 1.0;
+    if !SAFE.contains(&largest) {
+        if !POSSIBLE.contains(&largest) {
+            bail!("the direction is not between 1e-300 and 1e300 long");
+        }
+        scale = largest.log2().floor().exp2().recip();
+        direction *= scale;
+    }
+    Ok((Ray { origin, direction }, scale))
 }
 
 /// What is proven about a ray; fields that do not apply are empty, or null.
-fn certificate_row(row: u64, certificate: &Certificate, as_json: bool) -> String {
+fn certificate_row(row: u64, certificate: &Certificate, scale: f64, as_json: bool) -> String {
     let (low, high, patch) = match *certificate {
         Certificate::Hit { shape, t } => (Some(t.low()), Some(t.high()), Some(shape)),
         Certificate::Miss => (None, None, None),
         Certificate::Ambiguous { free, .. } => (Some(free), None, None),
     };
+    let [low, high] = [low, high].map(|t| t.map(|t| t * scale));
     let status = certificate.name();
     if as_json {
         let row = json!({
@@ -150,7 +170,8 @@ fn certificate_row(row: u64, certificate: &Certificate, as_json: bool) -> String
 
 /// Reads rows of `N` numbers, answers them in parallel, and writes the answers in order.
 ///
-/// Empty lines, lines that begin with `#` and a heading on the first line are passed over.
+/// Empty lines, lines that begin with `#`, a byte order mark, and a heading of words on the first
+/// line are passed over.
 fn stream<const N: usize, S: Default + Send>(
     path: &Path,
     out: &mut impl Write,
@@ -169,9 +190,12 @@ fn stream<const N: usize, S: Default + Send>(
     loop {
         let mut chunk: Vec<(u64, usize, String)> = Vec::new();
         for (number, line) in lines.by_ref() {
-            let line = line.with_context(|| format!("{name}: line {}", number + 1))?;
+            let mut line = line.with_context(|| format!("{name}: line {}", number + 1))?;
+            if let (0, Some(rest)) = (number, line.strip_prefix('\u{feff}')) {
+                line = rest.to_owned();
+            }
             let text = line.trim();
-            let heading = number == 0 && text.starts_with(|c: char| c.is_ascii_alphabetic());
+            let heading = number == 0 && is_heading(text);
             if text.is_empty() || text.starts_with('#') || heading {
                 continue;
             }
@@ -196,6 +220,12 @@ fn stream<const N: usize, S: Default + Send>(
             out.write_all(answer?.as_bytes())?;
         }
     }
+}
+
+/// Whether a row names its columns: its first field is a word, and no number.
+fn is_heading(row: &str) -> bool {
+    let first = row.split(',').next().unwrap_or_default().trim();
+    first.starts_with(|c: char| c.is_ascii_alphabetic()) && first.parse::<f64>().is_err()
 }
 
 fn fields<const N: usize>(line: &str) -> anyhow::Result<[f64; N]> {
@@ -266,7 +296,7 @@ struct Prober<'a> {
 impl Prober<'_> {
     const HEADER: &'static str = "ray,t,x,y,z,u,v,patch,name,nx,ny,nz";
 
-    fn shoot(&self, ray: &Ray, row: u64, workspace: &mut Workspace) -> String {
+    fn shoot(&self, ray: &Ray, scale: f64, row: u64, workspace: &mut Workspace) -> String {
         let size = self.accelerator.bounds().diagonal();
         let range = -ON_SURFACE * size / ray.direction.length()..f64::INFINITY;
         let mut hits = Vec::new();
@@ -275,14 +305,16 @@ impl Prober<'_> {
         } else {
             hits.extend(self.accelerator.nearest(ray, range, workspace));
         }
-        hits.iter().map(|hit| self.format(row, hit)).collect()
+        hits.iter()
+            .map(|hit| self.format(row, hit, scale))
+            .collect()
     }
 
-    fn format(&self, row: u64, hit: &Hit) -> String {
+    fn format(&self, row: u64, hit: &Hit, scale: f64) -> String {
         let name = self
             .names
             .name(self.accelerator.scene(), hit.shape as usize);
-        let (t, p, n, uv) = (hit.t.max(0.0), hit.point, hit.normal, hit.uv);
+        let (t, p, n, uv) = (hit.t.max(0.0) * scale, hit.point, hit.normal, hit.uv);
         if self.args.json {
             let hit = json!({
                 "ray": row, "t": t, "x": p.x, "y": p.y, "z": p.z, "u": uv.x, "v": uv.y,

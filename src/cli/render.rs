@@ -17,6 +17,7 @@ use serde_json::{Value, json};
 
 use super::input::{self, Loaded, ReadArgs};
 use super::parse::{self, Background};
+use super::say::say;
 use super::sheet::{self, Sheet};
 use super::shot::shot;
 
@@ -37,11 +38,11 @@ pub(super) struct Args {
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Picture to write, .png or .exr; {stem} stands for the input's name without its ending,
-    /// {frame} for the number of the frame in four digits
+    /// {ext} for that ending, {frame} for the number of the frame in four digits
     #[arg(short, long, value_name = "OUT", required_unless_present = "sheet")]
     output: Option<String>,
     /// One picture of all files instead: small ones side by side, with their names
-    #[arg(long, value_name = "OUT", conflicts_with_all = ["output", "frames", "certify", "stats"])]
+    #[arg(long, value_name = "OUT", conflicts_with_all = ["output", "frames", "certify", "stats", "aov", "bits"])]
     sheet: Option<PathBuf>,
     /// Size of the picture in pixels [default: 960x720, with --sheet 240x180]
     #[arg(long, value_name = "WxH", value_parser = parse::size)]
@@ -50,7 +51,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub(super) samples: u32,
     /// Camera of the file, by name
-    #[arg(long, value_name = "NAME", conflicts_with = "eye")]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "up", "fov"])]
     pub(super) camera: Option<String>,
     /// Where the camera stands; needs --target or looks at the middle of the scene
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector)]
@@ -61,9 +62,9 @@ pub(super) struct Args {
     /// Upward direction in the picture; default: the upward axis of the file
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector, requires = "eye")]
     pub(super) up: Option<DVec3>,
-    /// Vertical opening angle in degrees
-    #[arg(long, value_name = "DEG", default_value_t = 35.0, value_parser = degrees, requires = "eye")]
-    pub(super) fov: f64,
+    /// Vertical opening angle in degrees [default: 35]
+    #[arg(long, value_name = "DEG", value_parser = degrees, requires = "eye")]
+    pub(super) fov: Option<f64>,
     /// Parallel rays instead of perspective
     #[arg(long)]
     pub(super) ortho: bool,
@@ -75,6 +76,7 @@ pub(super) struct Args {
         long,
         value_name = "SECONDS",
         allow_hyphen_values = true,
+        value_parser = parse::seconds,
         conflicts_with = "frames"
     )]
     time: Option<f64>,
@@ -88,16 +90,12 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t = ShadingArg::Phong)]
     pub(super) shading: ShadingArg,
     /// Data layers of EXR files: all, none, or a list of depth, normal, position, uv, patch
-    #[arg(
-        long,
-        value_name = "LAYERS",
-        default_value = "all",
-        value_delimiter = ','
-    )]
-    aov: Vec<String>,
-    /// Bits per channel of PNG files
-    #[arg(long, value_name = "8|16", default_value = "8", value_parser = ["8", "16"])]
-    bits: String,
+    /// [default: all]
+    #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
+    aov: Option<Vec<String>>,
+    /// Bits per channel of PNG files [default: 8]
+    #[arg(long, value_name = "8|16", value_parser = ["8", "16"])]
+    bits: Option<String>,
     /// Draw curves and points, too, as tubes and balls a few pixels wide
     #[arg(long)]
     pub(super) curves: bool,
@@ -123,7 +121,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "PNG")]
     pub(super) write_map: Option<PathBuf>,
     /// Threads; 0 uses every core
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::threads)]
     threads: usize,
     /// Write times and counts as JSON, one line per picture, to a file or - for standard output
     #[arg(long, value_name = "FILE|-")]
@@ -172,6 +170,13 @@ fn rate(text: &str) -> Result<f64, String> {
 
 /// Renders every file; the result is how many failed.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    let is_png = |path: &PathBuf| {
+        let ending = path.extension().unwrap_or_default();
+        ending.eq_ignore_ascii_case("png")
+    };
+    if let Some(map) = args.write_map.as_ref().filter(|map| !is_png(map)) {
+        bail!("{}: maps are written as .png", map.display());
+    }
     if let Some(target) = &args.sheet {
         return run_sheet(args, target);
     }
@@ -186,7 +191,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         let done = pool.install(|| render_file(args, file, target, &output, &mut stats));
         if let Err(error) = done {
             failed += 1;
-            eprintln!("nurbray: {error:#}");
+            say!("nurbray: {error:#}");
             stats.add(&json!({ "file": input::display(file), "error": format!("{error:#}") }))?;
         }
     }
@@ -206,13 +211,18 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
     let mut sheet = Sheet::new(args.files.len(), size)?;
     let mut failed = 0;
     for file in &args.files {
-        let label = input::stem(file);
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let label = match name.as_ref() {
+            "-" => "stdin",
+            name => name,
+        };
         match pool.install(|| thumbnail(args, file, size)) {
-            Ok(film) => sheet.add(film.as_ref(), &label),
+            Ok(Some(film)) => sheet.add(Ok(&film), label),
+            Ok(None) => sheet.add(Err("no surface"), label),
             Err(error) => {
                 failed += 1;
-                eprintln!("nurbray: {error:#}");
-                sheet.add(None, &format!("! {label}"));
+                say!("nurbray: {error:#}");
+                sheet.add(Err("failed"), label);
             }
         }
     }
@@ -237,10 +247,13 @@ fn thumbnail(args: &Args, file: &Path, size: (u32, u32)) -> anyhow::Result<Optio
 /// The picture of each file; no two may be the same.
 fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
     let output = args.output.as_deref().unwrap_or_default();
-    let target = |file: &PathBuf| PathBuf::from(output.replace("{stem}", &input::stem(file)));
+    let target = |file: &PathBuf| PathBuf::from(input::named(output, file));
     let targets: Vec<_> = args.files.iter().map(target).collect();
-    let pairs = args.files.iter().map(PathBuf::as_path);
-    input::check_distinct(pairs.zip(targets.iter().map(PathBuf::as_path)))?;
+    let pairs = args.files.iter().zip(&targets);
+    let pairs: Vec<_> = pairs.map(|(a, b)| (a.as_path(), b.as_path())).collect();
+    if let Some(clash) = input::clashes(&pairs).into_iter().flatten().next() {
+        bail!("{clash}");
+    }
     for target in &targets {
         if output::picture_format(target).is_none() {
             bail!("{}: {ENDINGS}", target.display());
@@ -253,8 +266,9 @@ fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOptions> {
-    let mut aovs: Vec<Aov> = match args.aov.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["all"] => output::AOVS.to_vec(),
+    let names = args.aov.iter().flatten().map(String::as_str);
+    let mut aovs: Vec<Aov> = match names.collect::<Vec<_>>()[..] {
+        [] | ["all"] => output::AOVS.to_vec(),
         ["none"] => Vec::new(),
         ref names => names
             .iter()
@@ -278,10 +292,28 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
     let beauty = !matches!(args.shading, ShadingArg::None);
     let holds_data =
         |target: &PathBuf| output::picture_format(target).is_some_and(|f| f.holds_data);
+    for (name, given, idle, wanted) in [
+        (
+            "--aov",
+            args.aov.is_some(),
+            !targets.iter().any(holds_data),
+            ".exr",
+        ),
+        (
+            "--bits",
+            args.bits.is_some(),
+            targets.iter().all(holds_data),
+            ".png",
+        ),
+    ] {
+        if given && idle {
+            say!("nurbray: warning: {name} is for {wanted} files; none is written");
+        }
+    }
     if !beauty && (aovs.is_empty() || !targets.iter().all(holds_data)) {
         bail!("--shading none leaves the data layers only; write them to an .exr file");
     }
-    let png_depth = if args.bits == "16" {
+    let png_depth = if args.bits.as_deref() == Some("16") {
         PngDepth::Sixteen
     } else {
         PngDepth::Eight
@@ -371,11 +403,10 @@ fn render_scene(
     let data = holds_data && !output.aovs.is_empty();
     let shot = shot(args, loaded, file, args.size.unwrap_or(SIZE), data)?;
     let started = Instant::now();
-    if let Some(folder) = target.parent().filter(|f| !f.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    }
+    let folder = output::folder(target);
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     output::write(&shot.film, target, output).with_context(|| target.display().to_string())?;
-    eprintln!("{}", shot.sentence(file, target));
+    say!("{}", shot.sentence(file, target));
     Ok(shot.json(file, target, started.elapsed()))
 }
 

@@ -70,28 +70,33 @@ impl Sheet {
         })
     }
 
-    /// Adds a picture, or an empty place, and its name; what is too long of that is cut off at
-    /// its beginning.
-    pub(super) fn add(&mut self, picture: Option<&Film>, name: &str) {
+    /// Adds a picture, or a place with the reason why there is none, and its name; what is too
+    /// long of that is cut off at its beginning.
+    pub(super) fn add(&mut self, picture: Result<&Film, &str>, name: &str) {
         let (width, height) = self.size;
         let left = GAP + (self.count % self.columns) * (width + GAP);
         let top = GAP + (self.count / self.columns) * (height + 2 * GAP + LETTER);
         self.count += 1;
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let index = y as usize * width as usize + x as usize;
-            let color = picture.and_then(|film| film.colors().get(index).copied());
-            self.film.paint(left + x, top + y, color.unwrap_or(grey(2)));
+            let color = picture.ok().and_then(|film| film.colors().get(index));
+            let color = color.copied().unwrap_or(grey(2));
+            self.film.paint(left + x, top + y, color);
         }
-        let most = (width / LETTER) as usize;
-        let length = name.chars().count();
-        let letters = name.chars().skip(length.saturating_sub(most));
+        if let (Err(reason), true) = (picture, height >= LETTER) {
+            self.write(left, top + (height - LETTER) / 2, reason);
+        }
+        self.write(left, top + height + GAP / 2, name);
+    }
+
+    /// Writes a line from a place on, no wider than a picture.
+    fn write(&mut self, left: u32, top: u32, text: &str) {
+        let most = (self.size.0 / LETTER) as usize;
+        let length = text.chars().count();
+        let letters = text.chars().skip(length.saturating_sub(most));
         for (letter, at) in letters.zip((left..).step_by(LETTER as usize)) {
             let rows = BASIC_FONTS.get(letter).or(BASIC_FONTS.get('?'));
-            for (row, y) in rows
-                .unwrap_or_default()
-                .into_iter()
-                .zip(top + height + GAP / 2..)
-            {
+            for (row, y) in rows.unwrap_or_default().into_iter().zip(top..) {
                 for x in (0..LETTER).filter(|x| row >> x & 1 == 1) {
                     self.film.paint(at + x, y, grey(1));
                 }

@@ -18,9 +18,13 @@ use serde_json::{Value, json};
 use super::input::{self, Loaded};
 use super::parse::Background;
 use super::render::Args;
+use super::say::{say, visible};
 
 /// The colour behind the scene where neither file nor user names one, as sRGB.
 const DEFAULT_BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
+
+/// The opening angle of a camera of the command line in degrees, unless the user wants another.
+const FOV: f64 = 35.0;
 
 /// A picture, and how it was made.
 pub(super) struct Shot<'a> {
@@ -64,7 +68,7 @@ pub(super) fn shot<'a>(
         (options.film(), RenderStats::default())
     } else if args.method.is_research() {
         for remark in args.method.remarks(scene) {
-            eprintln!("nurbray: {}: {remark}", input::display(file));
+            say!("nurbray: {}: {remark}", input::display(file));
         }
         let rendered = args.method.render(&accelerator, &camera, &options);
         rendered.with_context(|| input::display(file))?
@@ -80,6 +84,12 @@ pub(super) fn shot<'a>(
             .with_context(|| path.display().to_string())?;
     }
     let render_time = started.elapsed();
+    if has_area && stats.hits == 0 {
+        say!(
+            "nurbray: {}: no surface is in the picture",
+            input::display(file)
+        );
+    }
     let certified =
         (args.certify && has_area).then(|| certify_film(&mut film, &accelerator, &camera));
     if args.curves {
@@ -115,7 +125,7 @@ fn camera(
         let target = args.target.unwrap_or_else(|| bounds.center());
         let up = args.up.unwrap_or_else(|| scene.up.direction());
         let projection = Projection::Perspective {
-            vertical_fov: args.fov.to_radians(),
+            vertical_fov: args.fov.unwrap_or(FOV).to_radians(),
         };
         let camera = Camera::look_at(eye, target, up, projection)
             .context("--eye and --target are the same point, or --up has no length")?;
@@ -182,7 +192,7 @@ fn progress_bar(options: &RenderOptions, file: &Path) -> ProgressBar {
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:40}] {percent}% {eta}") {
         bar.set_style(style);
     }
-    bar.set_message(input::display(file));
+    bar.set_message(visible(&input::display(file)));
     bar
 }
 

@@ -11,6 +11,7 @@ use nurbray::{Body, Measure, SliceRule, VolumeMethod, measure};
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
+use super::say::{say, visible};
 use super::sizes;
 
 /// Measures the bodies in files: volume, area, centre of mass and inertia
@@ -28,12 +29,12 @@ pub(super) struct Args {
     /// How volumes are found
     #[arg(long, value_enum, default_value_t = Method::Gauss)]
     method: Method,
-    /// Nodes along each parameter of a piece, for printed and midpoint
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..=1000))]
-    nodes: u32,
-    /// Slabs of a body, for trapezoid and cavalieri
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    slices: u32,
+    /// Nodes along each parameter of a piece, for printed and midpoint [default: 10]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000))]
+    nodes: Option<u32>,
+    /// Slabs of a body, for trapezoid and cavalieri [default: 20]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    slices: Option<u32>,
     /// One line of JSON per file
     #[arg(long)]
     json: bool,
@@ -46,6 +47,12 @@ Examples:
   nurbray volume samples/sphere_torus.x3d
   nurbray volume head.x3d --json
   nurbray volume head.x3d --method midpoint --nodes 100";
+
+/// Nodes along each parameter, unless the user wants others.
+const NODES: u32 = 10;
+
+/// Slabs of a body, unless the user wants others.
+const SLICES: u32 = 20;
 
 /// How volumes are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -65,8 +72,30 @@ enum Method {
 }
 
 impl Args {
+    /// Says which options the method does not ask for.
+    fn warn_unused(&self) {
+        let method = self.method();
+        let nodes = matches!(
+            method,
+            Some(VolumeMethod::Pieces(
+                VolumeRule::Printed(_) | VolumeRule::Midpoint(_)
+            ))
+        );
+        let slices = matches!(method, Some(VolumeMethod::Slices(..)));
+        for (name, idle) in [
+            ("--nodes", self.nodes.is_some() && !nodes),
+            ("--slices", self.slices.is_some() && !slices),
+        ] {
+            if idle {
+                let method = format!("{:?}", self.method).to_lowercase();
+                say!("nurbray: warning: {name} is not used by --method {method}");
+            }
+        }
+    }
+
     fn method(&self) -> Option<VolumeMethod> {
-        let (nodes, slices) = (self.nodes as usize, self.slices as usize);
+        let nodes = self.nodes.unwrap_or(NODES) as usize;
+        let slices = self.slices.unwrap_or(SLICES) as usize;
         Some(match self.method {
             Method::Gauss => return None,
             Method::Formula => VolumeMethod::Pieces(VolumeRule::Formula),
@@ -80,6 +109,7 @@ impl Args {
 
 /// Measures every file; the result is how many failed.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    args.warn_unused();
     let mut failed = 0;
     let mut out = std::io::stdout().lock();
     for file in &args.files {
@@ -87,7 +117,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             Ok(text) => write!(out, "{text}")?,
             Err(error) => {
                 failed += 1;
-                eprintln!("nurbray: {error:#}");
+                say!("nurbray: {error:#}");
                 if args.json {
                     let name = input::display(file);
                     let line = json!({ "file": name, "error": format!("{error:#}") });
@@ -148,7 +178,7 @@ fn volumes(file: &Path, args: &Args) -> anyhow::Result<String> {
         let faces = measure.open_faces;
         let _ = writeln!(text, "  open: {faces} faces belong to no closed body");
     }
-    Ok(text)
+    Ok(visible(&text))
 }
 
 /// The volumes of all bodies by the method that is asked for, if it is another one.

@@ -5,6 +5,7 @@ mod page;
 mod plot;
 mod text;
 
+use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -213,6 +214,7 @@ pub fn compare(
     view: &View,
     folder: &Path,
 ) -> io::Result<Report> {
+    remove_earlier(folder)?;
     let exact = subject.exact();
     let stage = Stage::new(subject.scene, view);
     write_png(&folder.join("exact.png"), &stage.picture)?;
@@ -241,6 +243,33 @@ pub fn compare(
     };
     report.write()?;
     Ok(report)
+}
+
+/// Removes the pictures and channels of meshes in an earlier report.
+fn remove_earlier(folder: &Path) -> io::Result<()> {
+    let is_crop = |kind: &str| {
+        let number = kind.strip_prefix("crop");
+        let number = number.and_then(|n| n.strip_suffix("-exact").or(n.strip_suffix("-mesh")));
+        number.is_some_and(|n| n.parse::<usize>().is_ok())
+    };
+    let is_ours = |name: &str| {
+        let (number, file) = name.strip_prefix("mesh")?.split_once('-')?;
+        number.parse::<usize>().ok()?;
+        let (kind, ending) = file.rsplit_once('.')?;
+        Some(match ending {
+            "png" => PICTURES.iter().any(|(name, _)| *name == kind) || is_crop(kind),
+            "exr" => kind == "smooth" || kind == "deviation",
+            _ => false,
+        })
+    };
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if is_ours(&name) == Some(true) {
+            fs::remove_file(&path)?;
+        }
+    }
+    Ok(())
 }
 
 /// Measures one mesh, takes its pictures and writes them.

@@ -1,0 +1,34 @@
+//! What is said to people: no name in a file may steer a terminal.
+
+/// A text with control characters as escapes, except for the ends of its lines.
+pub(super) fn visible(text: &str) -> String {
+    let mut shown = String::new();
+    for letter in text.chars() {
+        if letter.is_control() && letter != '\n' {
+            shown.extend(letter.escape_debug());
+        } else {
+            shown.push(letter);
+        }
+    }
+    shown
+}
+
+/// Prints a line to standard error.
+macro_rules! say {
+    ($($part:tt)*) => {
+        eprintln!("{}", $crate::cli::say::visible(&format!($($part)*)))
+    };
+}
+
+pub(super) use say;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown() {
+        assert_eq!(visible("Körper\n"), "Körper\n");
+        assert_eq!(visible("\u{1b}[31m\t\u{9b}"), "\\u{1b}[31m\\t\\u{9b}");
+    }
+}

@@ -1,0 +1,199 @@
+//! `nurbray convert` with many files: stopping, taking up again, names that clash.
+#![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
+
+use std::fs;
+
+use serde_json::Value;
+
+#[expect(dead_code, reason = "other tests use more of it")]
+mod program;
+
+use program::Place;
+
+/// The values of a key in the lines of an answer.
+fn values(text: &str, key: &str) -> Vec<String> {
+    let rows = text.lines().map(|line| {
+        let row: Value = serde_json::from_str(line).unwrap();
+        row[key].as_str().unwrap_or_default().to_owned()
+    });
+    rows.collect()
+}
+
+#[cfg(unix)]
+mod signals {
+    use std::process::{Child, Command, Stdio};
+    use std::thread::sleep;
+    use std::time::{Duration, Instant};
+
+    use super::{Place, fs, values};
+
+    /// Starts the program with an open standard input.
+    fn start(place: &Place, line: &str) -> Child {
+        Command::new(env!("CARGO_BIN_EXE_nurbray"))
+            .args(line.split_whitespace())
+            .current_dir(place.path(""))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
+    }
+
+    fn send(child: &Child, signal: &str) {
+        let id = child.id().to_string();
+        let sent = Command::new("kill").args(["-s", signal, &id]).status();
+        assert!(sent.unwrap().success());
+    }
+
+    /// Waits until a file is there.
+    fn wait_for(place: &Place, name: &str) {
+        let started = Instant::now();
+        while !place.path(name).exists() {
+            assert!(started.elapsed() < Duration::from_secs(60), "{name}");
+            sleep(Duration::from_millis(5));
+        }
+    }
+
+    #[test]
+    fn a_signal_ends_waiting_and_counts_what_is_left() {
+        let place = Place::new();
+        for signal in ["INT", "TERM"] {
+            let line = "convert samples/teapot.obj - samples/goblet.x3d -o {stem}.igs --json";
+            let mut child = start(&place, line);
+            let input = child.stdin.take();
+            wait_for(&place, "teapot.igs");
+            sleep(Duration::from_millis(100));
+            send(&child, signal);
+            let output = child.wait_with_output().unwrap();
+            drop(input);
+            let stdout = String::from_utf8(output.stdout).unwrap();
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(3), "{stderr}");
+            assert_eq!(values(&stdout, "status"), ["ok", "left", "left"]);
+            assert!(stderr.contains("a second signal stops at once"), "{stderr}");
+            assert!(stderr.ends_with("stopped; 2 files are left\n"), "{stderr}");
+            fs::remove_file(place.path("teapot.igs")).unwrap();
+            assert_eq!(place.files(), [""; 0]);
+        }
+    }
+
+    #[test]
+    fn a_second_signal_ends_at_once_and_leaves_nothing_unfinished() {
+        let place = Place::new();
+        let line = "convert samples/teapot.obj -o t.glb --tolerance 0.00001%";
+        let child = start(&place, line);
+        sleep(Duration::from_millis(300));
+        fs::write(place.path(&format!("t.glb.{}.part", child.id())), "half").unwrap();
+        let started = Instant::now();
+        send(&child, "TERM");
+        sleep(Duration::from_millis(200));
+        send(&child, "TERM");
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(128 + 15));
+        assert!(started.elapsed() < Duration::from_secs(5));
+        assert_eq!(place.files(), [""; 0]);
+    }
+}
+
+#[test]
+fn outputs_are_made_again_when_anything_has_changed() {
+    let place = Place::new();
+    let line = "convert samples/teapot.obj -o out/t.gltf --tolerance 1% --resume --json";
+    let run = |expected: &str, why: &str| {
+        let run = place.run(line);
+        assert_eq!(values(&run.stdout, "status"), [expected], "{why}");
+    };
+    run("ok", "the first time");
+    run("skipped", "nothing has changed");
+    let mtl = place.path("samples/teapot.mtl");
+    let text = fs::read_to_string(&mtl).unwrap();
+    fs::write(&mtl, format!("{text}# another line\n")).unwrap();
+    run("ok", "a file that the source names has changed");
+    run("skipped", "nothing has changed");
+    fs::remove_file(&mtl).unwrap();
+    run("ok", "a file that the source names is gone");
+    run("skipped", "nothing has changed");
+    for name in ["out/t.gltf", "out/t.bin"] {
+        let bytes = fs::read(place.path(name)).unwrap();
+        fs::write(place.path(name), &bytes[..bytes.len() / 2]).unwrap();
+        run("ok", name);
+        assert_eq!(fs::read(place.path(name)).unwrap(), bytes);
+    }
+    // Standard input is known by its content.
+    let from_input = |name: &str| {
+        let bytes = fs::read(place.path(name)).unwrap();
+        let run = place.run_with("convert - -o out/i.igs --resume --json", &bytes);
+        values(&run.stdout, "status").concat()
+    };
+    assert_eq!(from_input("samples/goblet.x3d"), "ok");
+    assert_eq!(from_input("samples/goblet.x3d"), "skipped");
+    assert_eq!(from_input("samples/teapot.obj"), "ok");
+}
+
+#[test]
+fn no_input_is_written_over() {
+    let place = Place::new();
+    let text = fs::read_to_string(place.path("samples/teapot.obj")).unwrap();
+    let text = text.replace("teapot.mtl", "z.mtl");
+    fs::write(place.path("x.obj"), text).unwrap();
+    fs::copy(place.path("samples/teapot.mtl"), place.path("z.mtl")).unwrap();
+    fs::copy(place.path("samples/phantom.dcm"), place.path("h.dcm")).unwrap();
+    place.run("model --synthetic sphere -o ball.csv");
+    let before = ["x.obj", "z.mtl", "h.dcm", "ball.csv"].map(|n| fs::read(place.path(n)).unwrap());
+    for line in [
+        "convert x.obj -o z.obj",
+        "convert x.obj -o ./x.obj",
+        "convert samples/goblet.x3d x.obj -o x.obj",
+        "model h.dcm -o h.dcm",
+        "model ball.csv -o samples/../ball.csv",
+    ] {
+        let run = place.run(line);
+        assert_eq!(run.code, Some(2), "{line}: {}", run.stderr);
+        let why = "an input would be written over";
+        assert!(run.stderr.contains(why), "{line}: {}", run.stderr);
+        assert_eq!(place.files(), ["ball.csv", "h.dcm", "x.obj", "z.mtl"]);
+    }
+    let after = ["x.obj", "z.mtl", "h.dcm", "ball.csv"].map(|n| fs::read(place.path(n)).unwrap());
+    assert!(before == after);
+}
+
+#[test]
+fn names_that_clash_do_not_stop_the_others() {
+    let place = Place::new();
+    for folder in ["a", "b"] {
+        fs::create_dir_all(place.path(folder)).unwrap();
+        let name = format!("{folder}/goblet.x3d");
+        fs::copy(place.path("samples/goblet.x3d"), place.path(&name)).unwrap();
+    }
+    fs::copy(place.path("samples/teapot.obj"), place.path("a/teapot.obj")).unwrap();
+    fs::copy(place.path("samples/goblet.x3d"), place.path("a/teapot.x3d")).unwrap();
+    let run = place.run("convert a -o {stem}.igs --out-dir out --json");
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    assert_eq!(values(&run.stdout, "status"), ["ok", "failed", "failed"]);
+    let message = "a/teapot.obj: a/teapot.x3d would be written to out/teapot.igs, too; \
+                   put {stem}-{ext} into -o\n";
+    assert!(run.stderr.contains(message), "{}", run.stderr);
+    let run = place.run("convert a -o {stem}-{ext}.igs --out-dir out2");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(place.path("out2/teapot-x3d.igs").is_file());
+    let run = place.run("convert a b -o {stem}-{ext}.igs --out-dir out3 --json");
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let expected = ["failed", "ok", "ok", "failed"];
+    assert_eq!(values(&run.stdout, "status"), expected);
+    let message = "b/goblet.x3d: a/goblet.x3d would be written to out3/goblet-x3d.igs, too; \
+                   rename one or write them to different folders\n";
+    assert!(run.stderr.contains(message), "{}", run.stderr);
+}
+
+#[test]
+fn failed_files_have_their_warnings() {
+    let place = Place::new();
+    let text = "#VRML V2.0 utf8\nInline { url \"missing.wrl\" }\n";
+    fs::write(place.path("empty.wrl"), text).unwrap();
+    let run = place.run("convert empty.wrl -o empty.igs --json");
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    let row: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(row["status"], "failed");
+    let warning = row["warnings"][0]["text"].as_str().unwrap();
+    assert!(warning.contains("missing.wrl"), "{row}");
+}
