@@ -25,6 +25,7 @@ use kernel::Scene;
 
 mod error;
 mod iges;
+mod lifted;
 mod limits;
 mod nodes;
 mod obj;

@@ -186,6 +186,14 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
     for _ in 0..count {
         pointers.push(parameters.integer_or(0)?);
     }
+    // A curve on a surface has that as its own only if the file says so.
+    let is_other = |surface| {
+        file.find(surface)
+            .is_some_and(|i| !file.entries[i].dependent)
+    };
+    if entry.kind == 142 && is_other(pointers[0]) {
+        pointers.remove(0);
+    }
     Ok(pointers)
 }
 

@@ -32,7 +32,11 @@ pub(super) fn tell(
                     (true, _) => continue,
                     (_, true) => "blanked entities are not shown".to_owned(),
                     _ if kind == 110 => "lines without ends are not shown".to_owned(),
-                    _ => format!("{noun} is not shown, because its owner is not"),
+                    _ => match owners[index].map(|owner| file.entries[owner].kind) {
+                        None => format!("{noun} is not shown, because it is marked as no geometry"),
+                        Some(142) => format!("{noun} is not shown, but a curve on it"),
+                        Some(_) => format!("{noun} is not shown, because its owner is not"),
+                    },
                 }
             }
             Class::Missing => format!("{noun} (type {kind}) is not read yet"),

@@ -404,10 +404,21 @@ impl<'a, 'b> Tree<'a, 'b> {
         let shapes = match &entity.content {
             Content::Points(points) => vec![WireShape::Points(points.clone())],
             _ => {
-                let (rails, repairs) = self.reading(|reader, _| reader.rails(index));
+                let (limit, is_on_surface) =
+                    (self.points_left, self.file.entries[index].kind == 142);
+                let (curves, repairs) = self.reading(|reader, _| {
+                    if is_on_surface {
+                        return trims::on_surface(reader, index, limit);
+                    }
+                    let rails = reader.rails(index)?.into_iter();
+                    Ok(rails.map(|rail| rail.curve).collect())
+                });
                 self.repairs(repairs);
-                let rails = rails?.into_iter();
-                rails.map(|rail| WireShape::Curve(rail.curve)).collect()
+                let curves = curves?;
+                if is_on_surface {
+                    self.spend(curves.iter().map(|c| c.homogeneous().len()).sum())?;
+                }
+                curves.into_iter().map(WireShape::Curve).collect()
             }
         };
         let material = self.material(index, color);
@@ -515,11 +526,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         let mut patches = Vec::new();
         for (surface, loops) in parts {
             // A patch is more than its points.
-            let cost = surface.homogeneous().len().max(LEAST_COST);
-            self.points_left = self.points_left.checked_sub(cost).ok_or_else(|| {
-                let text = format!("more than {} control points", self.limits.points);
-                Problem::TooLarge(text)
-            })?;
+            self.spend(surface.homogeneous().len().max(LEAST_COST))?;
             let patch = Patch {
                 name: name.clone(),
                 source: file.source(index),
@@ -531,6 +538,15 @@ impl<'a, 'b> Tree<'a, 'b> {
         }
         self.patches.insert(index, patches.clone());
         Ok(patches)
+    }
+
+    /// Counts control points.
+    fn spend(&mut self, count: usize) -> Result<(), Problem> {
+        self.points_left = self.points_left.checked_sub(count).ok_or_else(|| {
+            let text = format!("more than {} control points", self.limits.points);
+            Problem::TooLarge(text)
+        })?;
+        Ok(())
     }
 
     /// Items that show patches; the inherited colour counts where a patch has none.
