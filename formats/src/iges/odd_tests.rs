@@ -51,6 +51,47 @@ fn a_curve_on_a_surface_shows_itself_and_leaves_the_surface() {
 }
 
 #[test]
+fn composite_curves_begin_at_zero() {
+    // An arc from 90 to 180 degrees and a line from there, as generatrix; the file trims the line.
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let [low, high] = [quarter + 0.25, quarter + 0.75];
+    let corners = [[low, 1.0], [high, 1.0], [high, 2.0], [low, 2.0], [low, 1.0]];
+    let corners = corners.map(|[u, v]| format!(",{u},{v}"));
+    let turned = part(124, 0, "1.,0.,0.,3.,0.,0.,-1.,0.,0.,1.,0.,0.");
+    let mut arc = part(100, 0, "0.,0.,0.,0.,1.,-1.,0.");
+    arc.transform = 1;
+    let border = format!("1,5,0.{}", corners.concat());
+    let (scene, warnings) = read(&[
+        turned,
+        arc,
+        part(110, 0, "2.,0.,0.,2.,0.,-4."),
+        part(102, 0, "2,3,5"),
+        part(110, 0, "0.,0.,0.,0.,0.,1."),
+        part(120, 0, "9,7,0.,3."),
+        part(106, 63, &border),
+        part(142, 0, "0,11,13,0,1"),
+        made(144, "11,1,0,15"),
+    ]);
+    assert_eq!(warnings, NONE);
+    // Half of the line, 2 from the axis.
+    assert!((area(&scene) - 4.0).abs() < 1e-6, "{}", area(&scene));
+}
+
+#[test]
+fn members_of_composite_curves_that_run_backwards_are_turned() {
+    for ends in ["1.,1.,0.,1.,0.,0.", "1.,0.,0.,1.,1.,0."] {
+        let (scene, warnings) = read(&[
+            part(110, 0, "0.,0.,0.,1.,0.,0."),
+            part(110, 0, ends),
+            part(102, 0, "2,1,3"),
+            made(122, "5,0.,0.,5."),
+        ]);
+        assert!((area(&scene) - 10.0).abs() < 1e-9, "{}", area(&scene));
+        assert_eq!(warnings.len(), usize::from(ends.starts_with("1.,1.")));
+    }
+}
+
+#[test]
 fn what_is_marked_as_no_geometry_is_told_as_such() {
     let other = Made {
         status: "00000500",
