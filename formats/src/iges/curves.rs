@@ -64,6 +64,8 @@ pub(super) struct Reader<'a, 'b> {
     pub transforms: &'a mut Transforms,
     /// What had to be repaired, with the entity.
     pub repairs: Vec<(usize, Problem)>,
+    /// The bases of offset surfaces.
+    pub bases: Vec<usize>,
 }
 
 impl Reader<'_, '_> {

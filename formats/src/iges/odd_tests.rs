@@ -78,6 +78,52 @@ fn composite_curves_begin_at_zero() {
 }
 
 #[test]
+fn offsets_of_quadrics_keep_to_the_side_and_place_of_the_file() {
+    let mut cylinder = part(192, 1, "1,3,3.,5");
+    let shift = part(124, 0, "1.,0.,0.,10.,0.,1.,0.,0.,0.,0.,1.,0.");
+    cylinder.transform = 7;
+    let circle = |height: f64| part(100, 0, &format!("{height},10.,0.,12.,0.,12.,0."));
+    // Half a turn from the reference direction, x looks inwards.
+    let (scene, warnings) = read(&[
+        part(116, 0, "0.,0.,0."),
+        part(123, 0, "0.,0.,1."),
+        part(123, 0, "1.,0.,0."),
+        shift,
+        cylinder,
+        part(140, 0, "1.,0.,0.,1.,9"),
+        circle(0.0),
+        circle(2.0),
+        part(142, 0, "1,11,0,13,2"),
+        part(142, 0, "1,11,0,15,2"),
+        made(144, "11,1,1,17,19"),
+    ]);
+    assert_eq!(warnings, NONE);
+    let band = 8.0 * std::f64::consts::PI;
+    assert!((area(&scene) - band).abs() < 1e-6, "{}", area(&scene));
+}
+
+#[test]
+fn offsets_of_offsets_add_up() {
+    let (scene, warnings) = read(&[
+        Made {
+            status: "00010000",
+            ..square(0.0)
+        },
+        part(140, 0, "0.,0.,1.,2.,1"),
+        made(140, "0.,0.,-1.,0.5,3"),
+    ]);
+    // The square is flat: its offsets are exact, and it is not missed itself.
+    assert_eq!(warnings, NONE);
+    assert_eq!(scene.placement_count(), 1);
+    let corner = scene.patches()[0].surface.corners()[0][0];
+    assert!(corner.distance(DVec3::Z * 1.5) < 1e-12, "{corner}");
+    // One that is its own base ends.
+    let (scene, warnings) = read(&[square(0.0), made(140, "0.,0.,1.,2.,3")]);
+    assert_eq!(scene.placement_count(), 1);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+}
+
+#[test]
 fn members_of_composite_curves_that_run_backwards_are_turned() {
     for ends in ["1.,1.,0.,1.,0.,0.", "1.,0.,0.,1.,1.,0."] {
         let (scene, warnings) = read(&[
@@ -89,6 +135,17 @@ fn members_of_composite_curves_that_run_backwards_are_turned() {
         assert!((area(&scene) - 10.0).abs() < 1e-9, "{}", area(&scene));
         assert_eq!(warnings.len(), usize::from(ends.starts_with("1.,1.")));
     }
+}
+
+#[test]
+fn the_centre_of_a_sphere_is_where_its_transformation_places_it() {
+    let mut centre = part(116, 0, "1.,0.,0.");
+    centre.transform = 3;
+    let shift = part(124, 0, "1.,0.,0.,7.,0.,1.,0.,0.,0.,0.,1.,0.");
+    let (scene, warnings) = read(&[centre, shift, made(196, "1,2.")]);
+    assert_eq!(warnings, NONE);
+    let bounds = scene.patches()[0].surface.hull_bounds();
+    assert!((bounds.center().x - 8.0).abs() < 1e-12, "{bounds:?}");
 }
 
 #[test]

@@ -58,6 +58,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
             children.extend(tree.child(index, 0, 0));
         } else {
             tree.fail(index, Problem::Invalid("it contains itself".to_owned()));
+            tree.tried[index] = true;
         }
     }
     if let Some(error) = tree.fatal {
@@ -444,8 +445,12 @@ impl<'a, 'b> Tree<'a, 'b> {
             file: self.file,
             transforms: &mut self.transforms,
             repairs: Vec::new(),
+            bases: Vec::new(),
         };
         let result = read(&mut reader, &mut self.edges);
+        for base in reader.bases {
+            self.tried[base] = true;
+        }
         (result, reader.repairs)
     }
 
