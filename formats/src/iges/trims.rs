@@ -19,7 +19,7 @@ use super::directory::SHORT;
 use super::order::{Chain, Order};
 use super::quadric::Quadric;
 use super::sheets::{self, Sheet, SheetShape, Warp};
-use crate::{Problem, lifted};
+use crate::{Problem, lifted, repeated};
 
 /// How far a curve laid onto a surface may stray, relative to the size of the surface.
 const ACCURACY: f64 = 1e-7;
@@ -279,6 +279,12 @@ impl<'a> Trimmer<'a> {
                 .push((face, Problem::Invalid(text.to_owned())));
         }
         let mut trims = closed.loops;
+        if repeated::removed(&mut trims, &self.domain) {
+            let text = "two trim loops are the same; they count once";
+            reader
+                .repairs
+                .push((face, Problem::Invalid(text.to_owned())));
+        }
         let [u, v] = &self.domain;
         TrimLoop::check_inside(&trims, u, v).map_err(Problem::Geometry)?;
         if border {
