@@ -16,6 +16,12 @@ use crate::Problem;
 /// The operation of a boolean tree that unites.
 const UNION: i64 = 1;
 
+/// The form of associations (402) of one parent with its children.
+pub(super) const PARENT: i64 = 9;
+
+/// The form of planes (108) that are holes of others.
+const HOLE: i64 = -1;
+
 /// An entity that can be shown.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entity {
@@ -70,6 +76,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
             return plain(Content::Points(vec![parameters.point_or(DVec3::ZERO)?]));
         }
+        108 if entry.form == HOLE => {
+            let text = "a hole without the plane that it belongs to is not shown";
+            return Err(Problem::Unsupported(text.to_owned()));
+        }
         kind if sheets::is_sheet(kind) || primitives::is_primitive(kind) => {
             return plain(Content::Surface);
         }
@@ -77,7 +87,7 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         _ => {}
     }
     let is_readable = match entry.kind {
-        402 => types::is_group(entry.kind, entry.form),
+        402 => types::is_group(entry.kind, entry.form) || entry.form == PARENT,
         143 | 144 | 510 => true,
         kind => types::is_composed(kind),
     };
@@ -96,6 +106,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             name = parameters.text();
             Content::Members(parameters.pointers("members")?)
         }
+        402 if entry.form == PARENT => match holes(file, &mut parameters)? {
+            Some(content) => content,
+            None => return Ok(None),
+        },
         402 => Content::Members(parameters.pointers("members")?),
         kind @ (408 | 412 | 414 | 420) => Content::Copies(Copies::read(kind, &mut parameters)?),
         180 => match operands(&mut parameters)? {
@@ -218,6 +232,25 @@ fn with_flags(parameters: &mut Parameters<'_>) -> Result<Vec<i64>, Problem> {
         parameters.integer_or(1)?;
     }
     Ok(pointers)
+}
+
+/// A plane with holes, if an association is one.
+fn holes(file: &File<'_>, parameters: &mut Parameters<'_>) -> Result<Option<Content>, Problem> {
+    parameters.integer()?;
+    let count = parameters.count()?;
+    let surface = parameters.integer()?;
+    let count = parameters.expect(count, "holes")?;
+    let holes: Result<Vec<_>, _> = (0..count).map(|_| parameters.integer()).collect();
+    let holes = holes?;
+    let is_plane = |pointer: i64, form: i64| {
+        let index = file.find(pointer);
+        index.is_some_and(|i| (file.entries[i].kind, file.entries[i].form) == (108, form))
+    };
+    if !(is_plane(surface, 1) && holes.iter().all(|&hole| is_plane(hole, HOLE))) {
+        return Ok(None);
+    }
+    let boundary = Boundary::Loops([vec![surface], holes].concat());
+    Ok(Some(Content::Face { surface, boundary }))
 }
 
 /// A face: bounded surface (143), trimmed surface (144) or face of a solid (510).

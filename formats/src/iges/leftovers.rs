@@ -27,7 +27,10 @@ pub(super) fn tell(
         }
         let is_annotation = kind == 106 && !types::is_free_form(kind, form);
         let text = match types::class(kind) {
-            Class::Shown if !is_annotation && (kind != 402 || types::is_group(kind, form)) => {
+            Class::Shown
+                if !is_annotation
+                    && (kind != 402 || types::is_group(kind, form) || tried[index]) =>
+            {
                 match (tried[index], entry.blanked) {
                     (true, _) => continue,
                     (_, true) => "blanked entities are not shown".to_owned(),

@@ -132,7 +132,9 @@ fn links(file: &File<'_>) -> Links {
         for pointer in entities::references(file, index) {
             if let Some(owned) = file.find(pointer) {
                 links.owners[owned] = Some(index);
-                links.is_base[owned] |= matches!(entry.kind, 143 | 144 | 510);
+                let is_face = matches!(entry.kind, 143 | 144 | 510)
+                    || (entry.kind, entry.form) == (402, entities::PARENT);
+                links.is_base[owned] |= is_face;
             }
         }
     }
@@ -256,6 +258,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         let file = self.file;
         let entry = &file.entries[index];
         let Some(entity) = entities::read(file, index)? else {
+            self.tried[index] = false;
             return Ok(None);
         };
         let mut place = match &entity.content {
@@ -281,6 +284,11 @@ impl<'a, 'b> Tree<'a, 'b> {
             Content::Face { surface, boundary } => {
                 let base = self.file.follow(*surface, "the surface")?;
                 self.tried[base] = true;
+                if let Boundary::Loops(loops) = boundary {
+                    for hole in loops.iter().filter_map(|&pointer| file.find(pointer)) {
+                        self.tried[hole] = true;
+                    }
+                }
                 let patches = self.patches(index, base, &entity, boundary)?;
                 node.children = self.items(index, &patches, inherited);
             }
@@ -605,7 +613,7 @@ impl<'a, 'b> Tree<'a, 'b> {
 fn is_shown(entry: &Entry) -> bool {
     let Entry { kind, form, .. } = *entry;
     let is_readable = match kind {
-        402 => types::is_group(kind, form),
+        402 => types::is_group(kind, form) || form == entities::PARENT,
         kind => !types::is_wire(kind) || types::is_free_form(kind, form),
     };
     types::class(kind) == Class::Shown && is_geometry(entry) && is_readable
