@@ -124,6 +124,42 @@ fn offsets_of_offsets_add_up() {
 }
 
 #[test]
+fn spline_surfaces_may_lack_the_blocks_that_say_nothing() {
+    // (s, t, 0) over two rows of two blocks.
+    let block = |x: usize, y: usize| {
+        let axis = |start: usize, power: usize| {
+            let coefficient = |k: usize| match k {
+                0 => format!(",{start}."),
+                k if k == power => ",1.".to_owned(),
+                _ => ",0.".to_owned(),
+            };
+            (0..16).map(coefficient).collect::<String>()
+        };
+        axis(x, 1) + &axis(y, 4) + &",0.".repeat(16)
+    };
+    let end = ",0.".repeat(48);
+    let name = part(406, 15, "1,4Hflat");
+    for (after_first, after_second, after_all) in [(1, 1, 3), (1, 0, 0), (0, 0, 0)] {
+        let mut text = "3,1,2,2,0.,1.,2.,0.,1.,2.".to_owned();
+        for (x, ends) in [(0, after_first), (1, after_second)] {
+            text += &(block(x, 0) + &block(x, 1) + &end.repeat(ends));
+        }
+        text += &end.repeat(after_all);
+        if after_first == after_second {
+            text += ",0,1,3";
+        }
+        let surface = made(114, &text);
+        let name = part(name.kind, name.form, &name.parameters);
+        let (scene, warnings) = read(&[surface, name]);
+        assert_eq!(warnings, NONE);
+        assert!((area(&scene) - 4.0).abs() < 1e-12);
+        if after_first == after_second {
+            assert_eq!(scene.patches()[0].name, "flat");
+        }
+    }
+}
+
+#[test]
 fn members_of_composite_curves_that_run_backwards_are_turned() {
     for ends in ["1.,1.,0.,1.,0.,0.", "1.,0.,0.,1.,1.,0."] {
         let (scene, warnings) = read(&[

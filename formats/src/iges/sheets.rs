@@ -248,6 +248,9 @@ fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Prob
         parameters.reals(counts[0].saturating_add(1), "breakpoints")?,
         parameters.reals(counts[1].saturating_add(1), "breakpoints")?,
     ];
+    // One more block ends each row, and one more row the surface; they say nothing, and some
+    // programs leave them out.
+    let has_ends = parameters.left() / 48 > counts[0].saturating_mul(counts[1]);
     let [rows, row] = counts.map(|count| 3 * count + 1);
     let mut points = vec![DVec3::ZERO; rows.saturating_mul(row)];
     for i in 0..counts[0] {
@@ -272,15 +275,11 @@ fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Prob
                 }
             }
         }
-        // One more block ends each row; it says nothing.
-        for _ in 0..48 {
+        for _ in 0..if has_ends { 48 } else { 0 } {
             parameters.real_or(0.0)?;
         }
     }
-    for _ in 0..(counts[1] + 1).saturating_mul(48) {
-        if parameters.at_most() == 0 {
-            break;
-        }
+    for _ in 0..if has_ends { 48 * (counts[1] + 1) } else { 0 } {
         parameters.real_or(0.0)?;
     }
     let knots = |breaks: &[f64]| {
