@@ -365,6 +365,39 @@ fn arc(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
     arc.map(Rail::arc).map_err(Problem::Geometry)
 }
 
+/// Passes over the parameters of a curve or point, to what follows them.
+pub(super) fn skip(kind: i64, parameters: &mut Parameters<'_>) -> Result<(), Problem> {
+    let left = match kind {
+        100 => 7,
+        102 => parameters.count()?,
+        104 => 11,
+        106 => {
+            let (width, count) = (parameters.integer()?, parameters.count()?);
+            match width {
+                1 => count.saturating_mul(2).saturating_add(1),
+                2 => count.saturating_mul(3),
+                _ => count.saturating_mul(6),
+            }
+        }
+        110 => 6,
+        112 => {
+            parameters.skip(3);
+            parameters.count()?.saturating_add(1).saturating_mul(13)
+        }
+        116 => 4,
+        126 => {
+            let [last, degree] = [parameters.count()?, parameters.count()?];
+            last.saturating_mul(5)
+                .saturating_add(degree)
+                .saturating_add(15)
+        }
+        130 => 14,
+        _ => 5,
+    };
+    parameters.skip(left);
+    Ok(())
+}
+
 /// The points of copious data (type 106).
 pub(super) fn copious(parameters: &mut Parameters<'_>) -> Result<Vec<DVec3>, Problem> {
     let (width, count) = (parameters.integer()?, parameters.count()?);

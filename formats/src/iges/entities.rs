@@ -25,7 +25,7 @@ const HOLE: i64 = -1;
 /// An entity that can be shown.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entity {
-    /// Its name, or empty; without its label.
+    /// Its name, or empty; without its label. Surfaces tell theirs when they are read.
     pub name: String,
     /// What it is.
     pub content: Content,
@@ -64,7 +64,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
     let entry = &file.entries[index];
     let mut buffer = Vec::new();
     let plain = |content| {
-        let name = String::new();
+        let name = match content {
+            Content::Curve | Content::Points(_) => own_name(file, index).unwrap_or_default(),
+            _ => String::new(),
+        };
         Ok(Some(Entity { name, content }))
     };
     match entry.kind {
@@ -134,6 +137,14 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         name = better;
     }
     Ok(Some(Entity { name, content }))
+}
+
+/// The name of a curve or point, which follows its own parameters.
+fn own_name(file: &File<'_>, index: usize) -> Result<String, Problem> {
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    curves::skip(file.entries[index].kind, &mut parameters)?;
+    Ok(trailing_name(file, &mut parameters))
 }
 
 /// The entities that belong to another one, as pointers; what is not readable is left out.

@@ -160,6 +160,36 @@ fn spline_surfaces_may_lack_the_blocks_that_say_nothing() {
 }
 
 #[test]
+fn curves_and_points_have_the_names_of_their_properties() {
+    let named = |kind: i64, form: i64, parameters: &str| Made {
+        form,
+        label: "LABEL",
+        ..made(kind, &format!("{parameters},0,1,1"))
+    };
+    let spline = "1,1,1,0,1,0,0.,0.,1.,1.,1.,1.,0.,0.,0.,1.,1.,0.,0.,1.,0.,0.,1.";
+    let cubic = "3,0,2,1,0.,1.,0.,1.,0.,0.,0.,1.,0.,0.,0.,0.,0.,0.,1.,1.,0.,0.,1.,1.,0.,0.,\
+                 0.,0.,0.,0.";
+    let (scene, _) = read(&[
+        part(406, 15, "1,5Hnamed"),
+        named(100, 0, "0.,0.,0.,1.,0.,0.,1."),
+        named(102, 0, "1,25"),
+        named(104, 1, "0.25,0.,1.,0.,0.,-1.,5.,2.,0.,-2.,0."),
+        named(106, 11, "1,2,0.,0.,0.,1.,1."),
+        named(106, 2, "2,1,0.,0.,0."),
+        named(106, 13, "3,2,0.,0.,0.,0.,0.,1.,1.,0.,0.,0.,0.,1."),
+        named(110, 0, "0.,0.,0.,1.,0.,0."),
+        named(112, 0, cubic),
+        named(116, 0, "1.,2.,3.,0"),
+        named(126, 0, spline),
+        named(130, 0, "25,1,0,0,0,0.5,0.,0.,0.,0.,0.,1.,0.,1."),
+        part(110, 0, "1.,2.,3.,0.,0.,0."),
+        named(142, 0, "0,0,0,25,2"),
+    ]);
+    let names: Vec<_> = scene.wires().iter().map(|w| w.name.as_str()).collect();
+    assert_eq!(names, ["named"; 12]);
+}
+
+#[test]
 fn members_of_composite_curves_that_run_backwards_are_turned() {
     for ends in ["1.,1.,0.,1.,0.,0.", "1.,0.,0.,1.,1.,0."] {
         let (scene, warnings) = read(&[
