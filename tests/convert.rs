@@ -228,6 +228,29 @@ fn moved(coarse: (&Value, &[u8]), fine: (&Value, &[u8])) -> f64 {
 }
 
 #[test]
+fn many_places_of_a_shape_are_one_node() {
+    let place = Place::new();
+    let at = |k: usize, name: &str, shape: &str| {
+        format!("{name} Transform {{ translation {k} 0 0 children {shape} }}\n")
+    };
+    let mut text = "#VRML V2.0 utf8\n".to_owned();
+    text += &at(0, "", "DEF BALL Shape { geometry Sphere { radius 0.4 } }");
+    text.extend((1..80).map(|k| at(k, "", "USE BALL")));
+    // What has a name of its own keeps it.
+    text += &at(80, "DEF LAST", "USE BALL");
+    fs::write(place.path("row.wrl"), text).unwrap();
+    let run = place.run("convert row.wrl -o row.glb");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let bytes = fs::read(place.path("row.glb")).unwrap();
+    let (json, _) = parts(&bytes);
+    let nodes = json["nodes"].as_array().unwrap();
+    assert!(nodes.len() < 8, "{nodes:?}");
+    let many = |node: &&Value| node["extensions"]["EXT_mesh_gpu_instancing"].is_object();
+    assert_eq!(nodes.iter().filter(many).count(), 1);
+    assert!(nodes.iter().any(|node| node["name"] == "LAST"));
+}
+
+#[test]
 fn small_files_keep_the_tolerance() {
     let place = Place::new();
     let run = |options: &str, out: &str| {

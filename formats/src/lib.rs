@@ -25,11 +25,14 @@ use kernel::Scene;
 
 mod error;
 mod iges;
+mod least;
+mod lifted;
 mod limits;
 mod nodes;
 mod obj;
 mod pictures;
 mod points;
+mod repeated;
 mod triangulate;
 mod vrml;
 mod write;

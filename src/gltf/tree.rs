@@ -1,11 +1,11 @@
 //! The nodes of the file.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 use std::io;
 
 use glam::{DAffine3, DVec3};
 use gltf::json::{Index, Node};
-use kernel::{Child, Item, NodeId, Scene};
+use kernel::{Child, Item, MaterialId, NodeId, Scene, Shape};
 use serde_json::{Value, json};
 
 use super::buffer::number;
@@ -99,28 +99,32 @@ impl Tree<'_, '_> {
         if let Some(placed) = self.shapes.add(&items, self.root)? {
             self.hold(placed, own);
         }
-        let below = node.children.iter().filter_map(|child| match child {
-            Child::Node(id) => Some(*id),
-            Child::Item(_) => None,
-        });
         // Children that are the same part at other places are counted before they are written.
-        let mut parts: BTreeMap<usize, Vec<Place>> = BTreeMap::new();
-        for child in below.clone() {
-            if let Some((part, place)) = self.part(child) {
-                parts.entry(part.index()).or_default().push(place);
-            }
+        let mut parts: Vec<(NodeId, Vec<Place>)> = Vec::new();
+        let mut known = HashMap::new();
+        let mut below = Vec::new();
+        for child in &node.children {
+            let Child::Node(child) = child else {
+                continue;
+            };
+            let found = self.part(*child).map(|(part, place)| {
+                let next = parts.len();
+                let number = *known.entry(self.key(part)).or_insert(next);
+                if number == next {
+                    parts.push((part, Vec::new()));
+                }
+                parts[number].1.push(place);
+                number
+            });
+            below.push((*child, found));
         }
-        parts.retain(|_, places| places.len() >= MANY);
-        let ids: Vec<NodeId> = scene.node_ids().collect();
-        for (&part, places) in &parts {
-            self.instance(ids[part], places, own)?;
+        let is_many = |number: usize| parts[number].1.len() >= MANY;
+        below.retain(|(_, part)| !part.is_some_and(is_many));
+        stack.extend(below.into_iter().rev().map(|(child, _)| (child, own)));
+        parts.retain(|(_, places)| places.len() >= MANY);
+        for (part, places) in parts {
+            self.instance(part, &places, own)?;
         }
-        let is_single = |child: &NodeId| {
-            let part = self.part(*child);
-            part.is_none_or(|(part, _)| !parts.contains_key(&part.index()))
-        };
-        let single: Vec<NodeId> = below.filter(is_single).collect();
-        stack.extend(single.into_iter().rev().map(|child| (child, own)));
         Ok(())
     }
 
@@ -158,6 +162,13 @@ impl Tree<'_, '_> {
             [place] if place.scale.cmpgt(DVec3::ZERO).all() => Some((id, place)),
             _ => None,
         }
+    }
+
+    /// What makes two parts the same: a name and shapes.
+    fn key(&self, part: NodeId) -> (&str, Vec<(Shape, Option<MaterialId>)>) {
+        let shape = |item: Item| (item.shape, self.scene.item_material(&item));
+        let items = items(self.scene, part).into_iter().map(shape);
+        (&self.scene.node(part).name, items.collect())
     }
 
     /// One node for many places of a part.

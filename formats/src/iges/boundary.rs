@@ -1,4 +1,5 @@
-//! What bounds a face: boundaries (141, 142) and the loops of solids (508 with 504).
+//! What bounds a face: boundaries (141, 142), the loops of solids (508 with 504), and planes with
+//! their holes (108).
 
 use std::collections::HashMap;
 
@@ -62,6 +63,19 @@ pub(super) fn read(file: &File<'_>, pointer: i64) -> Result<Option<Loop>, Proble
                 }],
                 is_oriented: false,
                 prefers_space,
+            }))
+        }
+        // A plane with its curve, after its equation.
+        108 => {
+            parameters.skip(4);
+            let space = parameters.integer()?;
+            let uses = vec![Use {
+                space,
+                ..Use::default()
+            }];
+            Ok(Some(Loop {
+                uses,
+                ..Loop::default()
             }))
         }
         141 => boundary(&mut parameters).map(Some),

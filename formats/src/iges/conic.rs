@@ -12,6 +12,11 @@ use crate::Problem;
 /// Determinants below this share of the coefficients belong to parabolas.
 const PARABOLA: f64 = 1e-12;
 
+/// Ends of an arc no farther apart than this share of its radius are one; so are those of which the
+/// numbers differ by no more than this share.
+const CLOSES: f64 = 1e-12;
+const DIGITS: f64 = 1e-14;
+
 /// `A x^2 + B x y + C y^2 + D x + E y + F = 0`, divided by its largest coefficient.
 struct Conic {
     square: DMat2,
@@ -57,6 +62,14 @@ pub(super) fn read(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
     curve.ok_or_else(no_conic)
 }
 
+/// How far an arc with these ends runs, if that is `turn` up to whole turns: once around where its
+/// ends are one but for the rounding of numbers as large as theirs.
+pub(super) fn sweep(turn: f64, [start, end]: [DVec2; 2], radius: f64) -> f64 {
+    let largest = start.abs().max(end.abs()).max_element();
+    let is_closed = start.distance(end) <= CLOSES * radius + DIGITS * largest;
+    if is_closed || turn <= 0.0 { TAU } else { turn }
+}
+
 /// An arc of an ellipse, over the angles of its parametric form.
 fn ellipse(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
     let center = conic.square.inverse() * conic.linear * -0.5;
@@ -78,11 +91,9 @@ fn ellipse(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
         let offset = p - center;
         f64::atan2(offset.dot(y) / short, offset.dot(x) / long).rem_euclid(TAU)
     };
-    let (from, to) = (angle(start), angle(end));
-    let sweep = match (to - from).rem_euclid(TAU) {
-        sweep if start != end && sweep > 0.0 => sweep,
-        _ => TAU,
-    };
+    let from = angle(start);
+    let turn = (angle(end) - from).rem_euclid(TAU);
+    let sweep = sweep(turn, [start, end], long.min(short));
     let (x, y) = ((x * long).extend(0.0), (y * short).extend(0.0));
     let curve = modelling::arc(center.extend(z), x, y, from..from + sweep).ok()?;
     let arcs = vec![curve.domain()];

@@ -19,6 +19,9 @@ const NESTING: usize = 8;
 /// How many curves one composite curve may have, counting members of members.
 const MEMBERS: usize = 1_000_000;
 
+/// Ends of the members of a composite curve no farther apart than this share of the largest meet.
+const MEETS: f64 = 1e-5;
+
 /// A curve, and what its parameter means.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Rail {
@@ -42,6 +45,16 @@ impl Rail {
         let arcs = vec![curve.domain()];
         Self { curve, arcs }
     }
+
+    /// The same rail run through backwards.
+    pub(super) fn reversed(&self) -> Self {
+        let Range { start, end } = self.curve.domain();
+        let turned = |arc: &Range<f64>| start + end - arc.end..start + end - arc.start;
+        Self {
+            curve: self.curve.reversed(),
+            arcs: self.arcs.iter().rev().map(turned).collect(),
+        }
+    }
 }
 
 /// Reads curves.
@@ -51,13 +64,36 @@ pub(super) struct Reader<'a, 'b> {
     pub transforms: &'a mut Transforms,
     /// What had to be repaired, with the entity.
     pub repairs: Vec<(usize, Problem)>,
+    /// The bases of offset surfaces.
+    pub bases: Vec<usize>,
 }
 
 impl Reader<'_, '_> {
     /// The curve a pointer leads to, in one piece.
     pub(super) fn rail(&mut self, pointer: i64) -> Result<Rail, Problem> {
         let index = self.file.follow(pointer, "a curve")?;
-        joined(self.rails(index)?)
+        let rails = self.rails(index)?;
+        self.whole(index, rails)
+    }
+
+    /// The curves of an entity in one; the parameter of a composite curve begins at zero.
+    fn whole(&mut self, index: usize, mut rails: Vec<Rail>) -> Result<Rail, Problem> {
+        if turn(&mut rails) {
+            let text = "members of a composite curve run backwards; they are turned";
+            self.repairs
+                .push((index, Problem::Invalid(text.to_owned())));
+        }
+        let rail = joined(rails)?;
+        if self.file.entries[index].kind != 102 {
+            return Ok(rail);
+        }
+        let Range { start, end } = rail.curve.domain();
+        let curve = rail.curve.remapped(0.0..end - start);
+        let moved = |arc: &Range<f64>| arc.start - start..arc.end - start;
+        Ok(Rail {
+            curve: curve.map_err(Problem::Geometry)?,
+            arcs: rail.arcs.iter().map(moved).collect(),
+        })
     }
 
     /// The curve of an entity in the coordinates of those that refer to it, in pieces where
@@ -117,7 +153,7 @@ impl Reader<'_, '_> {
         let rail = match entry.kind {
             100 => arc(parameters)?,
             104 => conic::read(parameters)?,
-            106 => polyline(parameters)?,
+            106 => polyline(parameters, entry.form)?,
             110 => {
                 let [start, end] = [point(parameters)?, point(parameters)?];
                 let line = Curve::line(start, end, 0.0..1.0).map_err(Problem::Geometry)?;
@@ -161,7 +197,7 @@ impl Reader<'_, '_> {
         let wanted = real()?..real()?;
         let mut rails = Vec::new();
         self.collect(base, depth + 1, &mut rails)?;
-        let base = joined(rails)?;
+        let base = self.whole(base, rails)?;
         let domain = base.curve.domain();
         let is_even = base.curve.degree() == 1 && base.curve.points().count() == 2
             || base.arcs == [domain.clone()];
@@ -216,6 +252,33 @@ fn length(curve: &Curve<DVec3>) -> f64 {
 
 /// How far a fitted offset may stray, relative to its size.
 pub(super) const OFFSET_ACCURACY: f64 = 1e-7;
+
+/// Turns curves round, each only where that clearly lets it begin where the one before ends;
+/// whether any was.
+fn turn(rails: &mut [Rail]) -> bool {
+    let sizes = rails.iter().map(|r| r.curve.hull_bounds().diagonal());
+    let near = sizes.fold(0.0, f64::max) * MEETS;
+    let better = |turned: f64, straight: f64| straight > near && turned < 0.5 * straight;
+    let mut is_any = false;
+    if let [first, second, ..] = rails {
+        let [start, end] = [first.curve.start(), first.curve.end()];
+        let next = [second.curve.start(), second.curve.end()];
+        let to_next = |p: DVec3| p.distance(next[0]).min(p.distance(next[1]));
+        if better(to_next(start), to_next(end)) {
+            *first = first.reversed();
+            is_any = true;
+        }
+    }
+    for k in 1..rails.len() {
+        let before = rails[k - 1].curve.end();
+        let [start, end] = [rails[k].curve.start(), rails[k].curve.end()];
+        if better(before.distance(end), before.distance(start)) {
+            rails[k] = rails[k].reversed();
+            is_any = true;
+        }
+    }
+    is_any
+}
 
 /// One curve from several; each begins where the one before ends, parameters go on.
 pub(super) fn joined(rails: Vec<Rail>) -> Result<Rail, Problem> {
@@ -295,14 +358,44 @@ fn arc(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
     let [center, start, end] = [point()?, point()?, point()?];
     let radius = start.distance(center);
     let from = (start - center).to_angle().rem_euclid(TAU);
-    let to = (end - center).to_angle().rem_euclid(TAU);
-    let sweep = match (to - from).rem_euclid(TAU) {
-        sweep if start != end && sweep > 0.0 => sweep,
-        _ => TAU,
-    };
+    let turn = ((end - center).to_angle() - from).rem_euclid(TAU);
+    let sweep = conic::sweep(turn, [start, end], radius);
     let (x, y) = (DVec3::X * radius, DVec3::Y * radius);
     let arc = modelling::arc(center.extend(z), x, y, from..from + sweep);
     arc.map(Rail::arc).map_err(Problem::Geometry)
+}
+
+/// Passes over the parameters of a curve or point, to what follows them.
+pub(super) fn skip(kind: i64, parameters: &mut Parameters<'_>) -> Result<(), Problem> {
+    let left = match kind {
+        100 => 7,
+        102 => parameters.count()?,
+        104 => 11,
+        106 => {
+            let (width, count) = (parameters.integer()?, parameters.count()?);
+            match width {
+                1 => count.saturating_mul(2).saturating_add(1),
+                2 => count.saturating_mul(3),
+                _ => count.saturating_mul(6),
+            }
+        }
+        110 => 6,
+        112 => {
+            parameters.skip(3);
+            parameters.count()?.saturating_add(1).saturating_mul(13)
+        }
+        116 => 4,
+        126 => {
+            let [last, degree] = [parameters.count()?, parameters.count()?];
+            last.saturating_mul(5)
+                .saturating_add(degree)
+                .saturating_add(15)
+        }
+        130 => 14,
+        _ => 5,
+    };
+    parameters.skip(left);
+    Ok(())
 }
 
 /// The points of copious data (type 106).
@@ -332,9 +425,11 @@ pub(super) fn copious(parameters: &mut Parameters<'_>) -> Result<Vec<DVec3>, Pro
     Ok(points)
 }
 
-/// Copious data as straight segments.
-fn polyline(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
+/// Copious data as straight segments; those of form 63 are closed, also where the file leaves the
+/// last one out.
+fn polyline(parameters: &mut Parameters<'_>, form: i64) -> Result<Rail, Problem> {
     let mut points = copious(parameters)?;
+    points.extend(points.first().copied().filter(|_| form == 63));
     points.dedup();
     let line = Curve::polyline(&points).map_err(Problem::Geometry)?;
     Ok(Rail::from(line))
@@ -411,6 +506,29 @@ mod tests {
     }
 
     #[test]
+    fn arcs_are_full_where_their_ends_differ_by_rounding_only() {
+        for (end, sweep) in [
+            ("1.,2.4E-16", TAU),
+            ("1.,-2.4E-16", TAU),
+            ("1.,1.E-9", 1e-9),
+            ("1.,-1.E-9", TAU - 1e-9),
+        ] {
+            let circle = arc(&mut parameters(&format!("0.,0.,0.,1.,0.,{end};"))).unwrap();
+            let ellipse = format!("0.25,0.,1.,0.,0.,-0.25,0.,1.,0.,{end};");
+            let ellipse = conic::read(&mut parameters(&ellipse)).unwrap();
+            // A degree of the ellipse is half as high there.
+            for (rail, sweep) in [(circle, sweep), (ellipse, sweep)] {
+                let domain = rail.curve.domain();
+                let found = domain.end - domain.start;
+                assert!((found - sweep).abs() < 1.1e-9, "{end}: {found}");
+            }
+        }
+        let far = "0.,1000.,0.,1000.01,0.,1000.0100000000001,0.;";
+        let far = arc(&mut parameters(far)).unwrap().curve.domain();
+        assert!((far.end - far.start - TAU).abs() < 1e-12, "{far:?}");
+    }
+
+    #[test]
     fn splines_are_restricted_to_their_range() {
         let record = "1,1,1,0,1,0,0.,0.,1.,1.,1.,1.,2.,0.,9.,4.,0.,9.,0.5,1.,0.,0.,1.;";
         let curve = spline(&mut parameters(record), &mut Vec::new())
@@ -424,12 +542,19 @@ mod tests {
 
     #[test]
     fn polylines_come_in_three_kinds() {
-        let flat = polyline(&mut parameters("1,3,7.,0.,0.,1.,0.,1.,1.;")).unwrap();
-        let deep = polyline(&mut parameters("2,3,0.,0.,7.,1.,0.,7.,1.,1.,7.;")).unwrap();
+        let flat = polyline(&mut parameters("1,3,7.,0.,0.,1.,0.,1.,1.;"), 11).unwrap();
+        let deep = polyline(&mut parameters("2,3,0.,0.,7.,1.,0.,7.,1.,1.,7.;"), 12).unwrap();
         assert_eq!(flat, deep);
         let turned = "3,2,0.,0.,7.,9.,9.,9.,1.,1.,7.,9.,9.,9.;";
-        let turned = polyline(&mut parameters(turned)).unwrap();
+        let turned = polyline(&mut parameters(turned), 13).unwrap();
         assert_eq!(turned.curve.end(), DVec3::new(1.0, 1.0, 7.0));
+        for last in ["", ",0.,0."] {
+            let count = if last.is_empty() { 3 } else { 4 };
+            let record = format!("1,{count},7.,0.,0.,1.,0.,1.,1.{last};");
+            let closed = polyline(&mut parameters(&record), 63).unwrap().curve;
+            assert_eq!(closed.end(), closed.start());
+            assert_eq!(closed.points().count(), 4);
+        }
     }
 
     #[test]

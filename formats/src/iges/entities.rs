@@ -16,10 +16,16 @@ use crate::Problem;
 /// The operation of a boolean tree that unites.
 const UNION: i64 = 1;
 
+/// The form of associations (402) of one parent with its children.
+pub(super) const PARENT: i64 = 9;
+
+/// The form of planes (108) that are holes of others.
+const HOLE: i64 = -1;
+
 /// An entity that can be shown.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entity {
-    /// Its name, or empty; without its label.
+    /// Its name, or empty; without its label. Surfaces tell theirs when they are read.
     pub name: String,
     /// What it is.
     pub content: Content,
@@ -58,7 +64,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
     let entry = &file.entries[index];
     let mut buffer = Vec::new();
     let plain = |content| {
-        let name = String::new();
+        let name = match content {
+            Content::Curve | Content::Points(_) => own_name(file, index).unwrap_or_default(),
+            _ => String::new(),
+        };
         Ok(Some(Entity { name, content }))
     };
     match entry.kind {
@@ -70,6 +79,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
             return plain(Content::Points(vec![parameters.point_or(DVec3::ZERO)?]));
         }
+        108 if entry.form == HOLE => {
+            let text = "a hole without the plane that it belongs to is not shown";
+            return Err(Problem::Unsupported(text.to_owned()));
+        }
         kind if sheets::is_sheet(kind) || primitives::is_primitive(kind) => {
             return plain(Content::Surface);
         }
@@ -77,7 +90,7 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         _ => {}
     }
     let is_readable = match entry.kind {
-        402 => types::is_group(entry.kind, entry.form),
+        402 => types::is_group(entry.kind, entry.form) || entry.form == PARENT,
         143 | 144 | 510 => true,
         kind => types::is_composed(kind),
     };
@@ -96,6 +109,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             name = parameters.text();
             Content::Members(parameters.pointers("members")?)
         }
+        402 if entry.form == PARENT => match holes(file, &mut parameters)? {
+            Some(content) => content,
+            None => return Ok(None),
+        },
         402 => Content::Members(parameters.pointers("members")?),
         kind @ (408 | 412 | 414 | 420) => Content::Copies(Copies::read(kind, &mut parameters)?),
         180 => match operands(&mut parameters)? {
@@ -120,6 +137,14 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         name = better;
     }
     Ok(Some(Entity { name, content }))
+}
+
+/// The name of a curve or point, which follows its own parameters.
+fn own_name(file: &File<'_>, index: usize) -> Result<String, Problem> {
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    curves::skip(file.entries[index].kind, &mut parameters)?;
+    Ok(trailing_name(file, &mut parameters))
 }
 
 /// The entities that belong to another one, as pointers; what is not readable is left out.
@@ -186,6 +211,14 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
     for _ in 0..count {
         pointers.push(parameters.integer_or(0)?);
     }
+    // A curve on a surface has that as its own only if the file says so.
+    let is_other = |surface| {
+        file.find(surface)
+            .is_some_and(|i| !file.entries[i].dependent)
+    };
+    if entry.kind == 142 && is_other(pointers[0]) {
+        pointers.remove(0);
+    }
     Ok(pointers)
 }
 
@@ -210,6 +243,25 @@ fn with_flags(parameters: &mut Parameters<'_>) -> Result<Vec<i64>, Problem> {
         parameters.integer_or(1)?;
     }
     Ok(pointers)
+}
+
+/// A plane with holes, if an association is one.
+fn holes(file: &File<'_>, parameters: &mut Parameters<'_>) -> Result<Option<Content>, Problem> {
+    parameters.integer()?;
+    let count = parameters.count()?;
+    let surface = parameters.integer()?;
+    let count = parameters.expect(count, "holes")?;
+    let holes: Result<Vec<_>, _> = (0..count).map(|_| parameters.integer()).collect();
+    let holes = holes?;
+    let is_plane = |pointer: i64, form: i64| {
+        let index = file.find(pointer);
+        index.is_some_and(|i| (file.entries[i].kind, file.entries[i].form) == (108, form))
+    };
+    if !(is_plane(surface, 1) && holes.iter().all(|&hole| is_plane(hole, HOLE))) {
+        return Ok(None);
+    }
+    let boundary = Boundary::Loops([vec![surface], holes].concat());
+    Ok(Some(Content::Face { surface, boundary }))
 }
 
 /// A face: bounded surface (143), trimmed surface (144) or face of a solid (510).

@@ -5,24 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use glam::{DVec2, DVec3};
 use kernel::Patch;
 
-use super::testing::{Made, made, read};
-
-/// A part of another entity.
-fn part(kind: i64, form: i64, parameters: &str) -> Made {
-    let status = "00010000";
-    Made {
-        form,
-        status,
-        ..made(kind, parameters)
-    }
-}
-
-fn formed(kind: i64, form: i64, parameters: &str) -> Made {
-    Made {
-        form,
-        ..made(kind, parameters)
-    }
-}
+use super::testing::{Made, formed, made, part, read};
 
 /// The only patch.
 fn patch(entities: &[Made]) -> Patch {

@@ -20,16 +20,16 @@ pub(super) struct Global {
 
 /// The unit flags: flag, names, metres.
 const UNITS: [(i64, &[&str], f64); 10] = [
-    (1, &["in", "inch"], 0.0254),
-    (2, &["mm"], 1e-3),
-    (4, &["ft"], 0.3048),
-    (5, &["mi"], 1609.344),
-    (6, &["m"], 1.0),
-    (7, &["km"], 1e3),
+    (1, &["in", "inch", "inches"], 0.0254),
+    (2, &["mm", "millimeter", "millimetre"], 1e-3),
+    (4, &["ft", "foot", "feet"], 0.3048),
+    (5, &["mi", "mile"], 1609.344),
+    (6, &["m", "meter", "metre"], 1.0),
+    (7, &["km", "kilometer", "kilometre"], 1e3),
     (8, &["mil"], 2.54e-5),
-    (9, &["um"], 1e-6),
-    (10, &["cm"], 1e-2),
-    (11, &["uin"], 2.54e-8),
+    (9, &["um", "micron", "micrometer", "micrometre"], 1e-6),
+    (10, &["cm", "centimeter", "centimetre"], 1e-2),
+    (11, &["uin", "microinch", "microinches"], 2.54e-8),
 ];
 
 /// Reads the global section; what is odd goes to `problems`.
@@ -87,12 +87,14 @@ pub(super) fn flag(metres: f64) -> Option<(usize, &'static str)> {
     Some((usize::try_from(row.0).ok()?, row.1[0]))
 }
 
-/// The unit of a flag; flags without a meaning of their own leave it to the name.
+/// The unit of a flag; flags without a meaning of their own leave it to the name, which may be a
+/// plural.
 fn unit(flag: i64, name: &str) -> Option<Unit> {
     let lower = name.to_lowercase();
+    let one = lower.strip_suffix('s').unwrap_or(&lower);
     let by_flag = UNITS.iter().find(|(known, ..)| *known == flag);
     let (_, names, metres) = by_flag.or_else(|| {
-        let is_named = |names: &[&str]| names.contains(&lower.as_str());
+        let is_named = |names: &[&str]| names.contains(&lower.as_str()) || names.contains(&one);
         UNITS.iter().find(|(_, names, _)| is_named(names))
     })?;
     Some(Unit {
@@ -174,6 +176,16 @@ mod tests {
         assert_eq!(name(2, "INCH"), Some("mm".to_owned()));
         assert_eq!(name(3, "CM"), Some("cm".to_owned()));
         assert_eq!(name(0, "INCH"), Some("in".to_owned()));
+        for (full, short) in [
+            ("MILLIMETERS", "mm"),
+            ("METER", "m"),
+            ("FEET", "ft"),
+            ("INCHES", "in"),
+            ("Micrometres", "um"),
+        ] {
+            assert_eq!(name(3, full), Some(short.to_owned()));
+            assert_eq!(name(0, full), Some(short.to_owned()));
+        }
         assert_eq!(name(3, "furlong"), None);
         // Nothing said means inches.
         assert_eq!(global(",,;").0.unit.unwrap().name, "in");

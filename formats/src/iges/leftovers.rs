@@ -27,12 +27,19 @@ pub(super) fn tell(
         }
         let is_annotation = kind == 106 && !types::is_free_form(kind, form);
         let text = match types::class(kind) {
-            Class::Shown if !is_annotation && (kind != 402 || types::is_group(kind, form)) => {
+            Class::Shown
+                if !is_annotation
+                    && (kind != 402 || types::is_group(kind, form) || tried[index]) =>
+            {
                 match (tried[index], entry.blanked) {
                     (true, _) => continue,
                     (_, true) => "blanked entities are not shown".to_owned(),
                     _ if kind == 110 => "lines without ends are not shown".to_owned(),
-                    _ => format!("{noun} is not shown, because its owner is not"),
+                    _ => match owners[index].map(|owner| file.entries[owner].kind) {
+                        None => format!("{noun} is not shown, because it is marked as no geometry"),
+                        Some(142) => format!("{noun} is not shown, but a curve on it"),
+                        Some(_) => format!("{noun} is not shown, because its owner is not"),
+                    },
                 }
             }
             Class::Missing => format!("{noun} (type {kind}) is not read yet"),

@@ -25,6 +25,8 @@ mod hostile_tests;
 mod leftovers;
 mod levels;
 mod net;
+#[cfg(test)]
+mod odd_tests;
 mod offset;
 mod order;
 mod parameters;

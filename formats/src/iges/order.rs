@@ -5,20 +5,16 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::Curve;
 
+use crate::least;
+
 /// Curves in the parameter domain.
 pub(super) type Chain = Vec<Curve<DVec2>>;
-
-/// Places looked at on each span of a curve, before the nearest is refined.
-const PLACES: usize = 16;
 
 /// A curve is looked at for crossings of this many seams.
 const TURNS: f64 = 4.0;
 
 /// Crossings of a seam are this near to it, as a share of the period.
 const NEAR: f64 = 1e-9;
-
-/// Halvings of the distance between them.
-const HALVINGS: usize = 50;
 
 /// Curves of a loop on a surface, whose points are given by parameters; what is no farther apart
 /// than `accuracy` meets.
@@ -103,7 +99,7 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
     /// Where a curve passes nearest to a point, and how far from it.
     fn passed(&self, curve: &Curve<DVec2>, target: DVec3) -> (f64, f64) {
         let off = |t: f64| (self.point)(curve.evaluate(t)).distance(target);
-        least(&curve.knots().breaks(), off)
+        least::least(&curve.knots().breaks(), off)
     }
 
     /// Turns curves round, each only where that is clearly better.
@@ -124,28 +120,4 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
         }
         curves
     }
-}
-
-/// Where a function of the parameter of a curve is least, from break to break, and how much it is.
-pub(super) fn least(breaks: &[f64], off: impl Fn(f64) -> f64) -> (f64, f64) {
-    let places = breaks.windows(2).flat_map(|span| {
-        let step = (span[1] - span[0]) / PLACES as f64;
-        (0..PLACES).map(move |k| (span[0] + step * (k as f64 + 0.5), step))
-    });
-    let nearest = places.min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
-    let (mut t, mut step) = nearest.unwrap_or_default();
-    let [first, .., last] = breaks else {
-        return (t, off(t));
-    };
-    for _ in 0..HALVINGS {
-        let around = [t - step, t, t + step].map(|t| t.clamp(*first, *last));
-        let best = around
-            .into_iter()
-            .min_by(|a, b| off(*a).total_cmp(&off(*b)));
-        if best == Some(t) {
-            step *= 0.5;
-        }
-        t = best.unwrap_or(t);
-    }
-    (t, off(t))
 }

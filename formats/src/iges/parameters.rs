@@ -63,6 +63,20 @@ impl<'a> Parameters<'a> {
         if self.ended { 0 } else { self.rest.len() + 1 }
     }
 
+    /// How many parameters are still to come.
+    pub(super) fn left(&self) -> usize {
+        let mut rest = self.clone();
+        std::iter::from_fn(|| Some(rest.token()).filter(|token| *token != Token::End)).count()
+    }
+
+    /// Passes over parameters, as far as there are any.
+    pub(super) fn skip(&mut self, count: u64) {
+        let mut left = count;
+        while left > 0 && self.token() != Token::End {
+            left -= 1;
+        }
+    }
+
     /// Fails unless `count` more parameters can be there.
     pub(super) fn expect(&self, count: u64, what: &str) -> Result<usize, Problem> {
         match usize::try_from(count) {

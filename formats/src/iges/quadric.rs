@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use kernel::modelling::{self, Frame};
 use kernel::{KnotVector, Surface};
 
+use super::curves::Reader;
 use super::directory::{Entry, File, SHORT};
 use super::parameters::Parameters;
 use crate::Problem;
@@ -26,6 +27,8 @@ const FAR: f64 = 100.0;
 pub(super) struct Quadric {
     pub frame: Frame,
     pub shape: Shape,
+    /// Whether the file says where its angles begin.
+    pub has_angles: bool,
 }
 
 /// The shapes, with lengths, and angles in radians. Parameters are those of the functions of
@@ -41,11 +44,12 @@ pub(super) enum Shape {
 
 /// Reads a surface of the types 190 to 198.
 pub(super) fn read(
-    file: &File<'_>,
+    reader: &mut Reader<'_, '_>,
     entry: &Entry,
     p: &mut Parameters<'_>,
 ) -> Result<Quadric, Problem> {
-    let location = vector(file, p.integer()?, 116)?;
+    let file = reader.file;
+    let location = location(reader, p.integer()?)?;
     let axis = match entry.kind {
         196 => None,
         _ => Some(vector(file, p.integer()?, 123)?),
@@ -78,7 +82,12 @@ pub(super) fn read(
         None => Frame::about(location, axis),
     };
     let frame = frame.map_err(Problem::Geometry)?;
-    let quadric = Quadric { frame, shape };
+    let has_angles = entry.form == 1;
+    let quadric = Quadric {
+        frame,
+        shape,
+        has_angles,
+    };
     // The shape is checked where its surface is made, here only what finds points on it.
     match shape {
         Shape::Cone { half_angle, .. } if half_angle.abs() >= FRAC_PI_2 => {
@@ -99,8 +108,22 @@ pub(super) fn plane(parameters: &mut Parameters<'_>) -> Result<Quadric, Problem>
     let frame = Frame::about(origin, normal).map_err(Problem::Geometry)?;
     // The usual axes, where the plane has them.
     let flat = Frame::new(origin, normal, DVec3::X).unwrap_or(frame);
-    let shape = Shape::Plane;
-    Ok(Quadric { frame: flat, shape })
+    Ok(Quadric {
+        frame: flat,
+        shape: Shape::Plane,
+        has_angles: false,
+    })
+}
+
+/// A point (type 116), where its transformation places it.
+fn location(reader: &mut Reader<'_, '_>, pointer: i64) -> Result<DVec3, Problem> {
+    let file = reader.file;
+    let point = vector(file, pointer, 116)?;
+    let index = file.follow(pointer, "a point")?;
+    let place = reader
+        .transforms
+        .follow(file, file.entries[index].transform)?;
+    Ok(place.transform_point3(point))
 }
 
 /// The coordinates of a point (type 116) or direction (type 123).
@@ -145,7 +168,11 @@ impl Quadric {
             radius: -there,
             half_angle: -half_angle,
         };
-        Ok(Self { frame, shape })
+        Ok(Self {
+            frame,
+            shape,
+            ..self
+        })
     }
 
     /// The parameters of a point on the surface, angles in radians. Angles are taken next to
@@ -260,6 +287,22 @@ impl Quadric {
         }
     }
 
+    /// The normal at the middle of the parameters of the file, half a turn from where angles begin;
+    /// `None` where the file does not say where that is.
+    pub(super) fn normal(&self) -> Option<DVec3> {
+        let frame = &self.frame;
+        let normal = match self.shape {
+            Shape::Plane => return Some(frame.z()),
+            Shape::Cylinder { .. } | Shape::Sphere { .. } => -frame.x(),
+            Shape::Cone { half_angle, .. } => {
+                -frame.x() * half_angle.cos() - frame.z() * half_angle.sin()
+            }
+            // On the inside of the ring.
+            Shape::Torus { .. } => frame.x(),
+        };
+        Some(normal).filter(|_| self.has_angles)
+    }
+
     /// The surface at a distance along its normal.
     pub(super) fn offset(&self, distance: f64) -> Result<Self, Problem> {
         let mut moved = self.clone();
@@ -325,7 +368,11 @@ mod tests {
                 minor: 3.0,
             },
         ] {
-            let quadric = Quadric { frame, shape };
+            let quadric = Quadric {
+                frame,
+                shape,
+                has_angles: false,
+            };
             let hull = [DVec3::new(5.0, 4.0, 3.0), DVec3::new(0.0, 1.0, 4.0)];
             let surface = quadric.surface(&hull).unwrap().unwrap();
             let knots = [surface.knots_u(), surface.knots_v()];

@@ -46,7 +46,7 @@ pub(super) fn surface(
         tell("points of equal arc length are joined in the file, of equal parameters here");
     }
     if reversed {
-        second = turned(&second);
+        second = second.reversed();
     }
     let warps = [Warp::new(&first), Warp::new(&second)];
     let geometry = Problem::Geometry;
@@ -69,16 +69,6 @@ pub(super) fn surface(
     let surface = modelling::ruled(first, second).map_err(geometry)?;
     let warps = [of_kept.clone(), Warp::default()];
     Ok(SheetShape::Splines(vec![surface], warps))
-}
-
-/// A rail that is run through backwards.
-fn turned(rail: &Rail) -> Rail {
-    let Range { start, end } = rail.curve.domain();
-    let turned = |arc: &Range<f64>| start + end - arc.end..start + end - arc.start;
-    Rail {
-        curve: rail.curve.reversed(),
-        arcs: rail.arcs.iter().rev().map(turned).collect(),
-    }
 }
 
 /// A rail with the points of `other` where those of `kept` have the same parameter in the file.

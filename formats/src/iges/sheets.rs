@@ -13,11 +13,14 @@ use super::quadric::{self, Quadric, wound};
 use super::{net, offset, ruled};
 use crate::Problem;
 
+/// How deep offset surfaces may nest.
+const NESTING: usize = 8;
+
 /// A surface before it is trimmed.
 #[derive(Clone, Debug)]
 pub(super) struct Sheet {
     pub shape: SheetShape,
-    /// Where it stands, from its own transformation.
+    /// Where it stands, from its own transformation and that of the base of an offset.
     pub place: DAffine3,
     /// Pointer to the closed curve that bounds a plane, or zero.
     pub border: i64,
@@ -108,7 +111,7 @@ fn nested(
 ) -> Result<Sheet, Problem> {
     let file = reader.file;
     let entry = &file.entries[index];
-    let place = reader.transforms.follow(file, entry.transform)?;
+    let mut place = reader.transforms.follow(file, entry.transform)?;
     let mut buffer = Vec::new();
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
     let p = &mut parameters;
@@ -125,7 +128,7 @@ fn nested(
             border = if entry.form == 0 { 0 } else { curve };
             SheetShape::Quadric(plane)
         }
-        190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(file, entry, p)?),
+        190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(reader, entry, p)?),
         114 => one(cubics(p, limit)?, Default::default()),
         118 => ruled::surface(reader, index, p, entry.form)?,
         120 => revolved(reader, p)?,
@@ -145,16 +148,10 @@ fn nested(
                 .extend(repairs.into_iter().map(|r| (index, r)));
             SheetShape::Splines(pieces, Default::default())
         }
-        140 if depth == 0 => {
-            let mut real = || p.real();
-            let side = DVec3::new(real()?, real()?, real()?);
-            let distance = p.real()?;
-            let base = file.follow(p.integer()?, "the base of an offset surface")?;
-            let base = nested(reader, base, limit, depth + 1)?;
-            let told = offset::ACCURACY;
-            let text = format!("it is fitted to {told:e} of its size");
-            reader.repairs.push((index, Problem::Unsupported(text)));
-            offset::surface(&base, side, distance)?
+        140 => {
+            let (shape, of_base) = offset(reader, index, p, limit, depth)?;
+            place *= of_base;
+            shape
         }
         _ => {
             let text = format!("{} is no surface that is read", file.source(index));
@@ -175,6 +172,38 @@ fn nested(
         border,
         name,
     })
+}
+
+/// An offset surface (type 140), and what places it beside its own transformation.
+fn offset(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    parameters: &mut Parameters<'_>,
+    limit: usize,
+    depth: usize,
+) -> Result<(SheetShape, DAffine3), Problem> {
+    let mut real = || parameters.real();
+    let side = DVec3::new(real()?, real()?, real()?);
+    let distance = real()?;
+    let base = reader
+        .file
+        .follow(parameters.integer()?, "the base of an offset surface")?;
+    if depth >= NESTING {
+        let text = format!("offset surfaces are nested more than {NESTING} deep");
+        return Err(Problem::Unsupported(text));
+    }
+    reader.bases.push(base);
+    let base = nested(reader, base, limit, depth + 1)?;
+    let (shape, is_exact) = offset::surface(&base, side, distance)?;
+    if !is_exact {
+        let text = format!("it is fitted to {:e} of its size", offset::ACCURACY);
+        reader.repairs.push((index, Problem::Unsupported(text)));
+    }
+    let place = match shape {
+        SheetShape::Quadric(_) => base.place,
+        SheetShape::Splines(..) => DAffine3::IDENTITY,
+    };
+    Ok((shape, place))
 }
 
 /// A surface of revolution (type 120).
@@ -219,6 +248,9 @@ fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Prob
         parameters.reals(counts[0].saturating_add(1), "breakpoints")?,
         parameters.reals(counts[1].saturating_add(1), "breakpoints")?,
     ];
+    // One more block ends each row, and one more row the surface; they say nothing, and some
+    // programs leave them out.
+    let has_ends = parameters.left() / 48 > counts[0].saturating_mul(counts[1]);
     let [rows, row] = counts.map(|count| 3 * count + 1);
     let mut points = vec![DVec3::ZERO; rows.saturating_mul(row)];
     for i in 0..counts[0] {
@@ -243,15 +275,11 @@ fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Prob
                 }
             }
         }
-        // One more block ends each row; it says nothing.
-        for _ in 0..48 {
+        for _ in 0..if has_ends { 48 } else { 0 } {
             parameters.real_or(0.0)?;
         }
     }
-    for _ in 0..(counts[1] + 1).saturating_mul(48) {
-        if parameters.at_most() == 0 {
-            break;
-        }
+    for _ in 0..if has_ends { 48 * (counts[1] + 1) } else { 0 } {
         parameters.real_or(0.0)?;
     }
     let knots = |breaks: &[f64]| {

@@ -53,6 +53,24 @@ pub(super) fn made(kind: i64, parameters: &str) -> Made {
     }
 }
 
+/// A part of another entity.
+pub(super) fn part(kind: i64, form: i64, parameters: &str) -> Made {
+    let status = "00010000";
+    Made {
+        form,
+        status,
+        ..made(kind, parameters)
+    }
+}
+
+/// An entity of a form.
+pub(super) fn formed(kind: i64, form: i64, parameters: &str) -> Made {
+    Made {
+        form,
+        ..made(kind, parameters)
+    }
+}
+
 /// A flat square of degree 1 with its lower corner at (x, 0, 0).
 pub(super) fn square(x: f64) -> Made {
     let end = x + 1.0;

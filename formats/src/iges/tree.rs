@@ -58,6 +58,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
             children.extend(tree.child(index, 0, 0));
         } else {
             tree.fail(index, Problem::Invalid("it contains itself".to_owned()));
+            tree.tried[index] = true;
         }
     }
     if let Some(error) = tree.fatal {
@@ -131,7 +132,9 @@ fn links(file: &File<'_>) -> Links {
         for pointer in entities::references(file, index) {
             if let Some(owned) = file.find(pointer) {
                 links.owners[owned] = Some(index);
-                links.is_base[owned] |= matches!(entry.kind, 143 | 144 | 510);
+                let is_face = matches!(entry.kind, 143 | 144 | 510)
+                    || (entry.kind, entry.form) == (402, entities::PARENT);
+                links.is_base[owned] |= is_face;
             }
         }
     }
@@ -255,6 +258,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         let file = self.file;
         let entry = &file.entries[index];
         let Some(entity) = entities::read(file, index)? else {
+            self.tried[index] = false;
             return Ok(None);
         };
         let mut place = match &entity.content {
@@ -280,6 +284,11 @@ impl<'a, 'b> Tree<'a, 'b> {
             Content::Face { surface, boundary } => {
                 let base = self.file.follow(*surface, "the surface")?;
                 self.tried[base] = true;
+                if let Boundary::Loops(loops) = boundary {
+                    for hole in loops.iter().filter_map(|&pointer| file.find(pointer)) {
+                        self.tried[hole] = true;
+                    }
+                }
                 let patches = self.patches(index, base, &entity, boundary)?;
                 node.children = self.items(index, &patches, inherited);
             }
@@ -404,10 +413,21 @@ impl<'a, 'b> Tree<'a, 'b> {
         let shapes = match &entity.content {
             Content::Points(points) => vec![WireShape::Points(points.clone())],
             _ => {
-                let (rails, repairs) = self.reading(|reader, _| reader.rails(index));
+                let (limit, is_on_surface) =
+                    (self.points_left, self.file.entries[index].kind == 142);
+                let (curves, repairs) = self.reading(|reader, _| {
+                    if is_on_surface {
+                        return trims::on_surface(reader, index, limit);
+                    }
+                    let rails = reader.rails(index)?.into_iter();
+                    Ok(rails.map(|rail| rail.curve).collect())
+                });
                 self.repairs(repairs);
-                let rails = rails?.into_iter();
-                rails.map(|rail| WireShape::Curve(rail.curve)).collect()
+                let curves = curves?;
+                if is_on_surface {
+                    self.spend(curves.iter().map(|c| c.homogeneous().len()).sum())?;
+                }
+                curves.into_iter().map(WireShape::Curve).collect()
             }
         };
         let material = self.material(index, color);
@@ -433,8 +453,12 @@ impl<'a, 'b> Tree<'a, 'b> {
             file: self.file,
             transforms: &mut self.transforms,
             repairs: Vec::new(),
+            bases: Vec::new(),
         };
         let result = read(&mut reader, &mut self.edges);
+        for base in reader.bases {
+            self.tried[base] = true;
+        }
         (result, reader.repairs)
     }
 
@@ -515,11 +539,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         let mut patches = Vec::new();
         for (surface, loops) in parts {
             // A patch is more than its points.
-            let cost = surface.homogeneous().len().max(LEAST_COST);
-            self.points_left = self.points_left.checked_sub(cost).ok_or_else(|| {
-                let text = format!("more than {} control points", self.limits.points);
-                Problem::TooLarge(text)
-            })?;
+            self.spend(surface.homogeneous().len().max(LEAST_COST))?;
             let patch = Patch {
                 name: name.clone(),
                 source: file.source(index),
@@ -531,6 +551,15 @@ impl<'a, 'b> Tree<'a, 'b> {
         }
         self.patches.insert(index, patches.clone());
         Ok(patches)
+    }
+
+    /// Counts control points.
+    fn spend(&mut self, count: usize) -> Result<(), Problem> {
+        self.points_left = self.points_left.checked_sub(count).ok_or_else(|| {
+            let text = format!("more than {} control points", self.limits.points);
+            Problem::TooLarge(text)
+        })?;
+        Ok(())
     }
 
     /// Items that show patches; the inherited colour counts where a patch has none.
@@ -584,7 +613,7 @@ impl<'a, 'b> Tree<'a, 'b> {
 fn is_shown(entry: &Entry) -> bool {
     let Entry { kind, form, .. } = *entry;
     let is_readable = match kind {
-        402 => types::is_group(kind, form),
+        402 => types::is_group(kind, form) || form == entities::PARENT,
         kind => !types::is_wire(kind) || types::is_free_form(kind, form),
     };
     types::class(kind) == Class::Shown && is_geometry(entry) && is_readable

@@ -15,10 +15,11 @@ use kernel::{Curve, Orientation, Surface, TrimLoop, modelling};
 
 use super::boundary::{self, Boundary, Edges, Loop, Use};
 use super::curves::{Rail, Reader};
+use super::directory::SHORT;
 use super::order::{Chain, Order};
 use super::quadric::Quadric;
-use super::sheets::{Sheet, SheetShape, Warp};
-use crate::Problem;
+use super::sheets::{self, Sheet, SheetShape, Warp};
+use crate::{Problem, lifted, repeated};
 
 /// How far a curve laid onto a surface may stray, relative to the size of the surface.
 const ACCURACY: f64 = 1e-7;
@@ -98,6 +99,40 @@ pub(super) fn faces(
         parts.push((surface, trims));
     }
     Ok(parts)
+}
+
+/// The curves of a curve on a surface (type 142) for its own sake: those of space, or else those
+/// of the parameter domain, fitted to the surface. `limit` bounds the control points of that.
+pub(super) fn on_surface(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    limit: usize,
+) -> Result<Vec<Curve<DVec3>>, Problem> {
+    let file = reader.file;
+    let pointer = i64::try_from(file.entries[index].number).unwrap_or_default();
+    let uses = boundary::read(file, pointer)?.unwrap_or_default().uses;
+    let Some(stretch) = uses.first() else {
+        return Ok(Vec::new());
+    };
+    if stretch.space != 0 {
+        let space = file.follow(stretch.space, "a curve")?;
+        let rails = reader.rails(space)?.into_iter();
+        return Ok(rails.map(|rail| rail.curve).collect());
+    }
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, SHORT, &mut buffer)?;
+    parameters.integer()?;
+    let base = file.follow(parameters.integer()?, "the surface")?;
+    let sheet = sheets::read(reader, base, limit)?;
+    let SheetShape::Splines(pieces, _) = &sheet.shape else {
+        let text = "curves in the parameters of planes and quadrics are not shown";
+        return Err(Problem::Unsupported(text.to_owned()));
+    };
+    let surface = pieces.first().ok_or(kernel::Error::NothingInside);
+    let trimmer = Trimmer::new(surface.map_err(Problem::Geometry)?, &sheet, 0.0);
+    let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere)?;
+    let lifted = |curve| lifted::onto(trimmer.surface, curve, |uv| trimmer.point(uv));
+    flat.iter().map(|c| Ok(lifted(c)?.curve)).collect()
 }
 
 /// The control points of the curves of space around a face, in the coordinates of its sheet
@@ -244,6 +279,12 @@ impl<'a> Trimmer<'a> {
                 .push((face, Problem::Invalid(text.to_owned())));
         }
         let mut trims = closed.loops;
+        if repeated::removed(&mut trims, &self.domain) {
+            let text = "two trim loops are the same; they count once";
+            reader
+                .repairs
+                .push((face, Problem::Invalid(text.to_owned())));
+        }
         let [u, v] = &self.domain;
         TrimLoop::check_inside(&trims, u, v).map_err(Problem::Geometry)?;
         if border {

@@ -42,7 +42,7 @@ const TYPES: &[(i64, &str, Class)] = &[
     (138, "nodal displacement", Annotation),
     (140, "offset surface", Shown),
     (141, "boundary", Helper),
-    (142, "curve on a surface", Helper),
+    (142, "curve on a surface", Shown),
     (143, "bounded surface", Shown),
     (144, "trimmed surface", Shown),
     (146, "nodal results", Annotation),
@@ -123,7 +123,7 @@ pub(super) fn is_curve(kind: i64, form: i64) -> bool {
     match kind {
         106 => matches!(form, 11..=13 | 63),
         110 => form == 0,
-        kind => matches!(kind, 100 | 102 | 104 | 112 | 126 | 130),
+        kind => matches!(kind, 100 | 102 | 104 | 112 | 126 | 130 | 142),
     }
 }
 
@@ -134,7 +134,7 @@ pub(super) fn is_free_form(kind: i64, form: i64) -> bool {
 
 /// Whether it is a curve or point, which need not be shown for the sake of others.
 pub(super) fn is_wire(kind: i64) -> bool {
-    matches!(kind, 100..=106 | 110 | 112 | 116 | 126 | 130)
+    matches!(kind, 100..=106 | 110 | 112 | 116 | 126 | 130 | 142)
 }
 
 /// Whether this form of a group is a plain list of members.

@@ -151,7 +151,7 @@ impl Builder<'_> {
         wanted: impl Fn(&Contents, Option<&str>) -> Option<T>,
     ) -> Result<Option<T>, Error> {
         let mut reasons = Vec::new();
-        for address in addresses.iter().filter(|a| !a.starts_with("urn:")) {
+        for address in addresses.iter().filter(|a| !is_urn(a)) {
             let (name, fragment) = match address.split_once('#') {
                 Some((name, fragment)) => (name, Some(fragment)),
                 None => (&**address, None),
@@ -244,4 +244,10 @@ fn mark(bytes: &[u8]) -> u64 {
     let mut hasher = DefaultHasher::new();
     bytes.hash(&mut hasher);
     hasher.finish()
+}
+
+/// Whether an address is a name that says nothing about where a file is.
+pub(super) fn is_urn(address: &str) -> bool {
+    let scheme = address.get(..4);
+    scheme.is_some_and(|scheme| scheme.eq_ignore_ascii_case("urn:"))
 }

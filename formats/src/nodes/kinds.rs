@@ -108,9 +108,18 @@ pub(super) const SILENT: &[&str] = &[
     "WorldInfo",
 ];
 
+/// Parts of surfaces.
+const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "NurbsSet", "Polyline2D"];
+
 /// Nodes that have an area, and need no prototype: programs declare for them what other
 /// viewers may lack.
 pub(super) fn is_known(kind: &str) -> bool {
-    const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "NurbsSet", "Polyline2D"];
     is_group(kind) || is_geometry(kind) || SILENT.contains(&kind) || PARTS.contains(&kind)
+}
+
+/// The known node of a name in capitals or small letters.
+pub(super) fn known(name: &str) -> Option<&'static str> {
+    let lists = [GROUPS, TRANSFORMS, SURFACES, MESHES, SILENT, PARTS];
+    let mut kinds = lists.into_iter().flatten();
+    kinds.find(|k| k.eq_ignore_ascii_case(name)).copied()
 }

@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 use super::animate::{Route, plain_name};
 use super::build::{Builder, Open};
-use super::kinds::{is_group, is_known};
+use super::files::is_urn;
+use super::kinds::{is_group, is_known, known};
 use super::text::words;
 use super::{Field, Link, Node};
 use crate::Error;
@@ -225,13 +226,13 @@ impl Builder<'_> {
     }
 
     /// An `EXTERNPROTO`: a node that is known needs no file, whether the prototype has its
-    /// name or one of the addresses ends in it.
+    /// name or one of the addresses ends in it, in capitals or small letters.
     fn declare_elsewhere(&mut self, node: &Node) {
         let name: Arc<str> = node.string("name").into();
         let addresses = node.strings("url");
-        let urns = addresses.iter().filter(|a| a.starts_with("urn:"));
-        let tails = urns.filter_map(|urn| urn.rsplit(':').next());
-        let known = std::iter::once(&*name).chain(tails).find(|n| is_known(n));
+        let mut urns = addresses.iter().filter(|address| is_urn(address));
+        let named = Some(&*name).filter(|name| is_known(name));
+        let known = named.or_else(|| urns.find_map(|urn| known(urn.rsplit(':').next()?)));
         let prototype = match known {
             Some(kind) => Prototype::Known(kind.into()),
             None => Prototype::Elsewhere(addresses.iter().map(|a| self.file.beside(a)).collect()),

@@ -8,7 +8,7 @@ use kernel::{Curve, Error as GeometryError, Surface, TrimLoop};
 use super::curve::is_parameter_curve;
 use super::scene::Converter;
 use super::{Link, Node};
-use crate::Error;
+use crate::{Error, repeated};
 
 /// Gaps between the curves of a contour that are bridged, as a share of the diagonal of the
 /// parameter domain. Some programs write few digits; a picture does not show the rest.
@@ -52,6 +52,10 @@ impl Converter<'_> {
                     return Ok(Vec::new());
                 }
             }
+        }
+        if repeated::removed(&mut loops, &[u.clone(), v.clone()]) {
+            let text = "two contours are the same; they count once";
+            self.warnings.invalid(node.place(), text);
         }
         if let Err(problem) = TrimLoop::check_inside(&loops, &u, &v) {
             let text = format!("{problem}; the surface is shown untrimmed");

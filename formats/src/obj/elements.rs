@@ -11,7 +11,7 @@ use super::specials::{Specials, TrimCurve};
 use super::statements::{Statement, number, reference};
 use super::trims::{LoopText, domain, lifted};
 use super::{Reader, SurfacePart, invalid};
-use crate::{Place, Problem};
+use crate::{Place, Problem, repeated};
 
 /// What is said about loops that leave their surface.
 const OUTSIDE: &str = "the loop leaves the surface; what lies outside is cut off";
@@ -291,6 +291,11 @@ impl Reader<'_> {
                     bad.get_or_insert((place, problem));
                 }
             }
+        }
+        if repeated::removed(&mut loops, domain) {
+            let place = Place::item(open.line, open.what.as_str());
+            let text = "two trim loops are the same; they count once";
+            self.warnings.invalid(place, text);
         }
         if let Err(problem) = TrimLoop::check_inside(&loops, &domain[0], &domain[1]) {
             let place = Place::item(open.line, open.what.as_str());

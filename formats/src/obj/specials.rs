@@ -4,16 +4,13 @@ use std::collections::HashSet;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
-use kernel::{Curve, Surface, WireShape, modelling};
+use kernel::{Curve, Surface, WireShape};
 
 use super::polygons::{Tag, vertex};
 use super::statements::{Statement, reference};
 use super::trims::LoopText;
 use super::{Reader, invalid};
-use crate::{Place, Problem};
-
-/// How far a special curve may stray from its surface, relative to the size of the surface.
-const ACCURACY: f64 = 1e-9;
+use crate::{Place, Problem, lifted};
 
 /// How many control points and special points all special curves of a file may have together.
 const POINTS: usize = 1_000_000;
@@ -169,7 +166,8 @@ impl Reader<'_> {
             let Some(surface) = parts.iter().find(|surface| is_on(surface, middle)) else {
                 return Err(invalid("the special curve is not on the surface"));
             };
-            let lifted = onto(surface, &curve)?;
+            let point = |uv| surface.evaluate(clamped(surface, uv));
+            let lifted = lifted::onto(surface, &curve, point)?;
             self.spend(lifted.curve.homogeneous().len())?;
             self.add_wire(WireShape::Curve(lifted.curve), text.line, "scrv");
         }
@@ -192,31 +190,4 @@ pub(super) fn is_on(surface: &Surface, p: DVec2) -> bool {
 pub(super) fn clamped(surface: &Surface, p: DVec2) -> DVec2 {
     let [u, v] = [surface.knots_u().domain(), surface.knots_v().domain()];
     p.clamp(DVec2::new(u.start, v.start), DVec2::new(u.end, v.end))
-}
-
-/// A curve of parameters as a curve of space, within [`ACCURACY`].
-fn onto(surface: &Surface, curve: &Curve<DVec2>) -> Result<modelling::Fit<DVec3>, Problem> {
-    let mut breaks = curve.knots().breaks();
-    for (axis, knots) in [surface.knots_u(), surface.knots_v()].iter().enumerate() {
-        let near = ACCURACY * (knots.domain().end - knots.domain().start);
-        let inside = curve
-            .points()
-            .fold(f64::INFINITY..f64::NEG_INFINITY, |r, p| {
-                r.start.min(p[axis])..r.end.max(p[axis])
-            });
-        // Where the surface is not smooth, the curve need not be.
-        for knot in knots.breaks().into_iter().filter(|k| inside.contains(k)) {
-            breaks.extend(curve.crossings(axis, knot, near));
-        }
-    }
-    let range = curve.domain();
-    let near = 1e-12 * (range.end - range.start);
-    breaks.sort_by(f64::total_cmp);
-    breaks.dedup_by(|b, a| *b - *a <= near);
-    if let Some(last) = breaks.last_mut() {
-        *last = range.end;
-    }
-    let tolerance = ACCURACY * surface.hull_bounds().diagonal();
-    let at = |t: f64| surface.evaluate(clamped(surface, curve.evaluate(t)));
-    Ok(modelling::fit(at, &breaks, tolerance, DVec3::distance)?)
 }

@@ -281,6 +281,19 @@ fn trims_become_loops() {
 }
 
 #[test]
+fn equal_loops_count_once() {
+    let curves = "vp 0.25 0.25\nvp 0.75 0.25\nvp 0.5 0.75\ncstype bezier\ndeg 1\n\
+                  curv2 1 2 3 1\nparm u 0 1 2 3\nend\ncurv2 2 3 1 2\nparm u 0 1 2 3\nend\n";
+    let text = format!("{SQUARE}{curves}{SADDLE}trim 0 3 1\nhole 3 0 2\nend\n");
+    let import = parse(&text).unwrap();
+    assert_eq!(import.scene.patches()[0].loops.len(), 1);
+    assert_eq!(
+        messages(&import),
+        ["line 18, surf 1: two trim loops are the same; they count once"]
+    );
+}
+
+#[test]
 fn a_loop_that_leaves_the_surface_is_cut_off() {
     let text = format!(
         "{SQUARE}vp 0 0\nvp 2 0\nvp 2 2\ncstype bezier\ndeg 1\ncurv2 1 2 3 1\n\

@@ -198,15 +198,18 @@ fn prototypes_that_double_and_double_meet_the_limit() {
 fn known_nodes_need_no_file() {
     let import = read_scene(
         "EXTERNPROTO NurbsSurface [ field SFInt32 uDimension ] [ \"urn:x:NurbsSurface\" \"n.wrl\" ]\n\
-         EXTERNPROTO MyPatch [ ] \"urn:web3d:vrml97:node:NurbsSurface\"\n\
+         EXTERNPROTO MyPatch [ ] \"URN:web3d:vrml97:node:NURBSsurface\"\n\
+         EXTERNPROTO Patch97 [ ] \"urn:web3d:vrml97:node:NurbsSurface\"\n\
          PROTO NurbsGroup [ exposedField MFNode children [ ] ] { Group { } }\n\
          NurbsGroup { children [ Shape { geometry NurbsSurface { uDimension 2 vDimension 2 uOrder 2 \
            vOrder 2 controlPoint [ 0 0 0 1 0 0 0 1 0 1 1 0 ] } }\n\
          Shape { geometry MyPatch { uDimension 2 vDimension 2 uOrder 2 vOrder 2 \
-           controlPoint [ 0 0 0 2 0 0 0 2 0 2 2 0 ] } } ] }",
+           controlPoint [ 0 0 0 2 0 0 0 2 0 2 2 0 ] } }\n\
+         Shape { geometry Patch97 { uDimension 2 vDimension 2 uOrder 2 vOrder 2 \
+           controlPoint [ 0 0 0 3 0 0 0 3 0 3 3 0 ] } } ] }",
     );
     assert_eq!(messages(&import), Vec::<String>::new());
-    assert_eq!(import.scene.patches().len(), 2);
+    assert_eq!(import.scene.patches().len(), 3);
 }
 
 #[test]

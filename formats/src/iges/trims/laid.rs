@@ -7,12 +7,12 @@ use kernel::Curve;
 use kernel::nearest::Nearby;
 
 use super::{ACCURACY, Trimmer, straight_or_fitted};
-use crate::Problem;
 use crate::iges::boundary::Use;
 use crate::iges::curves::Reader;
-use crate::iges::order::{self, Chain};
+use crate::iges::order::Chain;
 use crate::iges::quadric::wound;
 use crate::iges::sheets;
+use crate::{Problem, least};
 
 /// A curve of space may lie this share of the surface's size beside it; farther off it is
 /// not taken for a curve on it.
@@ -82,7 +82,7 @@ impl Trimmer<'_> {
             return None;
         }
         let off = |t: f64| curve.evaluate(t).distance(pole);
-        let (t, distance) = order::least(&curve.knots().breaks(), off);
+        let (t, distance) = least::least(&curve.knots().breaks(), off);
         (distance <= near).then_some(t)
     }
 

@@ -54,6 +54,19 @@ fn trimmed_surfaces_have_loops_and_show_once() {
 }
 
 #[test]
+fn equal_loops_count_once() {
+    let mut entities = trimmed("0.,0.,0.,1.,0.,0.");
+    entities.pop();
+    entities.push(made(142, "1,11,9,0,1"));
+    entities.push(made(144, "11,1,1,13,15"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops.len(), 1);
+    let text =
+        "line 19, trimmed surface D17 (type 144): two trim loops are the same; they count once";
+    assert_eq!(warnings, [text]);
+}
+
+#[test]
 fn bounded_surfaces_have_loops() {
     let mut entities = border();
     let mut base = square(3.0);
