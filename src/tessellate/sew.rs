@@ -139,6 +139,9 @@ pub(crate) fn sew(
     sewer.split_at_nodes(widest, false);
     sewer.match_strands(widest, false);
     sewer.match_long();
+    // Short ones may have got the same ends.
+    sewer.wake();
+    sewer.match_strands(widest, false);
     sewer.finish()
 }
 
@@ -180,6 +183,13 @@ impl Sewer<'_, '_> {
             collapsed: false,
             awake: true,
         });
+    }
+
+    /// Lets all strands look for partners.
+    fn wake(&mut self) {
+        for strand in &mut self.strands {
+            strand.awake = true;
+        }
     }
 
     /// Sews the strands that are awake.
