@@ -118,7 +118,7 @@ fn wide_gaps_in_narrow_loops_are_bridged_before_the_loops_are_given_up() {
     let mut entities = trimmed("0.,0.,0.,1.,0.06,0.");
     let narrow = entities[5]
         .parameters
-        .replace(",1.,0.,4.,1.,0.,0.,1.", ",0.01,0.,4.,0.01,0.,0.,1.");
+        .replace(",1.,0.,4.0,1.,0.,0.,1.", ",0.01,0.,4.0,0.01,0.,0.,1.");
     entities[5].parameters = narrow;
     let (scene, warnings) = read(&entities);
     assert_eq!(scene.patches()[0].loops.len(), 1);
