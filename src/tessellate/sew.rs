@@ -139,9 +139,6 @@ pub(crate) fn sew(
     sewer.split_at_nodes(widest, false);
     sewer.match_strands(widest, false);
     sewer.match_long();
-    // Short ones may have got the same ends.
-    sewer.wake();
-    sewer.match_strands(widest, false);
     sewer.finish()
 }
 
@@ -183,13 +180,6 @@ impl Sewer<'_, '_> {
             collapsed: false,
             awake: true,
         });
-    }
-
-    /// Lets all strands look for partners.
-    fn wake(&mut self) {
-        for strand in &mut self.strands {
-            strand.awake = true;
-        }
     }
 
     /// Sews the strands that are awake.

@@ -576,35 +576,3 @@ fn bodies_that_touch_are_shells_of_their_own() {
         assert!((shell.volume - 1.0).abs() < 1e-12, "{shell:?}");
     }
 }
-
-#[test]
-fn short_stretches_between_long_ones_are_sewn_with_them() {
-    // Two squares, the common side of which is divided at other places and a little apart.
-    let tolerance = 0.01;
-    let face = |low: f64, high: f64, cuts: [f64; 2], side: f64| {
-        let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, -1.0..1.0);
-        let corners = [
-            [0.0, side],
-            [cuts[0], side],
-            [cuts[1], side],
-            [1.0, side],
-            [1.0, low + high - side],
-            [0.0, low + high - side],
-            [0.0, side],
-        ];
-        let line = |w: &[[f64; 2]]| kernel::Curve::line(w[0].into(), w[1].into(), 0.0..1.0);
-        let sides = corners.windows(2).map(|w| line(w).unwrap()).collect();
-        Patch {
-            loops: vec![kernel::TrimLoop::new(sides, 0.0).unwrap()],
-            ..square.unwrap().into()
-        }
-    };
-    let along = 0.63 * tolerance;
-    let faces = vec![
-        face(0.0, 1.0, [0.5, 0.55], 0.0),
-        face(-1.0, -0.003, [0.5 + along, 0.55 + along], -0.003),
-    ];
-    let shells = with_tolerance_of(faces, tolerance).shells;
-    assert_eq!(shells.len(), 1);
-    assert_eq!((shells[0].naked, shells[0].crowded), (6, 0));
-}

@@ -6,7 +6,9 @@ impl Sewer<'_, '_> {
     /// Makes one point of space of what is smaller than `reach` and keeps strands from their
     /// partners: borders of holes too small to see, where corners of faces do not meet.
     pub(super) fn shrink(&mut self, reach: f64) {
-        self.wake();
+        for strand in &mut self.strands {
+            strand.awake = true;
+        }
         for s in 0..self.strands.len() {
             let strand = &self.strands[s];
             if self.is_dot(strand, reach) && (Self::is_open(strand) || self.is_ear(s)) {
