@@ -210,8 +210,8 @@ pub fn measure(scene: &Scene) -> Measure {
         let path = path.take_while(|id| group != Some(*id)).collect();
         groups.entry((group, path)).or_default().push(face);
     }
-    let groups = groups.into_values().collect();
-    let measured = parts(scene, &placements, groups);
+    let groups: Vec<_> = groups.into_values().collect();
+    let measured = parts(scene, &placements, &groups);
 
     let mut bounds = faces
         .iter()
@@ -244,7 +244,7 @@ pub fn measure(scene: &Scene) -> Measure {
 }
 
 /// The faces in parts that hang together, in the order of their first ones.
-fn parts<'a>(scene: &Scene, placements: &[Placement], groups: Vec<Vec<&'a Face>>) -> Vec<Part<'a>> {
+fn parts<'a>(scene: &Scene, placements: &[Placement], groups: &[Vec<&'a Face>]) -> Vec<Part<'a>> {
     let parts = groups.iter().flat_map(|group| connected(group));
     let (mut parts, open): (Vec<_>, Vec<_>) = parts.partition(|part| part.is_closed);
     // What is open on its own may be closed by faces of other groups.

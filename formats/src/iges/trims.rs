@@ -48,6 +48,9 @@ enum Source {
     Space,
 }
 
+/// Which curves each loop is made of.
+type Choice<'a> = &'a dyn Fn(&Loop) -> Source;
+
 /// A face in parts: each a surface with its loops.
 pub(super) type Parts = Vec<(Surface, Vec<TrimLoop>)>;
 
@@ -247,7 +250,7 @@ impl<'a> Trimmer<'a> {
             Err(problem) => problem,
             closed => return closed,
         };
-        let others: [(&dyn Fn(&Loop) -> Source, f64, &str); 3] = [
+        let others: [(Choice<'_>, f64, &str); 3] = [
             (
                 &other,
                 self.accuracy,
@@ -284,7 +287,7 @@ impl<'a> Trimmer<'a> {
         reader: &mut Reader<'_, '_>,
         face: usize,
         loops: &[Loop],
-        source: &dyn Fn(&Loop) -> Source,
+        source: Choice<'_>,
         accuracy: f64,
     ) -> Result<kernel::ClosedLoops, Problem> {
         let mut chains = Vec::new();
