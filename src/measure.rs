@@ -2,10 +2,11 @@
 //!
 //! Files say little about bodies, so they are found: faces of one group whose borders meet belong
 //! together, and they are a body if every border meets another one and rays cross them an even
-//! number of times. The same rays tell for each face which side is outside, whatever way its
+//! number of times; of what is left, those that are a closed shell of triangles and pass the same test. The same rays tell for each face which side is outside, whatever way its
 //! parameters run. What lies in a body is another one, unless the file says that it is a void.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
+use std::sync::OnceLock;
 
 use glam::{DMat3, DVec3};
 use kernel::{Aabb, Child, Integrals, NodeId, Patch, Placement, Scene, Shape};
@@ -14,6 +15,7 @@ use rayon::prelude::*;
 use crate::{Accelerator, METHODS, Workspace};
 
 mod contact;
+mod shells;
 mod sides;
 mod voids;
 
@@ -208,20 +210,8 @@ pub fn measure(scene: &Scene) -> Measure {
         let path = path.take_while(|id| group != Some(*id)).collect();
         groups.entry((group, path)).or_default().push(face);
     }
-    let parts = groups.values().flat_map(|group| connected(group));
-    let (mut parts, open): (Vec<_>, Vec<_>) = parts.partition(|part| part.is_closed);
-    // What is open on its own may be closed by faces of other groups.
-    let open: Vec<&Face> = open.into_iter().flat_map(|part| part.faces).collect();
-    parts.extend(connected(&open));
-    let is_needed = parts.iter().any(|part| part.is_closed);
-    let accelerator = is_needed.then(|| Accelerator::build(scene, &METHODS[0]));
-    let measured = parts
-        .par_iter()
-        .map_init(Workspace::default, |workspace, part| {
-            Part::measure(accelerator.as_ref(), part, workspace)
-        });
-    let mut measured: Vec<_> = measured.collect();
-    measured.sort_by_key(|part| part.first);
+    let groups: Vec<_> = groups.into_values().collect();
+    let measured = parts(scene, &placements, &groups);
 
     let mut bounds = faces
         .iter()
@@ -251,6 +241,47 @@ pub fn measure(scene: &Scene) -> Measure {
     }
     result.bodies = voids::subtracted(&measured);
     result
+}
+
+/// The faces in parts that hang together, in the order of their first ones.
+fn parts<'a>(scene: &Scene, placements: &[Placement], groups: &[Vec<&'a Face>]) -> Vec<Part<'a>> {
+    let parts = groups.iter().flat_map(|group| connected(group));
+    let (mut parts, open): (Vec<_>, Vec<_>) = parts.partition(|part| part.is_closed);
+    // What is open on its own may be closed by faces of other groups.
+    let open: Vec<&Face> = open.into_iter().flat_map(|part| part.faces).collect();
+    parts.extend(connected(&open));
+    let accelerator = OnceLock::new();
+    let measure = |parts: &[Connected<'a>]| -> Vec<Part<'a>> {
+        let is_needed = parts.iter().any(|part| part.is_closed);
+        let build = || Accelerator::build(scene, &METHODS[0]);
+        let accelerator = is_needed.then(|| accelerator.get_or_init(build));
+        let each = parts.par_iter().map_init(Workspace::default, |own, part| {
+            Part::measure(accelerator, part, own)
+        });
+        each.collect()
+    };
+    let mut measured = measure(&parts);
+    let loose = parts.iter().zip(&measured);
+    let loose = loose.filter(|(_, part)| part.body.is_none());
+    let loose: Vec<&Face> = loose.flat_map(|(part, _)| part.faces.clone()).collect();
+    if !loose.is_empty() {
+        let shells = shells::closed(scene, placements, &loose);
+        let found = measure(&shells).into_iter().zip(&shells);
+        let (bodies, used): (Vec<_>, Vec<_>) =
+            found.filter(|(part, _)| part.body.is_some()).unzip();
+        if !bodies.is_empty() {
+            let used = used.iter().flat_map(|shell| &shell.faces);
+            let used: HashSet<u32> = used.map(|face| face.number).collect();
+            let rest = loose
+                .into_iter()
+                .filter(|face| !used.contains(&face.number));
+            measured.retain(|part| part.body.is_some());
+            measured.extend(bodies);
+            measured.extend(measure(&connected(&rest.collect::<Vec<_>>())));
+        }
+    }
+    measured.sort_by_key(|part| part.first);
+    measured
 }
 
 /// Faces that hang together.

@@ -4,8 +4,9 @@ use std::f64::consts::PI;
 use std::fs;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use nurbray::formats::{Import, Limits, NoFiles, ReadOptions, open, read};
+use nurbray::kernel::{Child, Curve, Item, Node, Patch, Scene, Shape, TrimLoop, modelling};
 use nurbray::{Measure, measure};
 use serde_json::Value;
 
@@ -107,6 +108,64 @@ fn voids_of_a_solid_are_not_of_its_body() {
     let about_x = (24.0 * (9.0 + 4.0) - 2.0 * (1.0 + 1.0)) / 12.0;
     assert!((body.inertia.x_axis.x - about_x).abs() < 1e-12, "{body:?}");
     assert_eq!(found.total().map(|all| all.volume), Some(body.volume));
+}
+
+/// A square face, the outline of which is a curve of many short pieces.
+fn tile(corner: DVec3, u: DVec3, v: DVec3) -> Patch {
+    let corners = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+    let share = |k: usize| (k % PIECES) as f64 / PIECES as f64;
+    let place = |k: usize| {
+        let side = k / PIECES;
+        corners[side % 4].lerp(corners[(side + 1) % 4], share(k))
+    };
+    let outline: Vec<DVec2> = (0..=4 * PIECES).map(place).collect();
+    let outline = Curve::polyline(&outline).expect("points");
+    Patch {
+        loops: vec![TrimLoop::new(vec![outline], 1e-12).expect("it is closed")],
+        ..modelling::plane(corner, u, v, 0.0..1.0, 0.0..1.0)
+            .expect("a plane")
+            .into()
+    }
+}
+
+/// Pieces of each side of a [`tile`].
+const PIECES: usize = 64;
+
+#[test]
+fn bodies_that_only_their_triangles_close_are_bodies() {
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    // The lid is a little above the walls.
+    let lid = z * 1.0003;
+    let tiles = [
+        tile(DVec3::ZERO, x, y),
+        tile(lid, x, y),
+        tile(DVec3::ZERO, x, z),
+        tile(y, x, z),
+        tile(DVec3::ZERO, y, z),
+        tile(x, y, z),
+    ];
+    let mut scene = Scene::default();
+    let item = |patch| {
+        let shape = Shape::Patch(scene.add_patch(patch).expect("it is small"));
+        Child::Item(Item {
+            shape,
+            material: None,
+        })
+    };
+    let children = tiles.map(item).into();
+    let root = Node {
+        children,
+        ..Node::default()
+    };
+    let root = scene.add_node(root).expect("its children are there");
+    scene.set_root(root).expect("it is there");
+    let found = measure(&scene);
+    assert_eq!((found.bodies.len(), found.open_faces), (1, 0));
+    let body = &found.bodies[0];
+    assert!(
+        (body.volume - 1.0).abs() < body.volume_error + 3e-4,
+        "{body:?}"
+    );
 }
 
 #[test]

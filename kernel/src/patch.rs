@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DAffine2, DVec2};
 
 use crate::trim::shifts;
-use crate::{Curve, MaterialId, Surface, TrimLoop, TrimRegion};
+use crate::{Aabb, Curve, MaterialId, Surface, TrimLoop, TrimRegion};
 
 /// A face: a surface, the loops that trim it, and a material.
 ///
@@ -35,6 +35,22 @@ impl Patch {
         trimmed
             .then(|| TrimRegion::of(self))
             .filter(|region| !region.is_whole())
+    }
+
+    /// A box around the face: around the control points of that part of the surface where its
+    /// loops are, which may be a small one.
+    pub fn hull_bounds(&self) -> Aabb {
+        let [u, v] = [self.surface.knots_u(), self.surface.knots_v()].map(|k| k.domain());
+        let curves = self.trim_curves();
+        let (mut min, mut max) = (DVec2::MAX, DVec2::MIN);
+        for point in curves.iter().flat_map(Curve::points) {
+            (min, max) = (min.min(point), max.max(point));
+        }
+        let part = self
+            .surface
+            .restricted_u(min.x.max(u.start)..max.x.min(u.end))
+            .and_then(|part| part.restricted_v(min.y.max(v.start)..max.y.min(v.end)));
+        part.as_ref().unwrap_or(&self.surface).hull_bounds()
     }
 
     /// Texture coordinates at parameters of the domain.

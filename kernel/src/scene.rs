@@ -524,13 +524,10 @@ impl Scene {
         placements
     }
 
-    /// A box around everything shown: the control points of patches, the vertices of meshes.
+    /// A box around everything shown: the [control points of patches](Patch::hull_bounds), the
+    /// vertices of meshes.
     pub fn hull_bounds(&self) -> Aabb {
-        let patches: Vec<_> = self
-            .patches
-            .iter()
-            .map(|p| p.surface.hull_bounds())
-            .collect();
+        let patches: Vec<_> = self.patches.iter().map(Patch::hull_bounds).collect();
         let meshes: Vec<_> = self.meshes.iter().map(Mesh::bounds).collect();
         // Boxes of whole nodes, children first: each node is visited once, however often used.
         let mut nodes: Vec<Aabb> = Vec::new();

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use nurbray_kernel::modelling::{self, Frame};
 use nurbray_kernel::{
     ClosedLoops, Curve, Error, Orientation, Patch, Surface, TrimRegion, close_loops, nearest,
@@ -301,4 +301,33 @@ fn ends_that_differ_by_rounding_are_moved_together() {
     assert!(starts.eq(corners));
     let ends = one.segments().iter().map(|c| c.end().to_array());
     assert!(ends.eq([1, 2, 3, 0].map(|k| corners[k])));
+}
+
+#[test]
+fn curves_that_begin_before_the_end_of_others_do_not_run_back() {
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0).unwrap();
+    let corners = [
+        [0.2, 0.2],
+        [0.5, 0.2],
+        [0.8, 0.2],
+        [0.8, 0.8],
+        [0.2, 0.8],
+        [0.2, 0.2],
+    ];
+    // So far back in the middle of a side, and where the loop ends, at a corner and on a side.
+    for (back, start) in [(1e-5, 0.2), (3e-4, 0.2), (0.0, 0.3), (1e-4, 0.3)] {
+        let mut sides = path(&corners);
+        let line =
+            |from: [f64; 2], to: [f64; 2]| Curve::line(from.into(), to.into(), 0.0..1.0).unwrap();
+        sides[0] = line([start - back, 0.2], [0.5, 0.2]);
+        sides[1] = line([0.5 - back, 0.2], [0.8, 0.2]);
+        if start > 0.2 {
+            sides.push(line([0.2, 0.2], [start + back, 0.2]));
+        }
+        let closed = close(&square, &[sides], Orientation::Left).unwrap();
+        let segments = closed.loops[0].segments();
+        let length = |curve: &Curve<DVec2>| curve.start().distance(curve.end());
+        let around: f64 = segments.iter().map(length).sum();
+        assert!((around - 2.4).abs() < 1e-12, "{back} {start}: {around}");
+    }
 }

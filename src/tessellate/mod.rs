@@ -177,7 +177,7 @@ impl Screen {
             let Shape::Patch(id) = placement.shape else {
                 continue;
             };
-            let bounds = scene.patch(id).surface.hull_bounds();
+            let bounds = scene.patch(id).hull_bounds();
             let bounds = bounds.transformed(&placement.world_from_object);
             let eye = self.camera.eye();
             let distance = eye.distance(eye.clamp(bounds.min, bounds.max));

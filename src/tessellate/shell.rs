@@ -3,6 +3,7 @@
 use glam::DVec3;
 use kernel::PatchId;
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 use super::face::Triangles;
 
@@ -13,7 +14,7 @@ pub struct Shell {
     pub patches: Vec<PatchId>,
     /// Sides of triangles that no other triangle has; none in a closed shell.
     pub naked: usize,
-    /// Sides of more than two triangles.
+    /// Sides of more than two triangles, unless they are sides of as many bodies that touch.
     pub crowded: usize,
     /// Sides whose two triangles cannot be turned to the same side.
     pub twisted: usize,
@@ -102,7 +103,8 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
             same: uses[0].upward == uses[1].upward,
         })
         .collect();
-    let (component, mut turned) = turn(parts, &meetings);
+    let (mut component, mut turned) = turn(parts.len(), &meetings);
+    link(shared(), &mut component, &mut turned);
     let count = component.iter().max().map_or(0, |k| k + 1);
     let mut shells: Vec<Shell> = (0..count).map(|_| Shell::empty()).collect();
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); count];
@@ -120,15 +122,18 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         shell.euler -= number(inner[k]);
     }
     for uses in shared() {
-        let shell = &mut shells[component[uses[0].face]];
-        shell.euler -= 1;
-        match uses {
-            [_] => shell.naked += 1,
-            [a, b] => {
-                let turned = turned[a.face] ^ turned[b.face];
-                shell.twisted += usize::from((a.upward == b.upward) ^ turned);
+        let mut own: SmallVec<[usize; 4]> = uses.iter().map(|used| component[used.face]).collect();
+        own.sort_unstable();
+        own.dedup();
+        let balanced = is_balanced(uses, &component, &turned);
+        for shell in own {
+            let shell = &mut shells[shell];
+            shell.euler -= 1;
+            match uses {
+                [_] => shell.naked += 1,
+                [_, _] => shell.twisted += usize::from(!balanced),
+                _ => shell.crowded += usize::from(!balanced),
             }
-            _ => shell.crowded += 1,
         }
     }
     // For every point the last shell in which it was met.
@@ -156,6 +161,43 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         }
     }
     (turned, shells)
+}
+
+/// Whether as many triangles of each component run one way along a side as the other way.
+fn is_balanced(uses: &[HalfEdge], component: &[usize], turned: &[bool]) -> bool {
+    uses.iter().all(|used| {
+        let own = |other: &&HalfEdge| component[other.face] == component[used.face];
+        let upward = |other: &&HalfEdge| other.upward ^ turned[other.face];
+        2 * uses.iter().filter(own).filter(upward).count() == uses.iter().filter(own).count()
+    })
+}
+
+/// Joins components along sides of several pairs of triangles, where bodies touch: faces of one body
+/// follow each other in files, so that each pair is one of neighbours.
+fn link<'a>(
+    shared: impl Iterator<Item = &'a [HalfEdge]>,
+    component: &mut [usize],
+    turned: &mut [bool],
+) {
+    let mut links = Vec::new();
+    for uses in shared.filter(|uses| uses.len() > 2 && uses.len().is_multiple_of(2)) {
+        if is_balanced(uses, component, turned) {
+            continue;
+        }
+        for pair in uses.chunks_exact(2) {
+            let upward = [0, 1].map(|k| pair[k].upward ^ turned[pair[k].face]);
+            links.push(Meeting {
+                faces: [0, 1].map(|k| component[pair[k].face]),
+                same: upward[0] == upward[1],
+            });
+        }
+    }
+    let count = component.iter().max().map_or(0, |most| most + 1);
+    let (joined, flipped) = turn(count, &links);
+    for (component, turned) in component.iter_mut().zip(turned) {
+        *turned ^= flipped[*component];
+        *component = joined[*component];
+    }
 }
 
 /// How many sides two triangles of a face have, once each way, and all its others.
@@ -199,19 +241,19 @@ impl Shell {
     }
 }
 
-/// For every face the number of its component, and whether it has to be turned around to
-/// look to the side of the first one there.
-fn turn(parts: &[Part<'_>], meetings: &[Meeting]) -> (Vec<usize>, Vec<bool>) {
-    let mut neighbours: Vec<Vec<(usize, bool)>> = vec![Vec::new(); parts.len()];
+/// For every one of so many faces the number of its component, and whether it has to be turned around
+/// to look to the side of the first one there.
+fn turn(faces: usize, meetings: &[Meeting]) -> (Vec<usize>, Vec<bool>) {
+    let mut neighbours: Vec<Vec<(usize, bool)>> = vec![Vec::new(); faces];
     for meeting in meetings {
         let [a, b] = meeting.faces;
         neighbours[a].push((b, meeting.same));
         neighbours[b].push((a, meeting.same));
     }
-    let mut component = vec![usize::MAX; parts.len()];
-    let mut turned = vec![false; parts.len()];
+    let mut component = vec![usize::MAX; faces];
+    let mut turned = vec![false; faces];
     let mut count = 0;
-    for start in 0..parts.len() {
+    for start in 0..faces {
         if component[start] != usize::MAX {
             continue;
         }

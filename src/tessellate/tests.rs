@@ -235,6 +235,16 @@ fn corners_that_do_not_quite_meet_become_points() {
     }
 }
 
+/// A circle around the origin of the parameters.
+fn round(radius: f64) -> kernel::TrimLoop {
+    let frame = modelling::Frame::about(DVec3::ZERO, DVec3::Z).unwrap();
+    let circle = modelling::circle(&frame, radius).unwrap();
+    let points: Vec<DVec2> = circle.points().map(DVec3::truncate).collect();
+    let weights: Vec<f64> = circle.weights().collect();
+    let flat = kernel::Curve::new(circle.knots().clone(), &points, Some(&weights)).unwrap();
+    kernel::TrimLoop::new(vec![flat], 1e-12).unwrap()
+}
+
 #[test]
 fn a_loop_may_touch_the_border_of_its_domain() {
     // A disc in the square around it, which touches the sides in their middles.
@@ -246,13 +256,8 @@ fn a_loop_may_touch_the_border_of_its_domain() {
         -1.0..1.0,
     );
     let mut face: Patch = square.unwrap().into();
-    let frame = modelling::Frame::about(DVec3::ZERO, DVec3::Z).unwrap();
-    let circle = modelling::circle(&frame, 1.0).unwrap();
-    let points: Vec<DVec2> = circle.points().map(DVec3::truncate).collect();
-    let weights: Vec<f64> = circle.weights().collect();
-    let flat = kernel::Curve::new(circle.knots().clone(), &points, Some(&weights)).unwrap();
-    for turned in [flat.clone(), flat.reversed()] {
-        face.loops = vec![kernel::TrimLoop::new(vec![turned], 1e-12).unwrap()];
+    for turned in [round(1.0), round(1.0).reversed()] {
+        face.loops = vec![turned];
         let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default());
         let shell = &result.shells[0];
         assert!((PI - 0.02..PI).contains(&shell.area), "{}", shell.area);
@@ -540,5 +545,34 @@ fn slits_are_closed_as_far_as_the_tolerance_allows() {
             assert!(face.gap <= 0.51 * gap && face.proven >= face.gap);
             assert!(face.proven <= tolerance);
         }
+    }
+}
+
+#[test]
+fn rings_narrower_than_their_chords_bulge_are_whole() {
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, -1.0..1.0, -1.0..1.0);
+    let mut ring: Patch = square.unwrap().into();
+    ring.loops = [0.9, 0.895].map(round).into();
+    for tolerance in [0.0054, 0.004, 0.003, 0.002, 0.001] {
+        let shell = &with_tolerance_of(vec![ring.clone()], tolerance).shells[0];
+        assert_eq!((shell.euler, shell.crowded), (0, 0), "{tolerance}");
+        // With all points on the outlines there are as many triangles as sides of these.
+        assert_eq!(shell.naked, shell.triangles, "{tolerance}");
+    }
+}
+
+#[test]
+fn bodies_that_touch_are_shells_of_their_own() {
+    let mut faces = cube();
+    let beside = DAffine3::from_translation(DVec3::X);
+    let moved = |face: &Patch| Patch::from(face.surface.transformed(&beside));
+    let other: Vec<_> = faces.iter().map(moved).collect();
+    faces.extend(other);
+    let shells = with_tolerance_of(faces, 0.01).shells;
+    assert_eq!(shells.len(), 2);
+    for shell in shells {
+        assert!(shell.is_closed(), "{shell:?}");
+        assert_eq!((shell.euler, shell.patches.len()), (2, 6));
+        assert!((shell.volume - 1.0).abs() < 1e-12, "{shell:?}");
     }
 }

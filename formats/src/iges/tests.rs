@@ -116,6 +116,26 @@ fn groups_show_their_members_once() {
 }
 
 #[test]
+fn groups_do_not_repeat_what_bodies_show() {
+    let made_of = |kind: i64, parameters: &str, status: &'static str| Made {
+        form: if kind == 402 { 7 } else { 1 },
+        status,
+        ..made(kind, parameters)
+    };
+    let shell = made_of(514, "1,1,1", "00000000");
+    let solid = made_of(186, "3,1,0", "00000000");
+    let group = || made_of(402, "3,1,3,5", "00000000");
+    let (scene, warnings) = read(&[square(1.0), shell, solid, group()]);
+    assert_eq!(corners(&scene), [DVec3::X]);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    // Bodies that are blanked show nothing.
+    let shell = made_of(514, "1,1,1", "01000000");
+    let solid = made_of(186, "3,1,0", "01000000");
+    let (scene, _) = read(&[square(1.0), shell, solid, group()]);
+    assert_eq!(corners(&scene), [DVec3::X]);
+}
+
+#[test]
 fn what_is_blanked_is_shown_where_there_is_nothing_else() {
     let mut hidden = square(5.0);
     hidden.status = "01000000";

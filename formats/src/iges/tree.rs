@@ -30,9 +30,9 @@ const MOST_PLACES: u64 = 1_000_000;
 
 /// Makes the scene of a file.
 pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Result<Import, Error> {
-    let Links { owners, is_base } = links(file);
+    let Links { owners, is_part } = links(file);
     file.take_asked();
-    let mut tree = Tree::new(file, limits, warnings, is_base);
+    let mut tree = Tree::new(file, limits, warnings, is_part);
     let mut children = Vec::new();
     for (index, entry) in file.entries.iter().enumerate() {
         if !is_shown(entry) || owners[index].is_some() || entry.blanked {
@@ -117,8 +117,9 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
 struct Links {
     /// For each entity one that refers to it as its own.
     owners: Vec<Option<usize>>,
-    /// Whether it is the surface of a face.
-    is_base: Vec<bool>,
+    /// Whether it is the surface of a face or a hole in it, a face of a shell or a shell of a solid, and
+    /// shown as that.
+    is_part: Vec<bool>,
 }
 
 /// Collects all references.
@@ -126,15 +127,16 @@ fn links(file: &File<'_>) -> Links {
     let count = file.entries.len();
     let mut links = Links {
         owners: vec![None; count],
-        is_base: vec![false; count],
+        is_part: vec![false; count],
     };
     for (index, entry) in file.entries.iter().enumerate() {
         for pointer in entities::references(file, index) {
             if let Some(owned) = file.find(pointer) {
                 links.owners[owned] = Some(index);
+                let is_body = matches!(entry.kind, 186 | 514) && !entry.blanked;
                 let is_face = matches!(entry.kind, 143 | 144 | 510)
                     || (entry.kind, entry.form) == (402, entities::PARENT);
-                links.is_base[owned] |= is_face;
+                links.is_part[owned] |= is_body || is_face;
             }
         }
     }
@@ -175,7 +177,7 @@ struct Tree<'a, 'b> {
     busy: Vec<bool>,
     /// Entities of which all that is wrong has been told.
     tried: Vec<bool>,
-    /// Entities that are members of a group that is built, or surfaces of faces.
+    /// Entities that are members of a group that is built, or parts of something.
     grouped: Vec<bool>,
     /// Entities that were repaired, or could not be used.
     repaired: BTreeSet<usize>,
@@ -192,7 +194,7 @@ struct Tree<'a, 'b> {
 }
 
 impl<'a, 'b> Tree<'a, 'b> {
-    fn new(file: &'a File<'b>, limits: &'a Limits, warnings: Warnings, is_base: Vec<bool>) -> Self {
+    fn new(file: &'a File<'b>, limits: &'a Limits, warnings: Warnings, is_part: Vec<bool>) -> Self {
         let count = file.entries.len();
         Self {
             file,
@@ -206,7 +208,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             known: HashMap::new(),
             busy: vec![false; count],
             tried: vec![false; count],
-            grouped: is_base,
+            grouped: is_part,
             repaired: BTreeSet::new(),
             refused: BTreeSet::new(),
             points_left: limits.points,
@@ -388,7 +390,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         if !is_definition && (entry.blanked || types::class(entry.kind) != Class::Shown) {
             return None;
         }
-        // A member of several groups is shown once.
+        // A member of several groups is shown once, and what is part of a body is shown with that.
         if parent.kind == 402 && std::mem::replace(&mut self.grouped[index], true) {
             return None;
         }

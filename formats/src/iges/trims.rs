@@ -27,7 +27,8 @@ const ACCURACY: f64 = 1e-7;
 /// Ends of curves no farther apart than this share of the surface's size meet.
 const MEETS: f64 = 1e-5;
 
-/// The resolution that a file states counts up to this share of the surface's size.
+/// The resolution that a file states counts up to this share of the surface's size; where a loop does
+/// not close otherwise, gaps are bridged up to it.
 const COARSE: f64 = 1e-3;
 
 /// Curves of the parameter domain that miss their curves of space by more than this share of
@@ -47,6 +48,9 @@ enum Source {
     /// Those of space.
     Space,
 }
+
+/// Which curves each loop is made of.
+type Choice<'a> = &'a dyn Fn(&Loop) -> Source;
 
 /// A face in parts: each a surface with its loops.
 pub(super) type Parts = Vec<(Surface, Vec<TrimLoop>)>;
@@ -241,37 +245,7 @@ impl<'a> Trimmer<'a> {
         loops: &[Loop],
         border: bool,
     ) -> Result<Vec<TrimLoop>, Problem> {
-        let is_quadric = self.quadric().is_some();
-        let preferred = |l: &Loop| {
-            if l.prefers_space || is_quadric {
-                Source::Space
-            } else {
-                Source::Flat
-            }
-        };
-        let other = |l: &Loop| match preferred(l) {
-            Source::Space => Source::Flat,
-            _ => Source::Space,
-        };
-        let mut closed = self.closed(reader, face, loops, preferred);
-        if closed.is_err() && !is_quadric {
-            let text = "a trim loop is made of the other curves of the file, because those it \
-                        prefers do not close";
-            let mut again = (self.closed(reader, face, loops, other), text);
-            if again.0.is_err() {
-                let text = "a trim loop is made of curves of the parameter domain that are not \
-                            where its curves of space are, because those do not close";
-                let anywhere = |_: &Loop| Source::FlatAnywhere;
-                again = (self.closed(reader, face, loops, anywhere), text);
-            }
-            if let (Ok(again), text) = again {
-                reader
-                    .repairs
-                    .push((face, Problem::Invalid(text.to_owned())));
-                closed = Ok(again);
-            }
-        }
-        let closed = closed?;
+        let closed = self.best_closed(reader, face, loops)?;
         for _ in 0..closed.wide_gaps {
             let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
             reader
@@ -293,17 +267,73 @@ impl<'a> Trimmer<'a> {
         Ok(trims)
     }
 
+    /// The loops of the curves that each prefers, of the others where those do not close, or with
+    /// wider gaps.
+    fn best_closed(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        face: usize,
+        loops: &[Loop],
+    ) -> Result<kernel::ClosedLoops, Problem> {
+        let is_quadric = self.quadric().is_some();
+        let preferred = |l: &Loop| {
+            if l.prefers_space || is_quadric {
+                Source::Space
+            } else {
+                Source::Flat
+            }
+        };
+        let other = |l: &Loop| match preferred(l) {
+            Source::Space => Source::Flat,
+            _ => Source::Space,
+        };
+        let problem = match self.closed(reader, face, loops, &preferred, self.accuracy) {
+            Err(problem) => problem,
+            closed => return closed,
+        };
+        let others: [(Choice<'_>, f64, &str); 3] = [
+            (
+                &other,
+                self.accuracy,
+                "a trim loop is made of the other curves of the file, because those it prefers \
+                 do not close",
+            ),
+            (
+                &|_| Source::FlatAnywhere,
+                self.accuracy,
+                "a trim loop is made of curves of the parameter domain that are not where its \
+                 curves of space are, because those do not close",
+            ),
+            (
+                &preferred,
+                self.size * COARSE,
+                "the curves of a trim loop meet within a thousandth of its surface only; the \
+                 gaps are bridged",
+            ),
+        ];
+        // Of quadrics only curves of space count.
+        for (source, accuracy, text) in others.into_iter().skip(if is_quadric { 2 } else { 0 }) {
+            if let Ok(closed) = self.closed(reader, face, loops, source, accuracy) {
+                let told = Problem::Invalid(text.to_owned());
+                reader.repairs.push((face, told));
+                return Ok(closed);
+            }
+        }
+        Err(problem)
+    }
+
     /// The loops of these curves.
     fn closed(
         &self,
         reader: &mut Reader<'_, '_>,
         face: usize,
         loops: &[Loop],
-        source: impl Fn(&Loop) -> Source,
+        source: Choice<'_>,
+        accuracy: f64,
     ) -> Result<kernel::ClosedLoops, Problem> {
         let mut chains = Vec::new();
         for one in loops {
-            chains.push(self.chain(reader, face, one, source(one))?);
+            chains.push(self.chain(reader, face, one, source(one), accuracy)?);
         }
         let orientation = if loops.iter().all(|l| l.is_oriented) {
             Orientation::Left
@@ -312,14 +342,8 @@ impl<'a> Trimmer<'a> {
         } else {
             Orientation::Unknown
         };
-        kernel::close_loops(
-            self.surface,
-            self.closed,
-            chains,
-            self.accuracy,
-            orientation,
-        )
-        .map_err(Problem::Geometry)
+        kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation)
+            .map_err(Problem::Geometry)
     }
 
     /// The curves of one loop, turned so that each begins where the one before ends.
@@ -329,6 +353,7 @@ impl<'a> Trimmer<'a> {
         face: usize,
         one: &Loop,
         source: Source,
+        accuracy: f64,
     ) -> Result<Chain, Problem> {
         let mut chain = Vec::new();
         for stretch in &one.uses {
@@ -361,7 +386,7 @@ impl<'a> Trimmer<'a> {
             point: |uv| self.point(uv),
             periods: [0, 1].map(|axis| self.closed[axis].then(|| self.domain[axis].clone())),
             near: self.size * MEETS,
-            accuracy: self.accuracy,
+            accuracy,
         };
         Ok(order.aligned(chain))
     }

@@ -3,6 +3,7 @@ use std::f64::consts::FRAC_PI_4;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::*;
+use crate::TrimLoop;
 use crate::modelling::plane;
 
 fn square() -> Patch {
@@ -175,4 +176,13 @@ fn bounds_follow_rotations() {
     let (bounds, half) = (scene.hull_bounds(), 0.5_f64.sqrt());
     assert!(bounds.min.distance(DVec3::new(-half, 0.0, 1.0)) < 1e-15);
     assert!(bounds.max.distance(DVec3::new(half, 2.0 * half, 1.0)) < 1e-15);
+}
+
+#[test]
+fn bounds_are_those_of_what_is_left_of_faces() {
+    let mut patch = square();
+    patch.loops = vec![TrimLoop::border(&(0.25..0.5), &(-1.0..0.75)).unwrap()];
+    let bounds = patch.hull_bounds();
+    assert_eq!(bounds.min, DVec3::new(0.25, 0.0, 0.0));
+    assert_eq!(bounds.max, DVec3::new(0.5, 0.75, 0.0));
 }

@@ -15,6 +15,12 @@ const GAP: f64 = 1e-3;
 /// Gaps up to this share of the domain's diagonal are closed, and counted.
 const WIDE_GAP: f64 = 1e-2;
 
+/// Where curves that follow each other overlap, they do so over less than this share of either.
+const OVERLAP: f64 = 0.1;
+
+/// Steps towards where a curve passes the end of another one.
+const STEPS: usize = 4;
+
 /// Ends of curves no farther apart than this share of a domain are one place: files have no more
 /// digits.
 const ROUNDING: f64 = 1e-8;
@@ -155,7 +161,10 @@ impl Closer<'_> {
             if let Some(before) = path.last() {
                 shift += self.around_pole(before, &curve, shift);
             }
-            let curve = moved(&curve, shift);
+            let mut curve = moved(&curve, shift);
+            if let Some(before) = path.last_mut() {
+                self.part(before, &mut curve)?;
+            }
             self.bridge(&mut path, index, curve.start(), wide_gaps)?;
             end = curve.end();
             path.push(curve);
@@ -164,9 +173,49 @@ impl Closer<'_> {
         if let Some(before) = path.last() {
             turn += self.around_pole(before, &opening, turn);
         }
+        if let [opening, .., last] = path.as_mut_slice() {
+            let whole = moved(opening, turn);
+            let mut next = whole.clone();
+            self.part(last, &mut next)?;
+            if next != whole {
+                *opening = moved(&next, -turn);
+            }
+        }
         let index = path.len();
-        self.bridge(&mut path, index, first + turn, wide_gaps)?;
+        let next = path[0].start() + turn;
+        self.bridge(&mut path, index, next, wide_gaps)?;
         Ok((path, turn / self.size))
+    }
+
+    /// Cuts off what the second of two curves that nearly meet runs over once more, or the first
+    /// beyond where the second begins: a segment between their ends would run back.
+    fn part(&self, before: &mut Curve<DVec2>, after: &mut Curve<DVec2>) -> Result<(), Error> {
+        let (end, start) = (before.end(), after.start());
+        if self.is_rounding(end, start) || end.distance(start) > self.size.length() * GAP {
+            return Ok(());
+        }
+        if let Some(t) = self.passing(after, after.domain().start, end) {
+            let [_, rest] = after.split(t)?;
+            *after = rest;
+        } else if let Some(t) = self.passing(before, before.domain().end, start) {
+            let [rest, _] = before.split(t)?;
+            *before = rest;
+        }
+        Ok(())
+    }
+
+    /// Where a curve passes a place near the end at the parameter `from`, if it does.
+    fn passing(&self, curve: &Curve<DVec2>, from: f64, place: DVec2) -> Option<f64> {
+        let mut t = from;
+        for _ in 0..STEPS {
+            let (at, along) = curve.tangent(t);
+            let (off, along) = ((place - at) / self.size, along / self.size);
+            t += off.dot(along) / along.length_squared();
+        }
+        let Range { start, end } = curve.domain();
+        let is_inside = start < t && t < end && (t - from).abs() < OVERLAP * (end - start);
+        let off = |t: f64| ((place - curve.evaluate(t)) / self.size).length();
+        (is_inside && off(t) < OVERLAP * off(from)).then_some(t)
     }
 
     /// One period more, or none, for a path that arrives at a pole with one curve and leaves it

@@ -1,5 +1,6 @@
 //! Which triangles of the plane belong to a face.
 
+use glam::DVec2;
 use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, InnerTag};
 use spade::{CdtEdge, Triangulation as _};
 
@@ -8,6 +9,9 @@ use super::{Inner, Mesher, Spot, pair};
 /// Counting boundaries and looking at the middles of triangles may differ in this share of the
 /// face's parameters: where its boundaries are chords.
 const DIFFERENCE: f64 = 0.5;
+
+/// How far beside its corners, as a share of the way to its middle, a triangle is looked at as well.
+const BESIDE: f64 = 0.1;
 
 impl Mesher<'_> {
     /// The triangles that belong to the face.
@@ -77,10 +81,10 @@ impl Mesher<'_> {
         let (mut all, mut different) = (0.0, 0.0);
         for face in self.plane.inner_faces() {
             let counted = inside[face.index()];
-            let found = self.is_inside(face.fix());
+            let differs = self.differs(face.fix(), counted);
             let area = face.area();
-            all += if counted || found { area } else { 0.0 };
-            different += if counted == found { 0.0 } else { area };
+            all += if counted || differs { area } else { 0.0 };
+            different += if differs { area } else { 0.0 };
         }
         different <= DIFFERENCE * all
     }
@@ -106,9 +110,22 @@ impl Mesher<'_> {
     /// Whether the middle of a triangle belongs to the face.
     fn is_inside(&self, face: FixedFaceHandle<InnerTag>) -> bool {
         let uvs = self.corners(face).map(|k| self.vertices[k as usize].uv);
+        self.contains((uvs[0] + uvs[1] + uvs[2]) / 3.0)
+    }
+
+    /// Whether neither the middle of a triangle nor what is beside its corners is as was counted: in
+    /// a narrow ring the middle may lie between a boundary and its chord.
+    fn differs(&self, face: FixedFaceHandle<InnerTag>, counted: bool) -> bool {
+        let uvs = self.corners(face).map(|k| self.vertices[k as usize].uv);
         let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
+        let mut places = uvs.iter().map(|uv| uv.lerp(center, BESIDE));
+        self.contains(center) != counted && places.all(|uv| self.contains(uv) != counted)
+    }
+
+    /// Whether a place of the parameters belongs to the face.
+    fn contains(&self, uv: DVec2) -> bool {
         let domain = self.face.pieces.domain();
-        let inside = center.cmpgt(domain.min).all() && center.cmplt(domain.max).all();
-        inside && self.face.region.as_ref().is_none_or(|r| r.contains(center))
+        let inside = uv.cmpgt(domain.min).all() && uv.cmplt(domain.max).all();
+        inside && self.face.region.as_ref().is_none_or(|r| r.contains(uv))
     }
 }

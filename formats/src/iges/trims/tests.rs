@@ -126,6 +126,20 @@ fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
 }
 
 #[test]
+fn wide_gaps_in_narrow_loops_are_bridged_before_the_loops_are_given_up() {
+    // As far apart as six hundredths of the width, and six ten thousandths of the length.
+    let mut entities = trimmed("0.,0.,0.,1.,0.06,0.");
+    let narrow = entities[5]
+        .parameters
+        .replace(",1.,0.,4.0,1.,0.,0.,1.", ",0.01,0.,4.0,0.01,0.,0.,1.");
+    entities[5].parameters = narrow;
+    let (scene, warnings) = read(&entities);
+    assert_eq!(scene.patches()[0].loops.len(), 1);
+    let text = "a trim loop meet within a thousandth of its surface only; the gaps are bridged";
+    assert!(warnings[0].ends_with(text), "{warnings:?}");
+}
+
+#[test]
 fn small_gaps_in_loops_are_bridged() {
     let (scene, warnings) = read(&trimmed("0.,0.,0.,0.995,0.,0."));
     assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);

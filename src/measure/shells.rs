@@ -1,0 +1,42 @@
+//! Bodies of which borders do not tell: they touch others, or their faces meet at wide gaps. Their
+//! triangles tell, since these are sewn in pairs and as far as a tolerance.
+
+use std::collections::HashMap;
+
+use kernel::{PatchId, Placement, Scene, Shape};
+
+use super::Face;
+use super::contact::Connected;
+use crate::{TessellateOptions, tessellate};
+
+/// The faces of each closed shell of triangles, at each of its places, of those that are not in a body.
+pub(super) fn closed<'a>(
+    scene: &Scene,
+    placements: &[Placement],
+    open: &[&'a Face],
+) -> Vec<Connected<'a>> {
+    let mut places: HashMap<PatchId, Vec<&'a Face>> = HashMap::new();
+    for &face in open {
+        if let Shape::Patch(id) = placements[face.placement].shape {
+            places.entry(id).or_default().push(face);
+        }
+    }
+    let mut result = Vec::new();
+    let shells = tessellate(scene, &TessellateOptions::default()).shells;
+    for shell in shells.iter().filter(|shell| shell.is_closed()) {
+        // Those of a shell stand at the same places, in the same order.
+        let lists = shell.patches.iter().map(|id| places.get(id));
+        let Some(lists) = lists.collect::<Option<Vec<_>>>() else {
+            continue;
+        };
+        let count = lists[0].len();
+        if lists.iter().any(|list| list.len() != count) {
+            continue;
+        }
+        result.extend((0..count).map(|place| Connected {
+            faces: lists.iter().map(|list| list[place]).collect(),
+            is_closed: true,
+        }));
+    }
+    result
+}
