@@ -125,7 +125,7 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         tolerance: finest.unwrap_or(Tolerance::Relative(FOREIGN)),
         ..TessellateOptions::default()
     };
-    let subject = Subject::new(scene, tessellate(scene, &options));
+    let subject = Subject::new(scene, tessellate(scene, &options)?);
     let mut candidates = candidates;
     if args.align {
         for candidate in &mut candidates {
@@ -169,7 +169,7 @@ fn own(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Candidate>> {
             tolerance: distance.tolerance(scene)?,
             ..TessellateOptions::default()
         };
-        let triangles = tessellate(scene, &options);
+        let triangles = tessellate(scene, &options)?;
         let export = gltf::write(
             scene,
             &triangles,
