@@ -57,6 +57,6 @@ pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
 pub use tessellate::{
-    FaceMesh, Screen, Shell, TessellateOptions, Tessellation, Tolerance, tessellate,
+    FaceMesh, Screen, Shell, TessellateOptions, Tessellation, Tolerance, TooManyPoints, tessellate,
 };
 pub use volume::{SliceRule, Unsuitable, VolumeMethod, volumes};

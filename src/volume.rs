@@ -5,7 +5,7 @@ use std::fmt;
 use glam::{DAffine3, DMat3, DVec3};
 use kernel::{Patch, Scene, Shape, UpAxis, VolumeRule};
 
-use crate::{Body, TessellateOptions, Tolerance, tessellate};
+use crate::{Body, TessellateOptions, Tolerance, TooManyPoints, tessellate};
 
 /// How far triangles are from the surfaces for sections, as a share of the size of the scene.
 const TOLERANCE: f64 = 2e-5;
@@ -41,6 +41,8 @@ pub enum Unsuitable {
     Trimmed(String),
     /// It is rational.
     Rational(String),
+    /// Triangles for sections have too many points.
+    Large(TooManyPoints),
 }
 
 impl fmt::Display for Unsuitable {
@@ -48,6 +50,7 @@ impl fmt::Display for Unsuitable {
         let (name, what) = match self {
             Self::Trimmed(name) => (name, "trimmed"),
             Self::Rational(name) => (name, "rational"),
+            Self::Large(error) => return error.fmt(f),
         };
         write!(f, "the face '{name}' is {what}; --method gauss measures it")
     }
@@ -62,7 +65,7 @@ impl std::error::Error for Unsuitable {}
 /// scene.
 ///
 /// # Errors
-/// If a face does not suit the method.
+/// If a face does not suit the method, or the scene is too large for it.
 pub fn volumes(
     scene: &Scene,
     bodies: &[Body],
@@ -102,7 +105,7 @@ pub fn volumes(
         tolerance: Tolerance::Relative(TOLERANCE),
         ..TessellateOptions::default()
     };
-    let triangles = tessellate(scene, &options);
+    let triangles = tessellate(scene, &options).map_err(Unsuitable::Large)?;
     let volume = |body: &Body| {
         let mut solid = Solid::default();
         for (place, id, sign) in faces(body) {

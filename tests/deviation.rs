@@ -45,7 +45,7 @@ fn measured(surfaces: Vec<Surface>, mesh: &Scene, map: &DAffine3) -> Deviation {
         tolerance: Tolerance::Relative(1e-3),
         ..TessellateOptions::default()
     };
-    let subject = Subject::new(&scene, tessellate(&scene, &options));
+    let subject = Subject::new(&scene, tessellate(&scene, &options).expect("few points"));
     subject.measure(mesh, map)
 }
 
@@ -180,7 +180,10 @@ fn a_box_that_was_moved_is_that_far_away_and_a_fit_brings_it_back() {
     let same = measured(surfaces.clone(), &mesh, &DAffine3::IDENTITY);
     assert!(same.found() < 1e-12 && same.bound() < 1e-4, "{same:?}");
     let scene = scene_of(surfaces);
-    let subject = Subject::new(&scene, tessellate(&scene, &TessellateOptions::default()));
+    let subject = Subject::new(
+        &scene,
+        tessellate(&scene, &TessellateOptions::default()).expect("few points"),
+    );
     let turned = map * DAffine3::from_rotation_z(0.1) * DAffine3::from_rotation_x(FRAC_PI_2);
     let fit = subject.fit(&mesh, &turned);
     assert!(fit.before > 0.1 && fit.residual < 1e-9, "{fit:?}");

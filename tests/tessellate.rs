@@ -27,7 +27,7 @@ fn no_face_strays_from_the_tolerance() {
         let Ok(import) = formats::open(&file, &Limits::default()) else {
             continue;
         };
-        let result = tessellate(&import.scene, &TessellateOptions::default());
+        let result = tessellate(&import.scene, &TessellateOptions::default()).expect("few points");
         for face in result.faces.iter().flatten() {
             let name = file.display();
             let source = &face.mesh.source;
@@ -58,7 +58,7 @@ fn trimmed_faces_keep_their_area() {
             continue;
         }
         let exact = measure(&import.scene).area;
-        let result = tessellate(&import.scene, &TessellateOptions::default());
+        let result = tessellate(&import.scene, &TessellateOptions::default()).expect("few points");
         let area: f64 = result.shells.iter().map(|shell| shell.area).sum();
         let off = (area - exact).abs();
         assert!(off <= 0.01 * exact, "{}: {area} of {exact}", file.display());
@@ -83,7 +83,7 @@ fn bodies_with_poles_are_closed() {
         let Ok(import) = formats::open(&file, &Limits::default()) else {
             panic!("{} is not read", file.display());
         };
-        let result = tessellate(&import.scene, &TessellateOptions::default());
+        let result = tessellate(&import.scene, &TessellateOptions::default()).expect("few points");
         let closed = result.shells.iter().filter(|shell| shell.is_closed());
         assert_eq!(closed.count(), *count, "{}", file.display());
     }
@@ -93,7 +93,7 @@ fn bodies_with_poles_are_closed() {
 fn shells_of_voids_look_into_them() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let import = formats::open(root.join("samples/hollow.igs"), &Limits::default()).unwrap();
-    let result = tessellate(&import.scene, &TessellateOptions::default());
+    let result = tessellate(&import.scene, &TessellateOptions::default()).expect("few points");
     let mut volumes: Vec<_> = result.shells.iter().map(|shell| shell.volume).collect();
     volumes.sort_by(f64::total_cmp);
     assert!(result.shells.iter().all(|shell| shell.is_closed()));

@@ -130,7 +130,7 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         tolerance: finest.unwrap_or(Tolerance::Relative(FOREIGN)),
         ..TessellateOptions::default()
     };
-    let subject = Subject::new(scene, tessellate(scene, &options));
+    let subject = Subject::new(scene, tessellate(scene, &options)?);
     let mut candidates = candidates;
     if args.align {
         for candidate in &mut candidates {
@@ -187,7 +187,7 @@ fn own(args: &Args, scene: &Scene, source: &Source) -> anyhow::Result<Vec<Candid
             tolerance: distance.tolerance(scene)?,
             ..TessellateOptions::default()
         };
-        let triangles = tessellate(scene, &options);
+        let triangles = tessellate(scene, &options)?;
         let export = gltf::write(
             scene,
             &triangles,

@@ -378,12 +378,12 @@ pub(super) fn export(
                 );
             }
             let started = Instant::now();
-            let triangles = tessellate(scene, &mesh.options(scene)?);
+            let triangles = tessellate(scene, &mesh.options(scene)?).with_context(written)?;
             let mut report = mesh::report(&triangles, mesh.rounding(scene));
             report["tessellate_s"] = started.elapsed().as_secs_f64().into();
             let mut export =
                 (writer.write)(scene, &triangles, origin, packing, &stem).with_context(written)?;
-            mesh::note_empty(scene, &triangles, &mut export.warnings);
+            mesh::note_flaws(scene, &triangles, &mut export.warnings);
             Ok((export, report))
         }
     }

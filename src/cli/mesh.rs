@@ -31,6 +31,9 @@ pub(super) struct MeshArgs {
     /// the file, but not finer than --tolerance
     #[arg(long, value_name = "PX", value_parser = pixels)]
     screen: Option<f64>,
+    /// Most points of all triangles together; they take about 500 bytes each while they are made
+    #[arg(long, value_name = "N", default_value_t = TessellateOptions::default().most_points)]
+    most_points: usize,
     /// Smaller glTF: positions on a grid of 16 bits, normals within half a degree
     /// (`KHR_mesh_quantization`); the tolerance holds all the same
     #[arg(long)]
@@ -152,6 +155,14 @@ impl MeshArgs {
 
     /// What they ask for in a scene.
     pub(super) fn options(&self, scene: &Scene) -> anyhow::Result<TessellateOptions> {
+        let reach = scene.hull_bounds();
+        let reach = reach.min.abs().max(reach.max.abs()).max_element();
+        if reach > f64::from(f32::MAX) {
+            bail!(
+                "coordinates up to {reach:.1e} do not fit the 32-bit numbers of triangles; write a \
+                 format of surfaces, or scale them"
+            );
+        }
         let max_edge = self.max_edge.map(|most| most.length(scene)).transpose()?;
         let screen = self.screen.map(|pixels| {
             let camera = scene.cameras.first().cloned();
@@ -182,6 +193,7 @@ impl MeshArgs {
             angle: self.angle.unwrap_or(ANGLE).to_radians(),
             max_edge,
             screen,
+            most_points: self.most_points,
         })
     }
 }
@@ -221,14 +233,23 @@ pub(super) fn report(triangles: &Tessellation, rounding: f64) -> Value {
     })
 }
 
-/// Names the faces of which no triangle is left.
-pub(super) fn note_empty(scene: &Scene, triangles: &Tessellation, warnings: &mut Warnings) {
+/// Names the faces of which no triangle is left, and those that may be farther away than asked for.
+pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut Warnings) {
     for (patch, face) in scene.patches().iter().zip(&triangles.faces) {
-        if face.as_ref().is_some_and(|f| f.mesh.triangles().is_empty()) {
+        let Some(face) = face else { continue };
+        let place = || Place::item(0, format!("{} {}", patch.name, patch.source).trim());
+        if face.mesh.triangles().is_empty() {
             let text =
                 "the face has no triangle: all of it is one line or point within the tolerance";
-            let place = Place::item(0, format!("{} {}", patch.name, patch.source).trim());
-            warnings.unsupported(place, text);
+            warnings.unsupported(place(), text);
+        }
+        if face.unproven > 0 {
+            let text = format!(
+                "{} triangles of the face may pass a limit: it is proven to be within {:.3e} of them, \
+                 and found within {:.3e}, for a tolerance of {:.3e}",
+                face.unproven, face.proven, face.sampled, face.tolerance
+            );
+            warnings.unsupported(place(), text);
         }
     }
 }

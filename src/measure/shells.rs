@@ -22,7 +22,9 @@ pub(super) fn closed<'a>(
         }
     }
     let mut result = Vec::new();
-    let shells = tessellate(scene, &TessellateOptions::default()).shells;
+    // Too many points tell nothing.
+    let shells = tessellate(scene, &TessellateOptions::default()).map(|t| t.shells);
+    let shells = shells.unwrap_or_default();
     for shell in shells.iter().filter(|shell| shell.is_closed()) {
         // Those of a shell stand at the same places, in the same order.
         let lists = shell.patches.iter().map(|id| places.get(id));

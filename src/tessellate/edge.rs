@@ -94,7 +94,7 @@ pub(super) struct Walker<'a> {
     uses: &'a [Use],
     parts: Vec<Parts>,
     ends: [DVec3; 2],
-    limits: &'a Limits,
+    limits: &'a Limits<'a>,
 }
 
 impl<'a> Walker<'a> {
@@ -102,7 +102,7 @@ impl<'a> Walker<'a> {
         faces: &'a [Face<'a>],
         edge: &'a Edge,
         vertices: &[DVec3],
-        limits: &'a Limits,
+        limits: &'a Limits<'a>,
     ) -> Self {
         Self {
             faces,
@@ -120,20 +120,24 @@ impl<'a> Walker<'a> {
         let kinks = self.kinks();
         let (mut stations, ratios) = self.walk(1.0, &kinks, f64::INFINITY, |_, _| false);
         let steps = ratios.len();
+        // What each step uses of the limits, and what those from there on use together.
         let uses: Vec<f64> = ratios.iter().map(|r| r.sqrt()).collect();
-        let even = ((uses.iter().sum::<f64>() / steps as f64).powi(2) * 1.02).max(0.1);
+        let mut rest = vec![0.0; steps + 1];
+        for k in (0..steps).rev() {
+            rest[k] = rest[k + 1] + uses[k];
+        }
+        let even = ((rest[0] / steps as f64).powi(2) * 1.02).max(0.1);
         if steps > 1 && even < 1.0 {
             let place = |k: usize| stations[k].places[0].t;
             let first = (place(1) - place(0)) * (even / ratios[0].max(1e-9)).sqrt();
             // As the first walk tells: more is left than as many steps can use.
             let is_hopeless = |done: usize, t: f64| {
                 let next = stations[1..].partition_point(|s| s.places[0].t <= t);
-                let left: f64 = uses.iter().skip(next + 1).sum();
                 let own = uses.get(next).filter(|_| stations.len() == steps + 1);
                 own.is_some_and(|own| {
                     let share = (place(next + 1) - t) / (place(next + 1) - place(next));
                     let room = steps.saturating_sub(done) as f64 * even.sqrt();
-                    own * share + left > HOPE * room
+                    own * share + rest[next + 1] > HOPE * room
                 })
             };
             let (again, shares) = self.walk(even, &kinks, first, is_hopeless);
@@ -241,7 +245,8 @@ impl<'a> Walker<'a> {
         let mut stations = vec![self.end_station(0)];
         let mut ratios = Vec::new();
         let (mut t, mut step) = (range.start, first.clamp(shortest, whole));
-        while t < range.end && !is_hopeless(ratios.len(), t) {
+        while t < range.end && self.limits.room.is_left() && !is_hopeless(ratios.len(), t) {
+            let before = stations.len();
             let last = &stations[stations.len() - 1];
             let limit = kinks[kinks.partition_point(|&kink| kink <= t)];
             let reached = |to: f64| {
@@ -287,6 +292,7 @@ impl<'a> Walker<'a> {
                 stations.push(next);
             }
             ratios.push(ratio);
+            self.limits.room.take((stations.len() - before) as f64);
         }
         (stations, ratios)
     }

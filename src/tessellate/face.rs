@@ -19,9 +19,6 @@ use super::{Limits, deviation};
 /// Rounds of refinement.
 const ROUNDS: usize = 60;
 
-/// Vertices of one face.
-const MOST_VERTICES: usize = 20_000_000;
-
 /// Vertices for which there is room from the start, for each stretch of boundary.
 const ROOM: usize = 2;
 
@@ -98,7 +95,7 @@ struct Inner {
 /// A face in the making.
 pub(super) struct Mesher<'a> {
     face: &'a Face<'a>,
-    limits: &'a Limits,
+    limits: &'a Limits<'a>,
     plane: ConstrainedDelaunayTriangulation<Spot>,
     vertices: Vec<Vertex>,
     /// Pairs of vertices whose connection is shared with other faces, and how often it
@@ -119,7 +116,7 @@ impl<'a> Mesher<'a> {
     pub(super) fn new(
         face: &'a Face<'a>,
         stretches: &[Stretch],
-        limits: &'a Limits,
+        limits: &'a Limits<'a>,
     ) -> (Self, Vec<usize>) {
         let corners = || stretches.iter().flat_map(|s| s.ends);
         let count = ROOM * stretches.len();
@@ -199,7 +196,7 @@ impl<'a> Mesher<'a> {
         (mesher, conflicts)
     }
 
-    /// Fills the face and refines it.
+    /// Fills the face and refines it; nothing if there is no room for its points.
     pub(super) fn run(mut self) -> Triangles {
         if self.plane.num_inner_faces() == 0 {
             return Triangles::default();
@@ -208,14 +205,18 @@ impl<'a> Mesher<'a> {
         for seed in seeds(self.face, &self.bounds, self.limits) {
             self.sow(&seed);
         }
+        let room = self.limits.room;
         for _ in 0..ROUNDS {
             let inner = self.inner();
             let places: Vec<(DVec2, u32)> = inner
                 .iter()
                 .filter_map(|inner| Some((self.division(inner)?, inner.corners[0])))
                 .collect();
-            if places.is_empty() || self.vertices.len() > MOST_VERTICES {
+            if places.is_empty() {
                 return self.finish(&inner);
+            }
+            if !room.take(places.len() as f64) {
+                return Triangles::default();
             }
             for (place, near) in places {
                 self.insert_beside(place, FixedVertexHandle::from_index(near as usize));
@@ -342,7 +343,7 @@ impl<'a> Mesher<'a> {
         let mut t: f64 = 0.0;
         let way = to - from;
         let mut step = 1.0;
-        while t < 1.0 {
+        while t < 1.0 && self.limits.room.is_left() {
             let end = (t + step).min(1.0);
             let rect = Rect::around([from + way * t, from + way * end]);
             let part = way * (end - t);
@@ -356,6 +357,7 @@ impl<'a> Mesher<'a> {
             step = (end - t) * (0.95 / ratio.max(1e-9)).sqrt().clamp(0.5, 4.0);
             t = end;
             stops.push(if t < 1.0 { from + way * t } else { to });
+            self.limits.room.take(1.0);
         }
         let handles: Vec<_> = stops.iter().map(|&uv| self.insert(uv, None)).collect();
         for pair in handles.windows(2) {
@@ -541,7 +543,7 @@ fn pair(a: FixedVertexHandle, b: FixedVertexHandle) -> [u32; 2] {
 
 /// Factors that make steps that use as much of the limits equally long in both directions, over a
 /// rectangle; directions without curvature count by their length.
-fn scale(face: &Face<'_>, bounds: &Rect, limits: &Limits) -> DVec2 {
+fn scale(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> DVec2 {
     let (mut bend, mut turn, mut length) = (DVec2::ZERO, DVec2::ZERO, DVec2::ZERO);
     for i in 0..3 {
         for j in 0..3 {

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::edge::{Chain, Walker};
 use super::face::{Corner, Mesher, Stretch, Triangles};
 use super::rim::{Face, SNAP};
+use super::room::Room;
 use super::sew::{Edge, Named, sew};
 use super::shell::{Part, Shell, shells};
 use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
@@ -119,18 +120,20 @@ impl Group {
         self.members.iter().copied()
     }
 
-    /// Makes triangles of all members.
+    /// Makes triangles of all members; `None` if there is no room for them.
     pub(super) fn tessellate(
         &self,
         scene: &Scene,
         tolerances: &[f64],
         options: &TessellateOptions,
-    ) -> Done {
+        room: &Room,
+    ) -> Option<Done> {
         let limits = Limits {
             angle: options.angle,
             max_edge: options
                 .max_edge
                 .map_or(f64::INFINITY, |most| most / self.scale),
+            room,
         };
         let patches: Vec<&Patch> = self.members.iter().map(|&id| scene.patch(id)).collect();
         let faces: Vec<Face<'_>> = self
@@ -161,9 +164,9 @@ impl Group {
             chains,
             limits,
         };
-        let (meshes, crossings) = net.mesh();
+        let (meshes, crossings) = net.mesh()?;
         let proven = net.edge_bounds();
-        self.finish(&patches, &faces, &meshes, &proven, crossings)
+        Some(self.finish(&patches, &faces, &meshes, &proven, crossings))
     }
 
     /// The seams that the file names between members.
@@ -258,13 +261,17 @@ struct Net<'a> {
     edges: &'a [Edge],
     vertices: &'a [DVec3],
     chains: Vec<Chain>,
-    limits: Limits,
+    limits: Limits<'a>,
 }
 
 impl Net<'_> {
-    /// The triangles of every face, and how many boundaries could not be kept apart.
-    fn mesh(&mut self) -> (Vec<Triangles>, usize) {
+    /// The triangles of every face, and how many boundaries could not be kept apart; `None` if there
+    /// is no room for them.
+    fn mesh(&mut self) -> Option<(Vec<Triangles>, usize)> {
         for round in 0..ROUNDS {
+            if !self.limits.room.is_left() {
+                return None;
+            }
             let stretches = self.stretches();
             let outlines: Vec<_> = self
                 .faces
@@ -279,14 +286,15 @@ impl Net<'_> {
             split.retain(|&edge| self.walker(edge).is_coarse(&self.chains[edge]));
             if split.is_empty() || round + 1 == ROUNDS {
                 let meshes = outlines.into_par_iter().map(|(mesher, _)| mesher.run());
-                return (meshes.collect(), crossed);
+                let meshes = meshes.collect();
+                return self.limits.room.is_left().then_some((meshes, crossed));
             }
             drop(outlines);
             for edge in split {
                 self.chains[edge] = self.walker(edge).halved(&self.chains[edge]);
             }
         }
-        (Vec::new(), 0)
+        None
     }
 
     fn walker(&self, edge: usize) -> Walker<'_> {

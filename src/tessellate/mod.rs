@@ -16,6 +16,7 @@ mod group;
 mod net;
 pub(crate) mod pieces;
 mod rim;
+mod room;
 mod seed;
 mod sew;
 mod shell;
@@ -23,9 +24,13 @@ mod shell;
 mod tests;
 mod trail;
 
+use std::fmt;
+
 use glam::{DAffine3, DVec2};
 use kernel::{Camera, Mesh, Projection, Scene, Shape};
 use rayon::prelude::*;
+
+use self::room::Room;
 
 pub(crate) use rim::Face;
 pub(crate) use sew::{Edge, Sewn, Use, sew};
@@ -52,7 +57,29 @@ pub struct TessellateOptions {
     pub max_edge: Option<f64>,
     /// A view for which the tolerance of each face is at least what is seen of it.
     pub screen: Option<Screen>,
+    /// Most points, of all faces together.
+    pub most_points: usize,
 }
+
+/// The error that limits ask for more points than are allowed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooManyPoints {
+    /// How many are allowed.
+    pub most: usize,
+}
+
+impl fmt::Display for TooManyPoints {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "triangles this fine have more than {} points; allow a larger tolerance, angle or side, \
+             or more points",
+            self.most
+        )
+    }
+}
+
+impl std::error::Error for TooManyPoints {}
 
 /// A view that needs no more detail than it shows.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,14 +92,18 @@ pub struct Screen {
     pub height: u32,
 }
 
+/// Points of all faces together: about two and a half gigabytes while they are made.
+const MOST_POINTS: usize = 5_000_000;
+
 impl Default for TessellateOptions {
-    /// A two thousandth of the diagonal, and 15 degrees.
+    /// A two thousandth of the diagonal, 15 degrees, and five million points.
     fn default() -> Self {
         Self {
             tolerance: Tolerance::Relative(1.0 / 2000.0),
             angle: 15.0_f64.to_radians(),
             max_edge: None,
             screen: None,
+            most_points: MOST_POINTS,
         }
     }
 }
@@ -118,20 +149,27 @@ pub struct FaceMesh {
 
 /// Limits in the coordinates of a group of faces.
 #[derive(Clone, Copy, Debug)]
-struct Limits {
+struct Limits<'a> {
     angle: f64,
     max_edge: f64,
+    room: &'a Room,
 }
 
 /// Makes triangles of every patch that is shown. The result does not depend on the number of
 /// threads.
-pub fn tessellate(scene: &Scene, options: &TessellateOptions) -> Tessellation {
+///
+/// # Errors
+/// If more points would be needed than are allowed.
+pub fn tessellate(
+    scene: &Scene,
+    options: &TessellateOptions,
+) -> Result<Tessellation, TooManyPoints> {
     // Once among the threads of the pool, instead of at each step.
     rayon::scope(|_| inside(scene, options))
 }
 
 /// [`tessellate`] within a thread of the pool.
-fn inside(scene: &Scene, options: &TessellateOptions) -> Tessellation {
+fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, TooManyPoints> {
     let diagonal = scene.hull_bounds().diagonal();
     let tolerance = match options.tolerance {
         Tolerance::Length(length) => length,
@@ -148,10 +186,14 @@ fn inside(scene: &Scene, options: &TessellateOptions) -> Tessellation {
         None => vec![tolerance; scene.patches().len()],
     };
     let groups = group::groups(scene);
-    let done: Vec<_> = groups
+    let room = Room::new(options.most_points);
+    let done: Option<Vec<_>> = groups
         .par_iter()
-        .map(|group| group.tessellate(scene, &tolerances, options))
+        .map(|group| group.tessellate(scene, &tolerances, options, &room))
         .collect();
+    let done = done.ok_or(TooManyPoints {
+        most: options.most_points,
+    })?;
     let mut result = Tessellation {
         faces: vec![None; scene.patches().len()],
         shells: Vec::new(),
@@ -165,7 +207,7 @@ fn inside(scene: &Scene, options: &TessellateOptions) -> Tessellation {
         result.shells.extend(done.shells);
         result.crossings += done.crossings;
     }
-    result
+    Ok(result)
 }
 
 impl Screen {

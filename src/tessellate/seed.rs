@@ -36,8 +36,9 @@ struct Block {
     hard: [bool; 2],
 }
 
-/// The seeds of a face within `bounds`, block by block between its creases.
-pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits) -> Vec<Seed> {
+/// The seeds of a face within `bounds`, block by block between its creases; not all of them if there is
+/// no room for them.
+pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> Vec<Seed> {
     if face.pieces.are_straight() && limits.max_edge.is_infinite() {
         return Vec::new();
     }
@@ -66,7 +67,7 @@ pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits) -> Vec<Seed
 }
 
 /// Appends the rows of a block, or of its halves.
-fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut Vec<Seed>) {
+fn fill(face: &Face<'_>, block: Block, limits: &Limits<'_>, levels: u32, out: &mut Vec<Seed>) {
     let Rect { min, max } = block.rect;
     let size = block.rect.size();
     let [across, along] = [0, 1].map(|axis| samples(face, axis, min[axis], max[axis]));
@@ -96,9 +97,16 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits, levels: u32, out: &mut V
         }
         return;
     }
+    // No list becomes longer than there is room for.
+    if !limits.room.take(rows.total()) {
+        return;
+    }
     for (number, v) in rows.places([true; 2], false).into_iter().enumerate() {
         let densities: Vec<f64> = between(&grid, v).map(|step| size.x / step).collect();
         let row = Density::new(&densities);
+        if !limits.room.take(row.total()) {
+            return;
+        }
         for u in row.places(block.hard, number % 2 == 0) {
             let uv = min + size * DVec2::new(u, v);
             let step = size / DVec2::new(row.at(u), rows.at(v));
@@ -217,7 +225,7 @@ impl Density {
 }
 
 /// The steps along u and v that the limits allow at a point, at most twice `size`.
-fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits, size: DVec2) -> DVec2 {
+fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits<'_>, size: DVec2) -> DVec2 {
     let d = face.pieces.surface.derivatives(uv);
     let (length_u, length_v) = (d.du.length(), d.dv.length());
     let bends = DVec3::new(d.duu.length(), d.duv.length(), d.dvv.length());

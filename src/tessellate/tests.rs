@@ -48,7 +48,7 @@ fn with_tolerance_of(patches: Vec<Patch>, length: f64) -> Tessellation {
         angle: PI,
         ..TessellateOptions::default()
     };
-    tessellate(&scene(patches), &options)
+    tessellate(&scene(patches), &options).unwrap()
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn normals_turn_by_no_more_than_the_angle_over_more_than_the_tolerance() {
                 tolerance: Tolerance::Length(tolerance),
                 ..TessellateOptions::default()
             };
-            let result = tessellate(&scene(vec![body.surface.clone().into()]), &options);
+            let result = tessellate(&scene(vec![body.surface.clone().into()]), &options).unwrap();
             let face = result.faces[0].as_ref().unwrap();
             assert_eq!(face.unproven, 0, "{}", body.name);
             let (points, normals) = (face.mesh.positions(), face.mesh.normals());
@@ -156,7 +156,7 @@ fn a_long_thin_cylinder_is_divided_across_only() {
     for radius in [10.0, 1.0, 0.1] {
         let frame = &modelling::Frame::WORLD;
         let wire = modelling::cylinder(frame, radius, 0.0..TAU, 0.0..1000.0).unwrap();
-        let result = tessellate(&scene(vec![wire.into()]), &TessellateOptions::default());
+        let result = tessellate(&scene(vec![wire.into()]), &TessellateOptions::default()).unwrap();
         let count = result.faces[0].as_ref().unwrap().mesh.triangles().len();
         assert!(count <= 60, "{count} triangles of a radius of {radius}");
     }
@@ -182,7 +182,7 @@ fn cube() -> Vec<Patch> {
 
 #[test]
 fn faces_without_topology_share_their_edges() {
-    let result = tessellate(&scene(cube()), &TessellateOptions::default());
+    let result = tessellate(&scene(cube()), &TessellateOptions::default()).unwrap();
     assert_eq!(result.shells.len(), 1);
     let shell = &result.shells[0];
     assert!(
@@ -195,7 +195,7 @@ fn faces_without_topology_share_their_edges() {
 #[test]
 fn faces_that_are_shown_several_times_together_share_their_edges() {
     let count = |places: &[(DVec3, usize)]| {
-        let result = tessellate(&shown(cube(), places), &TessellateOptions::default());
+        let result = tessellate(&shown(cube(), places), &TessellateOptions::default()).unwrap();
         let closed = result.shells.iter().filter(|shell| shell.is_closed());
         (result.shells.len(), closed.count())
     };
@@ -226,7 +226,7 @@ fn corners_that_do_not_quite_meet_become_points() {
             tolerance: Tolerance::Length(1e-3),
             ..TessellateOptions::default()
         };
-        let result = tessellate(&scene(faces), &options);
+        let result = tessellate(&scene(faces), &options).unwrap();
         assert_eq!(result.shells.len(), 1);
         let shell = &result.shells[0];
         assert_eq!(shell.is_closed(), closed, "{cut}: {shell:?}");
@@ -258,7 +258,7 @@ fn a_loop_may_touch_the_border_of_its_domain() {
     let mut face: Patch = square.unwrap().into();
     for turned in [round(1.0), round(1.0).reversed()] {
         face.loops = vec![turned];
-        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default());
+        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default()).unwrap();
         let shell = &result.shells[0];
         assert!((PI - 0.02..PI).contains(&shell.area), "{}", shell.area);
     }
@@ -279,7 +279,7 @@ fn loops_may_have_numbers_that_are_next_to_nothing() {
         let line = |w: &[[f64; 2]]| kernel::Curve::line(w[0].into(), w[1].into(), 0.0..1.0);
         let sides = corners.windows(2).map(|w| line(w).unwrap()).collect();
         face.loops = vec![kernel::TrimLoop::new(sides, 0.0).unwrap()];
-        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default());
+        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default()).unwrap();
         let shell = &result.shells[0];
         assert!((shell.area - 0.0625).abs() < 1e-9, "{tiny}: {}", shell.area);
         assert_eq!(shell.naked, 4, "{tiny}");
@@ -304,7 +304,7 @@ fn a_loop_may_be_one_curve_around_its_domain() {
     // With a hole; and nearly on the border, where rounding decides what runs along it.
     for (low, high) in [(0.0, 1.0), (1e-8, 1.0 - 1e-8), (3e-7, 1.0 - 3e-7)] {
         face.loops = vec![around(low, high), around(0.4, 0.6)];
-        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default());
+        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default()).unwrap();
         let shell = &result.shells[0];
         assert!((shell.area - 0.96).abs() < 1e-5, "{low}: {}", shell.area);
         assert_eq!((result.crossings, shell.crowded), (0, 0));
@@ -326,7 +326,7 @@ fn creases_of_neighbours_that_meet_are_one_corner() {
     let other = line.reversed().remapped(0.1..0.7).unwrap();
     let strips = [(line, DVec3::Y * 3.0), (other, DVec3::Z * 3.0)];
     let strips = strips.map(|(line, way)| modelling::extrude(&line, way).unwrap().into());
-    let result = tessellate(&scene(strips.to_vec()), &TessellateOptions::default());
+    let result = tessellate(&scene(strips.to_vec()), &TessellateOptions::default()).unwrap();
     assert_eq!((result.crossings, result.shells.len()), (0, 1));
     let shell = &result.shells[0];
     // Both long borders and four short ones are open, and nothing else.
@@ -374,7 +374,7 @@ fn rounding_at_an_apex_does_not_turn_normals() {
             tolerance: Tolerance::Length(1e-3),
             ..TessellateOptions::default()
         };
-        let result = tessellate(&scene(vec![cone.into()]), &options);
+        let result = tessellate(&scene(vec![cone.into()]), &options).unwrap();
         result.faces[0].as_ref().unwrap().mesh.triangles().len()
     };
     let (at_origin, away) = (count(0.0), count(10.0));
@@ -468,7 +468,7 @@ fn faces_meet_where_a_border_is_farthest_out() {
             part(0.0..PI, 1.0..2.0),
             part(PI..TAU, 1.0..2.0),
         ]);
-        let found = tessellate(&scene, &TessellateOptions::default());
+        let found = tessellate(&scene, &TessellateOptions::default()).unwrap();
         assert_eq!(found.shells.len(), 1, "at {turn}");
         assert_eq!(found.shells[0].euler, 0);
     }
@@ -538,7 +538,7 @@ fn slits_are_closed_as_far_as_the_tolerance_allows() {
             let sides = [side(1.0, a), side(0.0, b)];
             scene.add_seam(kernel::Seam { sides, gap }).unwrap();
         }
-        let found = tessellate(&scene, &options);
+        let found = tessellate(&scene, &options).unwrap();
         assert_eq!(found.shells.len(), if closed { 1 } else { 2 });
         for face in found.faces.iter().flatten() {
             assert_eq!(face.gap > 0.001, closed, "{}", face.gap);
@@ -574,5 +574,27 @@ fn bodies_that_touch_are_shells_of_their_own() {
         assert!(shell.is_closed(), "{shell:?}");
         assert_eq!((shell.euler, shell.patches.len()), (2, 6));
         assert!((shell.volume - 1.0).abs() < 1e-12, "{shell:?}");
+    }
+}
+
+#[test]
+fn more_points_than_there_is_room_for_are_an_error() {
+    let frame = modelling::Frame::WORLD;
+    let sphere = modelling::sphere(&frame, 1.0, 0.0..TAU, -0.5 * PI..0.5 * PI).unwrap();
+    let options = |length: f64, most_points: usize| TessellateOptions {
+        tolerance: Tolerance::Length(length),
+        most_points,
+        ..TessellateOptions::default()
+    };
+    let scene = scene(vec![sphere.into()]);
+    let count = |result: &Tessellation| {
+        let faces = result.faces.iter().flatten();
+        faces.map(|face| face.mesh.positions().len()).sum::<usize>()
+    };
+    let enough = tessellate(&scene, &options(1e-2, 1000)).unwrap();
+    assert!((100..1000).contains(&count(&enough)), "{}", count(&enough));
+    for (length, most) in [(1e-2, 50), (1e-4, 1000), (1e-9, 100_000), (1e-300, 100_000)] {
+        let found = tessellate(&scene, &options(length, most));
+        assert_eq!(found.err(), Some(TooManyPoints { most }));
     }
 }
