@@ -104,7 +104,7 @@ pub fn close(
         return Err(closer.gap(path));
     }
     let has_rings = !around_u.is_empty() || !around_v.is_empty();
-    for (axis, rings) in open.into_iter().enumerate() {
+    for (axis, rings) in open.iter().enumerate() {
         closer.add_bands(rings, axis, &mut simple)?;
     }
     let loops: Result<Vec<_>, _> = simple

@@ -12,7 +12,7 @@ impl Closer<'_> {
     /// for a whole period.
     pub(super) fn add_bands(
         &self,
-        rings: Vec<Vec<Curve<DVec2>>>,
+        rings: &[Vec<Curve<DVec2>>],
         axis: usize,
         loops: &mut Vec<Vec<Curve<DVec2>>>,
     ) -> Result<(), Error> {
