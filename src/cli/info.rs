@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use nurbray::formats::{Import, Level, Tally, Warning};
 use nurbray::kernel::{Child, Item, Node, NodeId, Patch, Scene, Shape, Wire, WireShape};
 use nurbray::measure;
@@ -16,6 +17,9 @@ use super::sizes;
 
 /// Lines of the tree that are printed; `--json` has all.
 const TREE_LINES: usize = 60;
+
+/// Coordinates below this share of the size of a box are printed as zero; `--json` has them as they are.
+const ROUNDING: f64 = 1e-12;
 
 /// Numbers of repaired and refused entities that are printed; `--json` has all.
 const NUMBERS: usize = 8;
@@ -196,11 +200,12 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
     }
     let bounds = scene.hull_bounds();
     if !bounds.is_empty() {
-        writeln!(
-            text,
-            "  box        {} to {} (control points)",
-            bounds.min, bounds.max
-        )?;
+        let grain = bounds.diagonal() * ROUNDING;
+        let [min, max] = [bounds.min, bounds.max].map(|corner| {
+            let tidy = |x: f64| if x.abs() < grain { 0.0 } else { x };
+            DVec3::from(corner.to_array().map(tidy))
+        });
+        writeln!(text, "  box        {min} to {max} (control points)")?;
     }
     match &scene.unit {
         Some(unit) => writeln!(text, "  unit       {} = {} m", unit.name, unit.metres)?,
