@@ -85,6 +85,12 @@ fn faces_without_triangles_are_named() {
         (report["shells"].as_u64(), report["closed_shells"].as_u64()),
         (Some(2), Some(1))
     );
+    // A file without any triangle has no buffer: it would be empty.
+    let run = place.run("convert samples/broken/obj_trim_all_outside.obj -o none.glb");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let bytes = fs::read(place.path("none.glb")).unwrap();
+    let text = String::from_utf8_lossy(&bytes);
+    assert!(!text.contains("BIN") && !text.contains("buffers"), "{text}");
 }
 
 #[test]

@@ -112,13 +112,16 @@ pub fn write(
     root.scene = Some(Index::new(0));
     let Contents { buffer, unpacked } = data.finish(&mut root, packing.meshopt)?;
     let uri = format!("{stem}.bin");
-    root.buffers.push(Buffer {
-        byte_length: USize64::from(buffer.len()),
-        name: None,
-        uri: (container == Container::Separate).then(|| escaped(&uri)),
-        extensions: None,
-        extras: None,
-    });
+    // There is no buffer without content.
+    if !buffer.is_empty() {
+        root.buffers.push(Buffer {
+            byte_length: USize64::from(buffer.len()),
+            name: None,
+            uri: (container == Container::Separate).then(|| escaped(&uri)),
+            extensions: None,
+            extras: None,
+        });
+    }
     if packing.quantize {
         require(&mut root, QUANTIZATION);
     }
@@ -144,7 +147,7 @@ pub fn write(
         },
         Container::Separate => Export {
             bytes: text,
-            beside: vec![(uri, buffer)],
+            beside: Vec::from_iter((!buffer.is_empty()).then_some((uri, buffer))),
             ..Export::default()
         },
     })
@@ -223,7 +226,8 @@ fn escaped(name: &str) -> String {
 fn binary(mut text: Vec<u8>, mut numbers: Vec<u8>) -> std::io::Result<Vec<u8>> {
     text.resize(text.len().next_multiple_of(4), b' ');
     numbers.resize(numbers.len().next_multiple_of(4), 0);
-    let length = 12 + 8 + text.len() + 8 + numbers.len();
+    let chunk = if numbers.is_empty() { 0 } else { 8 };
+    let length = 12 + 8 + text.len() + chunk + numbers.len();
     let size = |bytes: usize| {
         u32::try_from(bytes).map_err(|_| {
             let text = format!("{length} bytes; a .glb file holds less than 4 GiB, use .gltf");
@@ -237,8 +241,10 @@ fn binary(mut text: Vec<u8>, mut numbers: Vec<u8>) -> std::io::Result<Vec<u8>> {
     file.extend(size(text.len())?.to_le_bytes());
     file.extend(b"JSON");
     file.extend(text);
-    file.extend(size(numbers.len())?.to_le_bytes());
-    file.extend(b"BIN\0");
-    file.extend(numbers);
+    if !numbers.is_empty() {
+        file.extend(size(numbers.len())?.to_le_bytes());
+        file.extend(b"BIN\0");
+        file.extend(numbers);
+    }
     Ok(file)
 }
