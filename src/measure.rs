@@ -2,8 +2,8 @@
 //!
 //! Files say little about bodies, so they are found: faces of one group whose borders meet belong
 //! together, and they are a body if every border meets another one and rays cross them an even
-//! number of times; of what is left, those that are a closed shell of triangles and pass the same test. The same rays tell for each face which side is outside, whatever way its
-//! parameters run. What lies in a body is another one, unless the file says that it is a void.
+//! number of times; of what is left, those that are a closed shell of triangles and pass the same
+//! test. The same rays tell for each face which side is outside, whatever way its parameters run. What lies in a body is another one, unless the file says that it is a void.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::OnceLock;

@@ -18,6 +18,7 @@ use glam::DVec2;
 
 pub use close::{ClosedLoops, Orientation, close};
 pub(crate) use monotone::crossings;
+pub(crate) use nesting::aside;
 pub use nesting::{Nest, nesting, oriented};
 pub(crate) use region::shifts;
 pub use region::{Cover, TrimRegion};

@@ -229,42 +229,29 @@ fn what_is_marked_as_no_geometry_is_told_as_such() {
 
 #[test]
 fn planes_have_their_holes() {
-    let plane = |form: i64, curve: i64, status| Made {
+    let plane = |form: i64, curve: i64| Made {
         form,
-        status,
         ..made(108, &format!("0.,0.,1.,0.,{curve},0.,0.,0.,0."))
     };
-    let circles = || {
+    let parts = || {
         [
             part(100, 0, "0.,0.,0.,2.,0.,2.,0."),
             part(100, 0, "0.,0.,0.,1.,0.,1.,0."),
+            plane(1, 1),
+            plane(-1, 3),
         ]
     };
-    let [outer, inner] = circles();
-    let parts = [
-        outer,
-        inner,
-        plane(1, 1, "00000000"),
-        plane(-1, 3, "00000000"),
-    ];
     let pair = Made {
         form: 9,
         ..made(402, "1,1,5,7")
     };
-    let (scene, warnings) = read(&parts.into_iter().chain([pair]).collect::<Vec<_>>());
+    let (scene, warnings) = read(&parts().into_iter().chain([pair]).collect::<Vec<_>>());
     assert_eq!(warnings, NONE);
     let ring = 3.0 * std::f64::consts::PI;
     assert_eq!(scene.placement_count(), 1);
     assert!((area(&scene) - ring).abs() < 1e-6, "{}", area(&scene));
     // On its own, a hole is nothing.
-    let [outer, inner] = circles();
-    let parts = [
-        outer,
-        inner,
-        plane(1, 1, "00000000"),
-        plane(-1, 3, "00000000"),
-    ];
-    let (scene, warnings) = read(&parts);
+    let (scene, warnings) = read(&parts());
     assert_eq!(scene.placement_count(), 1);
     let text = "line 9, plane D7 (type 108): a hole without the plane that it belongs to is not \
                 shown";

@@ -113,13 +113,17 @@ const PARTS: &[&str] = &["NurbsCurve", "NurbsCurve2D", "NurbsSet", "Polyline2D"]
 
 /// Nodes that have an area, and need no prototype: programs declare for them what other
 /// viewers may lack.
+fn all_known() -> impl Iterator<Item = &'static str> {
+    let lists = [GROUPS, TRANSFORMS, SURFACES, MESHES, SILENT, PARTS];
+    lists.into_iter().flatten().copied()
+}
+
+/// Whether a node of this name needs no prototype.
 pub(super) fn is_known(kind: &str) -> bool {
-    is_group(kind) || is_geometry(kind) || SILENT.contains(&kind) || PARTS.contains(&kind)
+    all_known().any(|known| known == kind)
 }
 
 /// The known node of a name in capitals or small letters.
 pub(super) fn known(name: &str) -> Option<&'static str> {
-    let lists = [GROUPS, TRANSFORMS, SURFACES, MESHES, SILENT, PARTS];
-    let mut kinds = lists.into_iter().flatten();
-    kinds.find(|k| k.eq_ignore_ascii_case(name)).copied()
+    all_known().find(|known| known.eq_ignore_ascii_case(name))
 }

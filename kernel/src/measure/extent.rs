@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::trim::shifts;
+use crate::trim::{aside, shifts};
 use crate::{Aabb, BezierSurface, Cover, Curve, Patch, Surface, TrimRegion};
 
 /// How far the box may be too small, as a share of the size of the control net.
@@ -10,9 +10,6 @@ pub(super) const ACCURACY: f64 = 1e-8;
 
 /// Parts of each piece of a trim curve that are searched for an extreme point.
 const PARTS: usize = 16;
-
-/// How far beside a loop is inside or outside, as a share of the domain.
-const ASIDE: f64 = 1e-6;
 
 /// Halvings of such a part.
 const STEPS: usize = 50;
@@ -75,10 +72,9 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
                 for k in 0..PARTS {
                     let from = domain.start + step * k as f64;
                     let divides = |share: &f64| {
-                        let at = curve.derivatives(from + step * share);
-                        let way = (at.first / size).perp().normalize_or_zero() * ASIDE;
-                        let [a, b] = [1.0, -1.0].map(|sign| at.point + shift + way * size * sign);
-                        region.contains(a) != region.contains(b)
+                        let (point, left) = aside(&curve, from + step * share, size);
+                        let point = point + shift;
+                        region.contains(point + left) != region.contains(point - left)
                     };
                     if is_alone || [0.01, 0.5, 0.99].iter().any(divides) {
                         along(&on, [from, from + step], bounds);

@@ -85,18 +85,24 @@ fn hull(trim: &TrimLoop) -> (DVec2, DVec2) {
     points.fold(start, |(min, max), p| (min.min(p), max.max(p)))
 }
 
-/// How far inside a loop its probes are, as a share of its size.
+/// How far beside a loop is inside or outside, as a share of a size.
 const ASIDE: f64 = 1e-6;
+
+/// A point of a curve, and the way from there to what is beside it on its left.
+pub(crate) fn aside(curve: &Curve<DVec2>, t: f64, size: DVec2) -> (DVec2, DVec2) {
+    let at = curve.derivatives(t);
+    let left = (at.first / size).perp().normalize_or_zero() * ASIDE;
+    (at.point, left * size)
+}
 
 /// A point beside the middle of every span of a loop, inside of it: loops may share sides.
 fn probes(trim: &TrimLoop) -> Vec<DVec2> {
     let (min, max) = hull(trim);
     let size = (max - min).max(DVec2::splat(f64::MIN_POSITIVE));
-    let side = trim.signed_area().signum() * ASIDE;
+    let side = trim.signed_area().signum();
     let beside = |curve: &Curve<DVec2>, t: f64| {
-        let at = curve.derivatives(t);
-        let inwards = (at.first / size).perp().normalize_or_zero() * side;
-        at.point + inwards * size
+        let (point, left) = aside(curve, t, size);
+        point + left * side
     };
     let mut probes = Vec::new();
     for curve in trim.segments() {
