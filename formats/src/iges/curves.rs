@@ -69,6 +69,12 @@ pub(super) struct Reader<'a, 'b> {
 }
 
 impl Reader<'_, '_> {
+    /// Notes what had to be repaired of an entity.
+    pub(super) fn repaired(&mut self, index: usize, text: &str) {
+        let problem = Problem::Invalid(text.to_owned());
+        self.repairs.push((index, problem));
+    }
+
     /// The curve a pointer leads to, in one piece.
     pub(super) fn rail(&mut self, pointer: i64) -> Result<Rail, Problem> {
         let index = self.file.follow(pointer, "a curve")?;
@@ -80,8 +86,7 @@ impl Reader<'_, '_> {
     fn whole(&mut self, index: usize, mut rails: Vec<Rail>) -> Result<Rail, Problem> {
         if turn(&mut rails) {
             let text = "members of a composite curve run backwards; they are turned";
-            self.repairs
-                .push((index, Problem::Invalid(text.to_owned())));
+            self.repaired(index, text);
         }
         let rail = joined(rails)?;
         if self.file.entries[index].kind != 102 {

@@ -24,6 +24,7 @@ mod global;
 mod hostile_tests;
 mod leftovers;
 mod levels;
+mod links;
 mod net;
 #[cfg(test)]
 mod odd_tests;

@@ -182,9 +182,7 @@ fn loops(
     for &pointer in pointers {
         if !seen.insert(pointer) {
             let text = "a boundary is named twice; it counts once";
-            reader
-                .repairs
-                .push((face, Problem::Invalid(text.to_owned())));
+            reader.repaired(face, text);
             continue;
         }
         if let Some(mut one) = boundary::read(reader.file, pointer)? {
@@ -248,16 +246,12 @@ impl<'a> Trimmer<'a> {
         let closed = self.best_closed(reader, face, loops)?;
         for _ in 0..closed.wide_gaps {
             let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
-            reader
-                .repairs
-                .push((face, Problem::Invalid(text.to_owned())));
+            reader.repaired(face, text);
         }
         let mut trims = closed.loops;
         if repeated::removed(&mut trims, &self.domain) {
             let text = "two trim loops are the same; they count once";
-            reader
-                .repairs
-                .push((face, Problem::Invalid(text.to_owned())));
+            reader.repaired(face, text);
         }
         let [u, v] = &self.domain;
         TrimLoop::check_inside(&trims, u, v).map_err(Problem::Geometry)?;
@@ -314,8 +308,7 @@ impl<'a> Trimmer<'a> {
         // Of quadrics only curves of space count.
         for (source, accuracy, text) in others.into_iter().skip(if is_quadric { 2 } else { 0 }) {
             if let Ok(closed) = self.closed(reader, face, loops, source, accuracy) {
-                let told = Problem::Invalid(text.to_owned());
-                reader.repairs.push((face, told));
+                reader.repaired(face, text);
                 return Ok(closed);
             }
         }
