@@ -7,11 +7,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::say::say;
 use anyhow::{Context as _, bail};
 use nurbray::formats::{self, Folder, Import, Limits, NoFiles, ReadOptions, Resolver, Warnings};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
+
+use super::say::say;
 
 /// Warnings that are printed one by one; `info` shows all.
 const WARNINGS_SHOWN: usize = 8;
@@ -74,8 +75,7 @@ impl ReadArgs {
             limits: &limits,
             resolver: &beside,
         };
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        let import = formats::read(bytes, extension.as_deref(), &options);
+        let import = formats::read(bytes, ending(path).as_deref(), &options);
         Ok(Loaded {
             import: import.with_context(|| display(path))?,
             took: started.elapsed(),
@@ -92,6 +92,12 @@ impl ReadArgs {
             found: RefCell::default(),
         }
     }
+}
+
+/// The ending of a file, in small letters.
+pub(super) fn ending(path: &Path) -> Option<String> {
+    let extension = path.extension();
+    extension.map(|e| e.to_string_lossy().to_lowercase())
 }
 
 /// The content of a file, or of standard input for `-`.

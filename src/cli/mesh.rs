@@ -51,12 +51,6 @@ pub(super) enum Distance {
     Share(f64),
 }
 
-/// Largest distance, unless the user wants another.
-const TOLERANCE: Distance = Distance::Share(0.05 / 100.0);
-
-/// Largest angle in degrees, unless the user wants another.
-const ANGLE: f64 = 15.0;
-
 /// Rows of the picture that --screen speaks of.
 const ROWS: u32 = 1080;
 
@@ -112,10 +106,9 @@ impl Distance {
 impl Distance {
     /// The length in units of the scene.
     pub(super) fn length(self, scene: &Scene) -> anyhow::Result<f64> {
-        Ok(match self.tolerance(scene)? {
-            Tolerance::Length(length) => length,
-            Tolerance::Relative(share) => share * scene.hull_bounds().diagonal(),
-        })
+        Ok(self
+            .tolerance(scene)?
+            .length(scene.hull_bounds().diagonal()))
     }
 }
 
@@ -155,8 +148,9 @@ impl MeshArgs {
 
     /// What they ask for in a scene.
     pub(super) fn options(&self, scene: &Scene) -> anyhow::Result<TessellateOptions> {
-        let reach = scene.hull_bounds();
-        let reach = reach.min.abs().max(reach.max.abs()).max_element();
+        let bounds = scene.hull_bounds();
+        let diagonal = bounds.diagonal();
+        let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
         if reach > f64::from(f32::MAX) {
             bail!(
                 "coordinates up to {reach:.1e} do not fit the 32-bit numbers of triangles; write a \
@@ -168,18 +162,18 @@ impl MeshArgs {
             let camera = scene.cameras.first().cloned();
             let up = scene.up.direction();
             Screen {
-                camera: camera
-                    .unwrap_or_else(|| Camera::framing(&[scene.hull_bounds()], up, 16.0 / 9.0)),
+                camera: camera.unwrap_or_else(|| Camera::framing(&[bounds], up, 16.0 / 9.0)),
                 pixels,
                 height: ROWS,
             }
         });
-        let wanted = self.tolerance.unwrap_or(TOLERANCE);
-        let mut tolerance = wanted.tolerance(scene)?;
+        let defaults = TessellateOptions::default();
+        let wanted = self.tolerance.map(|wanted| wanted.tolerance(scene));
+        let mut tolerance = wanted.unwrap_or(Ok(defaults.tolerance))?;
         let error = self.rounding(scene);
         if error > 0.0 {
             // What is left when positions have been moved to their grid.
-            let most = wanted.length(scene)?;
+            let most = tolerance.length(diagonal);
             if error > 0.5 * most {
                 bail!(
                     "--quantize moves points by up to {error:.3e}, too much for a tolerance of \
@@ -190,7 +184,7 @@ impl MeshArgs {
         }
         Ok(TessellateOptions {
             tolerance,
-            angle: self.angle.unwrap_or(ANGLE).to_radians(),
+            angle: self.angle.map_or(defaults.angle, f64::to_radians),
             max_edge,
             screen,
             most_points: self.most_points,

@@ -269,8 +269,7 @@ impl Args {
             let limits = Limits::default();
             let bytes =
                 input::read_bytes(data, limits.bytes).with_context(|| input::display(data))?;
-            let extension = data.extension().map(|e| e.to_string_lossy().to_lowercase());
-            let set = read_points(&bytes, extension.as_deref(), &limits)
+            let set = read_points(&bytes, input::ending(data).as_deref(), &limits)
                 .with_context(|| input::display(data))?;
             let origin = mesh::source(data, input::sha256(&bytes));
             return Ok((set, origin, data.clone()));

@@ -45,6 +45,16 @@ pub enum Tolerance {
     Relative(f64),
 }
 
+impl Tolerance {
+    /// The length, in units of a scene with a box of that diagonal.
+    pub fn length(self, diagonal: f64) -> f64 {
+        match self {
+            Self::Length(length) => length,
+            Self::Relative(share) => share * diagonal,
+        }
+    }
+}
+
 /// What triangles have to keep to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TessellateOptions {
@@ -171,10 +181,7 @@ pub fn tessellate(
 /// [`tessellate`] within a thread of the pool.
 fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, TooManyPoints> {
     let diagonal = scene.hull_bounds().diagonal();
-    let tolerance = match options.tolerance {
-        Tolerance::Length(length) => length,
-        Tolerance::Relative(share) => share * diagonal,
-    };
+    let tolerance = options.tolerance.length(diagonal);
     // Of a scene without extent nothing is left whatever the tolerance.
     let tolerance = if tolerance > 0.0 {
         tolerance

@@ -1,0 +1,217 @@
+//! Faces that share edges, and what they become together.
+
+use super::*;
+
+#[test]
+fn faces_without_topology_share_their_edges() {
+    let result = tessellate(&scene(cube()), &TessellateOptions::default()).unwrap();
+    assert_eq!(result.shells.len(), 1);
+    let shell = &result.shells[0];
+    assert!(
+        shell.is_closed() && shell.triangles == 12 && shell.euler == 2,
+        "{shell:?}"
+    );
+    assert!((shell.volume - 1.0).abs() < 1e-12 && (shell.area - 6.0).abs() < 1e-12);
+}
+
+#[test]
+fn faces_that_are_shown_several_times_together_share_their_edges() {
+    let count = |places: &[(DVec3, usize)]| {
+        let result = tessellate(&shown(cube(), places), &TessellateOptions::default()).unwrap();
+        let closed = result.shells.iter().filter(|shell| shell.is_closed());
+        (result.shells.len(), closed.count())
+    };
+    assert_eq!(count(&[(DVec3::ZERO, 6), (DVec3::X * 5.0, 6)]), (1, 1));
+    // Three faces are missing in the second place: there they have a border.
+    assert_eq!(count(&[(DVec3::ZERO, 6), (DVec3::X * 5.0, 3)]), (2, 0));
+}
+
+#[test]
+fn corners_that_do_not_quite_meet_become_points() {
+    // One side lacks a corner: the hole is closed where it is too small to see.
+    for (cut, closed) in [(1e-5, true), (2e-4, true), (2e-3, false)] {
+        let mut faces = cube();
+        let corners = [
+            [cut, 0.0],
+            [1.0, 0.0],
+            [1.0, 3.0],
+            [0.0, 3.0],
+            [0.0, 3.0 * cut],
+        ];
+        let side = |k: usize| {
+            let ends = [corners[k], corners[(k + 1) % corners.len()]];
+            kernel::Curve::line(ends[0].into(), ends[1].into(), 0.0..1.0).unwrap()
+        };
+        let sides = (0..corners.len()).map(side).collect();
+        faces[0].loops = vec![kernel::TrimLoop::new(sides, 1e-9).unwrap()];
+        let options = TessellateOptions {
+            tolerance: Tolerance::Length(1e-3),
+            ..TessellateOptions::default()
+        };
+        let result = tessellate(&scene(faces), &options).unwrap();
+        assert_eq!(result.shells.len(), 1);
+        let shell = &result.shells[0];
+        assert_eq!(shell.is_closed(), closed, "{cut}: {shell:?}");
+        assert_eq!((shell.crowded, shell.twisted), (0, 0));
+        assert!((shell.volume - 1.0).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn creases_of_neighbours_that_meet_are_one_corner() {
+    // Two strips on both sides of a zigzag line, with parameters that only rounding relates.
+    let zigzag: Vec<DVec3> = (0..40)
+        .map(|k| {
+            let k = f64::from(k);
+            DVec3::new(k * 0.7, k.sin(), (k * 1.3).cos())
+        })
+        .collect();
+    let line = kernel::Curve::polyline(&zigzag).unwrap();
+    let other = line.reversed().remapped(0.1..0.7).unwrap();
+    let strips = [(line, DVec3::Y * 3.0), (other, DVec3::Z * 3.0)];
+    let strips = strips.map(|(line, way)| modelling::extrude(&line, way).unwrap().into());
+    let result = tessellate(&scene(strips.to_vec()), &TessellateOptions::default()).unwrap();
+    assert_eq!((result.crossings, result.shells.len()), (0, 1));
+    let shell = &result.shells[0];
+    // Both long borders and four short ones are open, and nothing else.
+    assert_eq!((shell.naked, shell.crowded), (2 * 39 + 4, 0));
+    assert_eq!((shell.triangles, shell.euler), (4 * 39, 1));
+}
+
+#[test]
+fn creases_of_neighbours_that_nearly_meet_leave_no_gap() {
+    // Folds of two strips that meet in a line up to a gap, a little beside each other.
+    let folded = |off: f64, gap: f64, height: f64| {
+        let point = |k: u32, height: f64| {
+            let fold = f64::from(k % 2) * height;
+            let at = f64::from(k);
+            let shift = if k.is_multiple_of(16) { 0.0 } else { off };
+            DVec3::new(at + shift, height, fold.abs() + gap * at)
+        };
+        let row = |height: f64| (0..=16).map(move |k| point(k, height)).collect::<Vec<_>>();
+        let knots = kernel::KnotVector::clamped_uniform(1, 17, 0.0..16.0).unwrap();
+        let across = kernel::KnotVector::clamped_uniform(1, 2, 0.0..1.0).unwrap();
+        let points = [row(0.0), row(height)].concat();
+        Patch::from(Surface::from_u_fastest(knots, across, &points, None).unwrap())
+    };
+    for gap in [1e-5, 1e-4, 3e-4] {
+        for off in [0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4] {
+            let strips = vec![folded(0.0, 0.0, 2.0), folded(off, gap, -2.0)];
+            let result = with_tolerance_of(strips, 0.01);
+            let shell = &result.shells[0];
+            assert_eq!((result.crossings, result.shells.len()), (0, 1));
+            // The long borders and the short ones are open, and nothing else.
+            let open = (shell.naked, shell.crowded);
+            assert_eq!(open, (2 * 16 + 4, 0), "{gap} {off}");
+        }
+    }
+}
+
+#[test]
+fn faces_meet_where_a_border_is_farthest_out() {
+    let frame = &modelling::Frame::WORLD;
+    let part = |angles: std::ops::Range<f64>, heights| {
+        Patch::from(modelling::cylinder(frame, 1.0, angles, heights).unwrap())
+    };
+    // Halves begin on a ring where it comes nearest to a side of its box, and not at its own start.
+    for turn in [0.2, 0.9, 2.0] {
+        let scene = scene(vec![
+            part(turn..turn + TAU, 0.0..1.0),
+            part(0.0..PI, 1.0..2.0),
+            part(PI..TAU, 1.0..2.0),
+        ]);
+        let found = tessellate(&scene, &TessellateOptions::default()).unwrap();
+        assert_eq!(found.shells.len(), 1, "at {turn}");
+        assert_eq!(found.shells[0].euler, 0);
+    }
+}
+
+#[test]
+fn seams_that_do_not_quite_meet_are_closed_as_far_as_the_tolerance_allows() {
+    let frame = &modelling::Frame::WORLD;
+    let torus = modelling::torus(frame, 2.0, 0.5, 0.0..TAU, 0.0..TAU).unwrap();
+    let (u, v) = (torus.knots_u(), torus.knots_v());
+    let weights: Vec<f64> = torus.weights().collect();
+    let gap = 0.01;
+    // Both seams are apart, and three corners are elsewhere than the first.
+    let moved = torus.points().enumerate().map(|(k, point)| {
+        let (row, column) = (k / v.count(), k % v.count());
+        let last = |at: usize, count: usize| f64::from(u8::from(at + 1 == count));
+        let (along_u, along_v) = (last(row, u.count()), last(column, v.count()));
+        point + DVec3::X * (gap * along_u + 0.3 * gap * along_v)
+    });
+    let points: Vec<DVec3> = moved.collect();
+    let surface = Surface::new(u.clone(), v.clone(), &points, Some(&weights)).unwrap();
+    for (tolerance, closed) in [(0.1, true), (0.015, true), (0.008, false)] {
+        let result = with_tolerance(surface.clone(), tolerance);
+        let (face, shell) = (result.faces[0].as_ref().unwrap(), &result.shells[0]);
+        assert_eq!(shell.is_closed(), closed, "at {tolerance}: {shell:?}");
+        assert!(face.unproven == 0 && face.proven <= tolerance);
+        assert!(!closed || shell.euler == 0);
+    }
+}
+
+#[test]
+fn slits_are_closed_as_far_as_the_tolerance_allows() {
+    // Two halves of a square with a slit between them, one edge a little longer.
+    let half = |x: [f64; 2], top: f64| -> Patch {
+        let knots = || kernel::KnotVector::bezier(1, 0.0..1.0).unwrap();
+        let corners = [
+            DVec3::new(x[0], 0.0, 0.0),
+            DVec3::new(x[0], top, 0.0),
+            DVec3::new(x[1], 0.0, 0.0),
+            DVec3::new(x[1], 1.0, 0.0),
+        ];
+        Surface::new(knots(), knots(), &corners, None)
+            .unwrap()
+            .into()
+    };
+    let side = |u: f64, patch: kernel::PatchId| kernel::SeamSide {
+        patch,
+        curve: kernel::Curve::line([u, 0.0].into(), [u, 1.0].into(), 0.0..1.0).unwrap(),
+    };
+    for (named, tolerance, closed) in [
+        (false, 0.02, true),
+        (false, 0.011, false),
+        (true, 0.015, true),
+        (true, 0.001, false),
+    ] {
+        let options = TessellateOptions {
+            tolerance: Tolerance::Length(tolerance),
+            ..TessellateOptions::default()
+        };
+        let mut scene = scene(vec![half([0.0, 1.0], 1.0), half([1.01, 2.0], 1.01)]);
+        let [a, b] = [0, 1].map(|k| match scene.placements()[k].shape {
+            Shape::Patch(id) => id,
+            Shape::Mesh(_) => panic!("a patch"),
+        });
+        let gap = 0.01_f64.hypot(0.01);
+        if named {
+            let sides = [side(1.0, a), side(0.0, b)];
+            scene.add_seam(kernel::Seam { sides, gap }).unwrap();
+        }
+        let found = tessellate(&scene, &options).unwrap();
+        assert_eq!(found.shells.len(), if closed { 1 } else { 2 });
+        for face in found.faces.iter().flatten() {
+            assert_eq!(face.gap > 0.001, closed, "{}", face.gap);
+            assert!(face.gap <= 0.51 * gap && face.proven >= face.gap);
+            assert!(face.proven <= tolerance);
+        }
+    }
+}
+
+#[test]
+fn bodies_that_touch_are_shells_of_their_own() {
+    let mut faces = cube();
+    let beside = DAffine3::from_translation(DVec3::X);
+    let moved = |face: &Patch| Patch::from(face.surface.transformed(&beside));
+    let other: Vec<_> = faces.iter().map(moved).collect();
+    faces.extend(other);
+    let shells = with_tolerance_of(faces, 0.01).shells;
+    assert_eq!(shells.len(), 2);
+    for shell in shells {
+        assert!(shell.is_closed(), "{shell:?}");
+        assert_eq!((shell.euler, shell.patches.len()), (2, 6));
+        assert!((shell.volume - 1.0).abs() < 1e-12, "{shell:?}");
+    }
+}
