@@ -30,6 +30,9 @@ const LEAST_SHARE: f64 = 1.0 / 512.0;
 /// Rays leave a surface from a point this many times its error beside it.
 pub(crate) const LEAVE: f64 = 1e4;
 
+/// Rays leave a gap from this many times its width beside it.
+const LEAVE_GAP: f64 = 2.0;
+
 /// Light that is everywhere, as a share of white.
 const AMBIENT: f64 = 0.12;
 
@@ -334,7 +337,8 @@ impl<'a> Integrator<'a> {
         };
         // Far above the error of the point, and of the last step by which it was found; below the
         // accuracy that is promised.
-        let offset = side * (hit.error * LEAVE).max(self.size * 1e-12);
+        let times = if hit.filled { LEAVE_GAP } else { LEAVE };
+        let offset = side * (hit.error * times).max(self.size * 1e-12);
         (
             Ray {
                 origin: hit.point + offset,

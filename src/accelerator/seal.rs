@@ -59,8 +59,8 @@ pub(super) struct Fill {
 
 impl Accelerator<'_> {
     /// Closes the gaps between neighbouring faces that are no wider than `tolerance`, in units
-    /// of the scene; without one the larger of what the file states and a ten thousandth of
-    /// the size. Hits that stand for a gap are marked.
+    /// of the scene; without one the larger of what the file states, but no more than a thousandth
+    /// of the size, and a ten thousandth of it. Hits that stand for a gap are marked.
     ///
     /// Nothing else changes: a ray that meets a face before a gap, or an overlap of faces within
     /// about two widths of it, meets it as before.
@@ -74,10 +74,10 @@ impl Accelerator<'_> {
         let clusters = self.clusters.par_iter().zip(stretches);
         self.seals = clusters
             .map(|(cluster, stretch)| {
-                let stated = tolerance.or(self.scene.resolution).unwrap_or(0.0) / stretch;
                 let own = TOLERANCE * cluster.tree.bounds().diagonal();
-                let least = if tolerance.is_some() { 0.0 } else { own };
-                Seal::of(cluster, stated.clamp(least, 10.0 * own))
+                let stated = self.scene.resolution.unwrap_or(0.0) / stretch;
+                let usual = stated.clamp(own, 10.0 * own);
+                Seal::of(cluster, tolerance.map_or(usual, |given| given / stretch))
             })
             .collect();
         if self.seals.iter().all(|seal| seal.strips.is_empty()) {

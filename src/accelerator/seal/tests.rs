@@ -5,11 +5,14 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 use kernel::modelling::loft;
-use kernel::{Child, Curve, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface, TrimLoop};
+use kernel::{
+    Camera, Child, Curve, Item, KnotVector, Light, LightKind, Node, Patch, Projection, Ray, Scene,
+    Shape, Surface, TrimLoop,
+};
 
 use super::joints::border_key;
 use crate::intersect::METHODS;
-use crate::{Accelerator, Hit, Instructions, Workspace};
+use crate::{Accelerator, Hit, Instructions, RenderOptions, Workspace, render};
 
 const WHOLE: Range<f64> = 0.0..f64::INFINITY;
 
@@ -133,6 +136,58 @@ fn a_gap_between_borders_is_closed_and_a_free_border_is_not_moved() {
         _ => DVec2::new(at(k), 1.0 + 1e-9),
     }));
     assert!(answers(sealed(), &free).iter().all(Option::is_none));
+}
+
+#[test]
+fn a_gap_as_wide_as_was_asked_for_is_closed() {
+    let gap = 0.1;
+    let left = flat(DVec2::new(-1.0, 0.0), DVec2::new(0.0, 1.0));
+    let right = flat(DVec2::new(gap, 0.0), DVec2::new(1.0, 1.0));
+    let scene = scene(vec![left, right]);
+    let at = |k: usize| (k as f64 + 0.5) / 64.0;
+    let through = rays((0..64).map(|k| DVec2::new(gap * at(k), at(k))));
+    let sealed = |tolerance: Option<f64>| {
+        answers(
+            Accelerator::build(&scene, &METHODS[0]).sealed(tolerance),
+            &through,
+        )
+    };
+    assert!(sealed(Some(1.5 * gap)).iter().all(|&a| a == Some(false)));
+    assert!(sealed(None).iter().all(Option::is_none));
+}
+
+#[test]
+fn a_gap_is_in_the_shadow_that_its_faces_are_in() {
+    let gap = 8e-3;
+    let left = flat(DVec2::new(-1.0, 0.0), DVec2::new(0.0, 1.0));
+    let right = flat(DVec2::new(gap, 0.0), DVec2::new(1.0, 1.0));
+    let knots = KnotVector::bezier(1, 0.0..1.0).unwrap();
+    let corners = [(-2.0, -2.0), (-2.0, 2.0), (2.0, -2.0), (2.0, 2.0)];
+    let roof = corners.map(|(x, y)| DVec3::new(x, y, 0.3));
+    let roof = Patch::from(Surface::new(knots.clone(), knots, &roof, None).unwrap());
+    let mut scene = scene(vec![left, right, roof]);
+    scene.headlight = false;
+    let direction = DVec3::NEG_Z;
+    scene.lights.push(Light {
+        kind: LightKind::Directional { direction },
+        color: DVec3::ONE,
+        ambient: DVec3::ZERO,
+    });
+    let accelerator = Accelerator::build(&scene, &METHODS[0]).sealed(Some(2.0 * gap));
+    // From under the roof.
+    let projection = Projection::Orthographic { extent: 4.0 * gap };
+    let target = DVec3::new(0.5 * gap, 0.5, 0.0);
+    let camera = Camera::look_at(target + 0.2 * DVec3::Z, target, DVec3::Y, projection).unwrap();
+    let options = RenderOptions {
+        width: 32,
+        height: 32,
+        samples: 1,
+        ..RenderOptions::default()
+    };
+    let (film, stats) = render(&accelerator, &camera, &options, &|_| {});
+    assert!(stats.filled > 100, "{}", stats.filled);
+    let first = film.colors()[0];
+    assert!(film.colors().iter().all(|color| *color == first));
 }
 
 /// An upright face below a line along y, from the plane down.
