@@ -109,22 +109,52 @@ pub(crate) fn turn(from: UpAxis, to: UpAxis) -> DMat3 {
     }
 }
 
+/// Names of which no two are the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Distinct {
+    /// Those that are taken, each with the last number that was put to it.
+    taken: HashMap<String, usize>,
+}
+
+impl Distinct {
+    /// This name, or where it is taken the first free one with a number to it.
+    pub(crate) fn name(&mut self, wanted: &str) -> String {
+        let mut name = wanted.to_owned();
+        if let Some(&last) = self.taken.get(wanted) {
+            let numbers = last + 1..;
+            let mut free = numbers.map(|number| (number, format!("{wanted}_{number}")));
+            let free = free.find(|(_, name)| !self.taken.contains_key(name));
+            if let Some((number, found)) = free {
+                self.taken.insert(wanted.to_owned(), number);
+                name = found;
+            }
+        }
+        self.taken.insert(name.clone(), 1);
+        name
+    }
+}
+
 /// The outermost node that does more than hold one other node, and its place if `world` takes
-/// the scene to the coordinates of the file.
+/// the scene to the coordinates of the file; wires count if the format `has_wires`.
 ///
 /// A scene that has been turned for one format and is turned back for another has no trace of
 /// that.
-pub(crate) fn outermost(scene: &Scene, world: DMat3) -> Option<(&Node, NodeId, DAffine3)> {
+pub(crate) fn outermost(
+    scene: &Scene,
+    world: DMat3,
+    has_wires: bool,
+) -> Option<(&Node, NodeId, DAffine3)> {
     let mut id = scene.root()?;
     let mut place = DAffine3::from_mat3(world) * scene.node(id).parent_from_node;
-    while let ("", &[Child::Node(only)]) = (
-        scene.node(id).name.as_str(),
-        scene.node(id).children.as_slice(),
-    ) {
-        id = only;
+    loop {
+        let node = scene.node(id);
+        let is_wrapper = node.name.is_empty() && (node.wires.is_empty() || !has_wires);
+        match node.children[..] {
+            [Child::Node(only)] if is_wrapper => id = only,
+            _ => return Some((node, id, place)),
+        }
         place *= scene.node(id).parent_from_node;
     }
-    Some((scene.node(id), id, place))
 }
 
 /// Whether weights say anything: they do if one of them is not one.
@@ -139,5 +169,18 @@ pub(crate) fn push_number(text: &mut String, value: f64) {
     let _ = write!(text, "{value:?}");
     if text[start..].ends_with(".0") {
         text.truncate(text.len() - 2);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_distinct_also_from_those_with_numbers() {
+        let mut distinct = Distinct::default();
+        let wanted = ["a", "a_2", "a", "a", "b", "a_2", "a_3"];
+        let names = wanted.map(|name| distinct.name(name));
+        assert_eq!(names, ["a", "a_2", "a_3", "a_4", "b", "a_2_2", "a_3_2"]);
     }
 }

@@ -73,7 +73,7 @@ impl<'a> Tree<'a> {
 
     /// Adds all that is shown; `world` takes the scene to the coordinates of the file.
     pub(super) fn add_all(&mut self, world: DMat3) -> Result<(), Problem> {
-        let Some((node, id, place)) = outermost(self.scene, world) else {
+        let Some((node, id, place)) = outermost(self.scene, world, false) else {
             return Ok(());
         };
         if node.name.is_empty() && place == DAffine3::IDENTITY {

@@ -1,13 +1,13 @@
 //! The tree of nodes, with every node written once and used where it stands again.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Child, Item, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
 
 use super::Dialect;
 use super::spell::{Out, Value, identifier};
-use crate::write::{NESTING, Uses, outermost, turn};
+use crate::write::{Distinct, NESTING, Uses, outermost, turn};
 use crate::{Place, Problem, Warnings};
 
 /// A scene that is being written.
@@ -19,8 +19,7 @@ pub(super) struct Tree<'a> {
     /// Whether there is a material that only X3D 4.0 has.
     pub(super) is_physical: bool,
     uses: Uses,
-    /// Names that are taken.
-    names: HashSet<String>,
+    names: Distinct,
     /// What has been written and has a name: its type and name.
     nodes: HashMap<NodeId, (&'static str, String)>,
     shapes: HashMap<Shape, (&'static str, String)>,
@@ -40,7 +39,7 @@ impl<'a> Tree<'a> {
             warnings: Warnings::default(),
             is_physical: false,
             uses: Uses::of(scene),
-            names: HashSet::new(),
+            names: Distinct::default(),
             nodes: HashMap::new(),
             shapes: HashMap::new(),
             materials: HashMap::new(),
@@ -69,7 +68,7 @@ impl<'a> Tree<'a> {
                 .for_each(|node| group.child("children", node));
             out = vec![group];
         }
-        let Some((node, id, place)) = outermost(self.scene, world) else {
+        let Some((node, id, place)) = outermost(self.scene, world, true) else {
             return Ok(out);
         };
         if node.name.is_empty() && place == DAffine3::IDENTITY {
@@ -215,13 +214,7 @@ impl<'a> Tree<'a> {
     /// the name is another one then, the true one goes to the metadata.
     fn define(&mut self, out: &mut Out, name: &str, fallback: Option<&str>) -> Option<String> {
         let wanted = if name.is_empty() { fallback? } else { name };
-        let plain = identifier(wanted);
-        let mut def = plain.clone();
-        let mut count = 1;
-        while !self.names.insert(def.clone()) {
-            count += 1;
-            def = format!("{plain}_{count}");
-        }
+        let def = self.names.name(&identifier(wanted));
         if def != name && self.dialect != Dialect::Vrml97 {
             let mut metadata = Out::new("MetadataString");
             metadata.field("name", Value::Text(NAME.to_owned()));

@@ -1,6 +1,6 @@
 //! Materials with their maps, and where these lie on surfaces.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::DVec2;
 use kernel::{
@@ -9,6 +9,7 @@ use kernel::{
 };
 
 use super::{legal, push_line};
+use crate::write::Distinct;
 use crate::{Place, Warnings};
 
 /// The materials that something is shown with, each with a name of its own.
@@ -18,23 +19,16 @@ pub(super) fn names(
     wires: &[WirePlacement],
 ) -> HashMap<MaterialId, String> {
     let mut names = HashMap::new();
-    let mut taken = HashSet::new();
+    let mut distinct = Distinct::default();
     let wires = wires.iter().map(|placement| scene.wire(placement.wire));
     let shown = placements.iter().map(|placement| placement.material);
     for id in shown.chain(wires.map(|wire| wire.material)).flatten() {
-        names.entry(id).or_insert_with(|| {
-            let plain = match legal(&scene.material(id).name) {
-                name if name.is_empty() => "material".to_owned(),
-                name => name,
-            };
-            let mut name = plain.clone();
-            let mut count = 1;
-            while !taken.insert(name.clone()) {
-                count += 1;
-                name = format!("{plain}_{count}");
-            }
-            name
-        });
+        names
+            .entry(id)
+            .or_insert_with(|| match legal(&scene.material(id).name).as_str() {
+                "" => distinct.name("material"),
+                name => distinct.name(name),
+            });
     }
     names
 }

@@ -1,0 +1,37 @@
+//! What writers keep, and what they say about what they leave out.
+
+use nurbray_formats::{Export, Import, Limits, NoFiles, ReadOptions, WRITERS, read};
+
+fn import(text: &str) -> Import {
+    let (limits, resolver) = (&Limits::default(), &NoFiles);
+    read(text.as_bytes(), None, &ReadOptions { limits, resolver }).expect("a scene")
+}
+
+fn written(import: &Import, name: &str) -> Export {
+    let writer = WRITERS.iter().find(|w| w.name == name).expect("a writer");
+    (writer.write)(&import.scene, "written").expect("a file")
+}
+
+/// A scene, written in a format and read again.
+fn again(import: &Import, name: &str) -> Import {
+    let export = written(import, name);
+    self::import(&String::from_utf8(export.bytes).expect("text"))
+}
+
+/// What a writer says.
+fn told(export: &Export) -> Vec<String> {
+    let warnings = export.warnings.as_slice().iter();
+    warnings.map(ToString::to_string).collect()
+}
+
+#[test]
+fn curves_beside_the_only_group_are_written() {
+    let import = import(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\ncstype bezier\ndeg 1 1\ncurv 0 1 1 2\nparm u 0 1\nend\n\
+         p 3\ng a\nsurf 0 1 0 1 1 2 3 4\nparm u 0 1\nparm v 0 1\nend\n",
+    );
+    assert_eq!(import.scene.wires().len(), 2);
+    for name in ["X3D", "X3D ClassicVRML", "VRML 97", "OBJ"] {
+        assert_eq!(again(&import, name).scene.wires().len(), 2, "{name}");
+    }
+}
