@@ -191,10 +191,15 @@ pub fn read(
 const GROWTH: usize = 100;
 const GROWTH_FREE: usize = 16 << 20;
 
-/// The content of a file with gzip compression undone, if there is one.
+/// The content of a file, of no more than so many bytes, with gzip compression undone, if there
+/// is one.
 fn plain(bytes: &[u8], limit: usize) -> Result<Cow<'_, [u8]>, Problem> {
     if !bytes.starts_with(&[0x1f, 0x8b]) {
-        return Ok(Cow::Borrowed(bytes));
+        return if bytes.len() <= limit {
+            Ok(Cow::Borrowed(bytes))
+        } else {
+            Err(Problem::TooLarge(format!("more than {limit} bytes")))
+        };
     }
     let mut decoder = flate2::read::MultiGzDecoder::new(bytes);
     let (mut plain, mut block) = (Vec::new(), vec![0; 1 << 16]);

@@ -262,6 +262,38 @@ fn files_cannot_contain_themselves_or_lead_away() {
 }
 
 #[test]
+fn files_meet_the_limit_together() {
+    let limits = Limits {
+        bytes: 2 * TRIANGLE.len() + 40,
+        ..Limits::default()
+    };
+    let part = format!("#VRML V2.0 utf8\n{TRIANGLE}");
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &Files(&[("a.wrl", &part), ("b.wrl", &part), ("c.wrl", &part)]),
+    };
+    let text = "#VRML V2.0 utf8\nInline { url \"a.wrl\" } Inline { url \"b.wrl\" } \
+                Inline { url \"c.wrl\" }";
+    let import = read(text.as_bytes(), &options).unwrap();
+    assert_eq!(import.scene.placement_count(), 2);
+    let told = messages(&import);
+    assert!(told[0].ends_with("c.wrl: more than 8 bytes"), "{told:?}");
+    let whole = crate::read(
+        part.as_bytes(),
+        None,
+        &ReadOptions {
+            limits: &Limits {
+                bytes: 100,
+                ..limits.clone()
+            },
+            ..options
+        },
+    );
+    let problem = whole.unwrap_err();
+    assert_eq!(problem.to_string(), "the file: more than 100 bytes");
+}
+
+#[test]
 fn nesting_meets_the_limit() {
     for text in [
         "Group { children ",
