@@ -5,7 +5,7 @@
 //! so do we: the Cartesian point is `controlPoint / weight`.
 
 use glam::{DVec2, DVec3};
-use kernel::{Curve, Error as GeometryError, Patch, Surface, modelling};
+use kernel::{Curve, Error as GeometryError, KnotVector, Patch, Surface, modelling};
 
 use super::covering::over_domain;
 use super::curve::is_parameter_curve;
@@ -86,10 +86,18 @@ impl<'a> Converter<'a> {
         };
         let profile = self.parameter_curve(profile)?;
         let trajectory = self.parameter_curve(trajectory)?;
-        Ok(profile.and_then(|profile| {
-            let surface = modelling::swung(&profile, &trajectory?);
-            self.faced(node, vec![surface])
-        }))
+        let (profile, trajectory) = match profile.and_then(|profile| Ok((profile, trajectory?))) {
+            Ok(curves) => curves,
+            Err(problem) => return Ok(Err(problem)),
+        };
+        self.count_net(profile.knots(), trajectory.knots(), node)?;
+        let surface = modelling::swung(&profile, &trajectory);
+        Ok(self.faced(node, vec![surface]))
+    }
+
+    /// Counts the control points of a surface that these curves make.
+    fn count_net(&mut self, u: &KnotVector, v: &KnotVector, node: &Node) -> Result<(), Error> {
+        self.count_points(u.count().saturating_mul(v.count()), node)
     }
 
     /// A `NurbsSweptSurface`: the section is carried as an `Extrusion` carries it along ever
@@ -102,28 +110,38 @@ impl<'a> Converter<'a> {
         };
         let section = self.parameter_curve(section)?;
         let trajectory = self.curve_3d(trajectory)?;
-        let swept = section.and_then(|section| {
-            let trajectory = trajectory?;
-            if trajectory.degree() == 1 {
-                let spine: Vec<DVec3> = trajectory.points().collect();
-                return Ok((
-                    vec![along_polyline(&section, &trajectory, &spine)?],
-                    0.0,
-                    1.0,
-                ));
-            }
-            let size = trajectory.hull_bounds().diagonal();
-            let size = section.points().map(DVec2::length).fold(size, f64::max);
-            let swept = modelling::swept(&section, &trajectory, FIT * size)?;
-            Ok((swept.surfaces, swept.accuracy, size))
-        });
-        Ok(swept.and_then(|(surfaces, accuracy, size)| {
-            if accuracy > FIT * size {
-                let text = format!("the surface is only within {accuracy:.1e} of what is meant");
-                self.warnings.unsupported(node.place(), text);
-            }
-            self.faced(node, surfaces)
-        }))
+        let (section, trajectory) = match section.and_then(|section| Ok((section, trajectory?))) {
+            Ok(curves) => curves,
+            Err(problem) => return Ok(Err(problem)),
+        };
+        if trajectory.degree() == 1 {
+            self.count_net(section.knots(), trajectory.knots(), node)?;
+            let surface = along_polyline(&section, &trajectory);
+            return Ok(surface.and_then(|surface| self.faced(node, vec![surface])));
+        }
+        let reach = section.points().map(DVec2::length).fold(0.0, f64::max);
+        let size = trajectory.hull_bounds().diagonal().max(reach);
+        let swept = |section: &Curve<DVec2>| modelling::swept(section, &trajectory, FIT * size);
+        // How many points there will be along the trajectory follows from the reach alone, so a
+        // short section tells it.
+        let short = Curve::line(DVec2::ZERO, DVec2::X * reach, 0.0..1.0);
+        let short = match short.and_then(|section| swept(&section)) {
+            Ok(swept) => swept,
+            Err(problem) => return Ok(Err(problem)),
+        };
+        for surface in &short.surfaces {
+            self.count_net(section.knots(), surface.knots_v(), node)?;
+        }
+        let swept = match swept(&section) {
+            Ok(swept) => swept,
+            Err(problem) => return Ok(Err(problem)),
+        };
+        let accuracy = swept.accuracy;
+        if accuracy > FIT * size {
+            let text = format!("the surface is only within {accuracy:.1e} of what is meant");
+            self.warnings.unsupported(node.place(), text);
+        }
+        Ok(self.faced(node, swept.surfaces))
     }
 
     /// Faces of which the front turns around where `ccw` is false.
@@ -276,9 +294,9 @@ impl Net<'_> {
 fn along_polyline(
     section: &Curve<DVec2>,
     trajectory: &Curve<DVec3>,
-    spine: &[DVec3],
 ) -> Result<Surface, GeometryError> {
-    let frames = frames(spine);
+    let spine: Vec<DVec3> = trajectory.points().collect();
+    let frames = frames(&spine);
     let rows = spine.iter().zip(&frames);
     let points: Vec<DVec3> = rows
         .flat_map(|(&place, axes)| {

@@ -216,6 +216,38 @@ fn limits_hold() {
 }
 
 #[test]
+fn points_of_swung_and_swept_surfaces_count() {
+    let points = "1 0 2 1 ".repeat(100);
+    let curve = |field: &str| {
+        format!("<NurbsCurve2D containerField='{field}' order='2' controlPoint='{points}'/>")
+    };
+    let [profile, section] = ["profileCurve", "crossSectionCurve"].map(curve);
+    let swung = format!(
+        "<NurbsSwungSurface>{profile}{}</NurbsSwungSurface>",
+        curve("trajectoryCurve")
+    );
+    let swept = |order: usize| {
+        format!(
+            "<NurbsSweptSurface>{section}<NurbsCurve containerField='trajectoryCurve' \
+             order='{order}'><Coordinate point='0 0 0 0 1 0 1 2 0 0 3 0 0 4 1'/></NurbsCurve>\
+             </NurbsSweptSurface>"
+        )
+    };
+    // A curve takes more points than it has itself.
+    for (geometry, most) in [(swung, 1000), (swept(2), 1000), (swept(3), 2000)] {
+        let limits = Limits {
+            points: most,
+            ..Limits::default()
+        };
+        let text = file(&format!("<Shape>{geometry}</Shape>"));
+        let problem = read_with(&limits, &text).unwrap_err().to_string();
+        let expected = format!("Surface: more than {most} control points");
+        assert!(problem.ends_with(&expected), "{problem}");
+        assert!(read_with(&Limits::default(), &text).is_ok());
+    }
+}
+
+#[test]
 fn broken_json_says_where() {
     let json = |text: &str| read_with(&Limits::default(), text);
     let import = json(
