@@ -94,7 +94,7 @@ fn growing() -> Vec<Trap> {
         (
             "instances.wrl",
             vrml(&instances),
-            "nodes made by prototypes",
+            "nodes and routes made by prototypes",
         ),
         ("entities.x3d", entities.into(), "unrecognized entity"),
         (

@@ -18,6 +18,8 @@ pub(super) struct Open {
     role: Role,
     /// How many nodes were stored when it began.
     pub(super) first: usize,
+    /// How many routes there were then.
+    pub(super) first_route: usize,
     /// Of the declaration of a prototype: what has been read of it.
     pub(super) declared: Declared,
 }
@@ -114,6 +116,7 @@ impl<'a> Builder<'a> {
             height: 0,
             role: Role::Keep,
             first: self.tree.nodes.len(),
+            first_route: self.tree.routes.len(),
             declared: Declared::default(),
         });
         Ok(())

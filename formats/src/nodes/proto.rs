@@ -105,7 +105,7 @@ impl Builder<'_> {
                 return Ok(Some(open));
             }
             "unit" => self.set_unit(&open.node),
-            "ROUTE" => self.route(&open.node),
+            "ROUTE" => self.route(&open.node)?,
             "component" | "meta" | "IMPORT" | "EXPORT" => {}
             _ => return Ok(Some(open)),
         }
@@ -113,16 +113,22 @@ impl Builder<'_> {
     }
 
     /// A `ROUTE` between two nodes of the present scope.
-    fn route(&mut self, route: &Node) {
+    ///
+    /// # Errors
+    /// If it leads to too many nodes in instances.
+    fn route(&mut self, route: &Node) -> Result<(), Error> {
         let scope = self.scopes.last();
         let node = |field| scope.and_then(|s| s.nodes.get(&*route.string(field)).copied());
         let [Some(from), Some(to)] = ["fromNode", "toNode"].map(node) else {
             let text = "a ROUTE between nodes that are not both there";
             self.warnings.invalid(route.place(), text);
-            return;
+            return Ok(());
         };
         let ends = |node, field| self.ends(node, &route.string(field));
         let (from, to) = (ends(from, "fromField"), ends(to, "toField"));
+        // One stands in the file itself.
+        let made = from.len().saturating_mul(to.len()).saturating_sub(1);
+        self.count_copies(made, route)?;
         let pairs = from
             .iter()
             .flat_map(|from| to.iter().map(move |to| (from, to)));
@@ -133,6 +139,21 @@ impl Builder<'_> {
             to_field: Arc::clone(to_field),
         });
         self.tree.routes.extend(routes);
+        Ok(())
+    }
+
+    /// Counts what instances of prototypes make.
+    ///
+    /// # Errors
+    /// If it passes the limit.
+    fn count_copies(&mut self, count: usize, node: &Node) -> Result<(), Error> {
+        self.copies = self.copies.saturating_add(count);
+        let limit = self.options.limits.entities / COPIES;
+        if self.copies <= limit {
+            return Ok(());
+        }
+        let text = format!("more than {limit} nodes and routes made by prototypes");
+        Err(self.too_large(node.line, text))
     }
 
     /// Where a route to or from a field really ends: within instances of prototypes.
@@ -195,7 +216,7 @@ impl Builder<'_> {
         let routes = self
             .tree
             .routes
-            .extract_if(.., |route| is_own(route))
+            .extract_if(body.first_route.., |route| is_own(route))
             .collect();
         if let Some(around) = self.open.last_mut() {
             around.declared.body = Some(Body {
@@ -295,12 +316,7 @@ impl Builder<'_> {
             return Ok(());
         };
         // Shared with all that nest in it, copies are few; those of copies of copies are not.
-        self.copies += body.own.len();
-        let limit = self.options.limits.entities / COPIES;
-        if self.copies > limit {
-            let text = format!("more than {limit} nodes made by prototypes");
-            return Err(self.too_large(node.line, text));
-        }
+        self.count_copies(body.own.len() + body.routes.len(), &node)?;
         let mut copies = Vec::new();
         for &index in &body.own {
             copies.push(self.filled(index, body, &node)?);
@@ -317,7 +333,6 @@ impl Builder<'_> {
             let height = self.height_inside(&copy);
             self.store(copy, height)?;
         }
-        self.copies += body.routes.len();
         self.tree
             .routes
             .extend(body.routes.iter().map(|route| Route {

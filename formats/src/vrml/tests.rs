@@ -195,6 +195,31 @@ fn prototypes_that_double_and_double_meet_the_limit() {
 }
 
 #[test]
+fn routes_between_instances_meet_the_limit() {
+    let limits = Limits {
+        entities: 250_000,
+        ..Limits::default()
+    };
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &NoFiles,
+    };
+    let text = |inside: usize| {
+        let inside = "Transform { translation IS t } ".repeat(inside);
+        format!(
+            "#VRML V2.0 utf8\nPROTO P [ exposedField SFVec3f t 0 0 0 ] {{ Group {{ children [ \
+             {inside} ] }} }}\nDEF A P {{ }} DEF B P {{ }} {TRIANGLE}\nROUTE A.t TO B.t\n"
+        )
+    };
+    assert!(read(text(20).as_bytes(), &options).is_ok());
+    let problem = read(text(40).as_bytes(), &options).unwrap_err();
+    assert_eq!(
+        problem.to_string(),
+        "VRML line 4: more than 1000 nodes and routes made by prototypes"
+    );
+}
+
+#[test]
 fn known_nodes_need_no_file() {
     let import = read_scene(
         "EXTERNPROTO NurbsSurface [ field SFInt32 uDimension ] [ \"urn:x:NurbsSurface\" \"n.wrl\" ]\n\
