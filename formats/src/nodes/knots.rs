@@ -169,12 +169,12 @@ pub(super) fn weights(node: &Node, count: usize, warnings: &mut Warnings) -> Opt
     // The interpolator of VRML 97 has another name for them.
     let field = ["weight", "keyWeight"]
         .into_iter()
-        .find(|f| node.text(f).is_some());
-    let weights = field.map_or_else(Vec::new, |field| node.numbers(field, warnings));
+        .find(|f| node.text(f).is_some())?;
+    let weights = node.numbers(field, warnings);
     if weights.is_empty() {
         return None;
     }
-    let place = || node.field_place("weight");
+    let place = || node.field_place(field);
     if weights.len() != count {
         let text = format!(
             "{} weights for {count} control points; all weights are taken as one",

@@ -501,6 +501,44 @@ fn lines_and_points_are_wires() {
 }
 
 #[test]
+fn lines_end_where_a_point_is_missing() {
+    let coord = "coord Coordinate { point [ 0 0 0, 1 0 0, 1 1 0 ] }";
+    let short = "lines of less than two points, or that end where one is not among the 3 there are";
+    for (text, lines, warning) in [
+        ("LineSet { vertexCount [ 5 ]", vec![3], short),
+        ("LineSet { vertexCount [ 2 -3 ]", vec![2], short),
+        (
+            "IndexedLineSet { coordIndex [ 0 1 2 -1 0 1 -7 2 -1 7 0 ]",
+            vec![3, 2],
+            short,
+        ),
+        (
+            "LineSet { vertexCount [ 3 ] color Color { color [ 1 0 0, 1 0 0, 1 0 0 ] }",
+            vec![3],
+            "colours of lines and points are not used",
+        ),
+    ] {
+        let import = read_scene(&format!("Shape {{ geometry {text} {coord} }} }}"));
+        let wires = import.scene.wires().iter();
+        let counts: Vec<_> = wires
+            .map(|wire| match &wire.shape {
+                kernel::WireShape::Curve(curve) => curve.points().count(),
+                kernel::WireShape::Points(_) => 0,
+            })
+            .collect();
+        assert_eq!(counts, lines, "{text}");
+        let problems = import.warnings.as_slice().iter();
+        let problems: Vec<_> = problems.map(|w| w.problem.to_string()).collect();
+        let nothing = "there is no surface to show, only curves and points";
+        assert!(problems.contains(&warning.to_owned()), "{problems:?}");
+        assert!(
+            problems.iter().all(|p| p == warning || p == nothing),
+            "{problems:?}"
+        );
+    }
+}
+
+#[test]
 fn the_interpolator_of_vrml_97_has_names_of_its_own() {
     let (limits, resolver) = (&Limits::default(), &NoFiles);
     // A cubic, as the default order there is four.

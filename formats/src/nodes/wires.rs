@@ -51,6 +51,11 @@ impl Converter<'_> {
             self.warnings.invalid(node.place(), text);
             return Ok(Made::Nothing);
         }
+        let mut inside = node.children.iter().map(|link| &self.tree.nodes[link.node]);
+        if inside.any(|n| matches!(&*n.kind, "Color" | "ColorRGBA")) {
+            let text = "colours of lines and points are not used";
+            self.warnings.unsupported(node.place(), text);
+        }
         let mut shapes = Vec::new();
         match self.wire_shapes(node)? {
             Ok(found) => shapes = found,
@@ -95,30 +100,33 @@ impl Converter<'_> {
     /// The lines of a set, each as a curve of degree one.
     fn lines(&mut self, node: &Node) -> Result<Result<Vec<WireShape>, GeometryError>, Error> {
         let points = self.points_inside(node)?;
-        let mut runs: Vec<Vec<usize>> = Vec::new();
+        // The points of each, after how many there should be.
+        let mut runs: Vec<(usize, Vec<DVec3>)> = Vec::new();
         if &*node.kind == "LineSet" {
-            let mut start = 0_usize;
+            let mut rest = &points[..];
             for count in self.indices(node, "vertexCount")? {
-                let end = start.saturating_add(usize::try_from(count).unwrap_or(0));
-                runs.push((start..end.min(points.len())).collect());
-                start = end;
+                let count = usize::try_from(count).unwrap_or(0);
+                let (run, after) = rest.split_at(count.min(rest.len()));
+                runs.push((count, run.to_vec()));
+                rest = after;
             }
         } else {
             let indices = self.indices(node, "coordIndex")?;
-            let run = |run: &[i64]| {
-                run.iter()
-                    .filter_map(|&i| usize::try_from(i).ok())
-                    .collect()
-            };
-            runs.extend(indices.split(|&i| i == -1).map(run));
+            let point = |&i: &i64| points.get(usize::try_from(i).ok()?).copied();
+            let all = indices.split(|&i| i == -1).filter(|run| !run.is_empty());
+            runs.extend(all.map(|run| (run.len(), run.iter().map_while(point).collect())));
         }
-        let curve = |run: &Vec<usize>| {
-            let all: Option<Vec<DVec3>> = run.iter().map(|&i| points.get(i).copied()).collect();
-            let (index, count) = (run.iter().max().copied().unwrap_or(0), points.len());
-            let points = all.ok_or(GeometryError::Reference { index, count })?;
-            Curve::polyline(&points).map(WireShape::Curve)
-        };
-        Ok(runs.iter().filter(|run| run.len() > 1).map(curve).collect())
+        if runs.iter().any(|(wanted, run)| run.len() < *wanted.max(&2)) {
+            let text = format!(
+                "lines of less than two points, or that end where one is not among the {} there are",
+                points.len()
+            );
+            self.warnings.invalid(node.place(), text);
+        }
+        let lines = runs.iter().filter(|(_, run)| run.len() > 1);
+        Ok(lines
+            .map(|(_, run)| Curve::polyline(run).map(WireShape::Curve))
+            .collect())
     }
 
     /// A circle, or a part of one.
