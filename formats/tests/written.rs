@@ -1,5 +1,6 @@
 //! What writers keep, and what they say about what they leave out.
 
+use glam::DVec3;
 use nurbray_formats::{Export, Import, Limits, NoFiles, ReadOptions, WRITERS, read};
 
 fn import(text: &str) -> Import {
@@ -33,5 +34,30 @@ fn curves_beside_the_only_group_are_written() {
     assert_eq!(import.scene.wires().len(), 2);
     for name in ["X3D", "X3D ClassicVRML", "VRML 97", "OBJ"] {
         assert_eq!(again(&import, name).scene.wires().len(), 2, "{name}");
+    }
+}
+
+#[test]
+fn skies_are_written_with_all_their_colours() {
+    let import = import(
+        "#X3D V3.3 utf8\nTransform { rotation 1 0 0 1 children Background { skyColor [ 0 0 1, \
+         0.5 0.5 1, 1 1 1 ] skyAngle [ 0.8 1.57 ] groundColor [ 0.2 0.1 0, 0.4 0.3 0.2 ] \
+         groundAngle 1.57 } } Shape { geometry Sphere { } }",
+    );
+    let sky = import.scene.sky.as_ref().expect("a sky");
+    for name in ["X3D", "X3D ClassicVRML", "VRML 97"] {
+        let again = again(&import, name);
+        let other = again.scene.sky.as_ref().expect(name);
+        for direction in [
+            DVec3::X,
+            DVec3::Y,
+            DVec3::NEG_Y,
+            DVec3::Z,
+            DVec3::NEG_Z,
+            DVec3::ONE,
+        ] {
+            let [a, b] = [sky, other].map(|sky| sky.color(direction));
+            assert!(a.distance(b) < 1e-12, "{name} {direction}: {a} {b}");
+        }
     }
 }

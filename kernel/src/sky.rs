@@ -30,6 +30,21 @@ impl Sky {
         Self { up, sky, ground }
     }
 
+    /// The unit vector upwards.
+    pub fn up(&self) -> DVec3 {
+        self.up
+    }
+
+    /// The colours of the sky, with their angles from `up` downwards, which do not fall.
+    pub fn sky(&self) -> &[(f64, DVec3)] {
+        &self.sky
+    }
+
+    /// The colours of the ground, with their angles from below upwards, which do not fall.
+    pub fn ground(&self) -> &[(f64, DVec3)] {
+        &self.ground
+    }
+
     /// The linear colour seen along `direction`.
     pub fn color(&self, direction: DVec3) -> DVec3 {
         let angle = direction.angle_between(self.up);

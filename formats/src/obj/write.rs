@@ -102,7 +102,10 @@ fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings)
     let what = [
         (scene.cameras.len(), "cameras"),
         (scene.lights.len(), "lights"),
-        (usize::from(scene.background.is_some()), "the background"),
+        (
+            usize::from(scene.background.is_some() || scene.sky.is_some()),
+            "the background",
+        ),
     ];
     for (_, what) in what.into_iter().filter(|(count, _)| *count > 0) {
         let text = "OBJ files hold no cameras, lights and backgrounds; they are left out";

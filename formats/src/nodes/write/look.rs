@@ -24,14 +24,42 @@ impl Tree<'_> {
             navigation.field("headlight", Value::Flag(scene.headlight));
             out.push(navigation);
         }
-        if let Some(color) = scene.background {
-            let mut background = Out::new("Background");
-            background.field("skyColor", Value::list(&srgb(color), 3));
-            out.push(background);
-        }
+        out.extend(self.background());
         out.extend(scene.cameras.iter().filter_map(|c| self.viewpoint(c)));
         out.extend(scene.lights.iter().map(|light| self.light(light)));
         out
+    }
+
+    /// The background: one colour, or those of the sky and the ground.
+    fn background(&self) -> Option<Out> {
+        let mut out = Out::new("Background");
+        let Some(sky) = &self.scene.sky else {
+            let color = srgb(self.scene.background?);
+            out.field("skyColor", Value::list(&color, 3));
+            return Some(out);
+        };
+        for (colors, angles, stops) in [
+            ("skyColor", "skyAngle", sky.sky()),
+            ("groundColor", "groundAngle", sky.ground()),
+        ] {
+            // The first colour has no angle in a file.
+            let above = stops.first().filter(|stop| stop.0 > 0.0);
+            let stops = above.into_iter().chain(stops);
+            let list: Vec<_> = stops.clone().flat_map(|stop| srgb(stop.1)).collect();
+            let ends: Vec<_> = stops.map(|stop| stop.0).skip(1).collect();
+            for (field, list, width) in [(colors, list, 3), (angles, ends, 1)] {
+                if !list.is_empty() {
+                    out.field(field, Value::list(&list, width));
+                }
+            }
+        }
+        let Some(turn) = rotation(DQuat::from_rotation_arc(DVec3::Y, sky.up())) else {
+            return Some(out);
+        };
+        let mut around = Out::new("Transform");
+        around.field("rotation", turn);
+        around.child("children", out);
+        Some(around)
     }
 
     fn viewpoint(&mut self, camera: &Camera) -> Option<Out> {
