@@ -61,3 +61,20 @@ fn skies_are_written_with_all_their_colours() {
         }
     }
 }
+
+#[test]
+fn lights_stand_beside_what_they_light() {
+    let import = import(
+        "#X3D V3.3 utf8\nUNIT length millimetre 0.001\nDirectionalLight { direction 0 0 -1 }\n\
+         Shape { geometry Sphere { } }",
+    );
+    let text = String::from_utf8(written(&import, "VRML 97").bytes).expect("text");
+    assert_eq!(text.matches("\nTransform {").count(), 1, "{text}");
+    let [light, shape] = ["DirectionalLight", "Shape"].map(|node| {
+        let line = text.lines().find(|line| line.contains(node)).expect(node);
+        line.len() - line.trim_start().len()
+    });
+    assert_eq!(light, shape, "{text}");
+    let size = again(&import, "VRML 97").scene.hull_bounds().max.x;
+    assert!((size - 0.001).abs() < 1e-15, "{size}");
+}

@@ -60,26 +60,34 @@ impl<'a> Tree<'a> {
         };
         let world = turn(self.scene.up, UpAxis::Y) * scale;
         let mut out = self.look();
-        if let (false, Some(wrapper)) =
-            (out.is_empty(), self.transform(&DAffine3::from_mat3(world)))
-        {
-            let mut group = wrapper;
-            out.into_iter()
-                .for_each(|node| group.child("children", node));
-            out = vec![group];
-        }
-        let Some((node, id, place)) = outermost(self.scene, world, true) else {
-            return Ok(out);
+        // Lights reach no farther than the transform that they stand in.
+        let around = match out.is_empty() {
+            true => None,
+            false => self.transform(&DAffine3::from_mat3(world)),
         };
-        if node.name.is_empty() && place == DAffine3::IDENTITY {
-            for child in &node.children {
-                out.extend(self.child(child, 0)?);
-            }
-            out.extend(self.wires(node));
+        let inside = if around.is_some() {
+            DMat3::IDENTITY
         } else {
-            out.extend(self.node(id, &place, 0)?);
+            world
+        };
+        if let Some((node, id, place)) = outermost(self.scene, inside, true) {
+            if node.name.is_empty() && place == DAffine3::IDENTITY {
+                for child in &node.children {
+                    out.extend(self.child(child, 0)?);
+                }
+                out.extend(self.wires(node));
+            } else {
+                out.extend(self.node(id, &place, 0)?);
+            }
         }
-        Ok(out)
+        Ok(match around {
+            Some(mut around) => {
+                let inside = out.into_iter();
+                inside.for_each(|node| around.child("children", node));
+                vec![around]
+            }
+            None => out,
+        })
     }
 
     fn child(&mut self, child: &Child, depth: usize) -> Result<Option<Out>, Problem> {
