@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use glam::{DAffine3, DMat3, DVec3};
-use kernel::{Child, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
+use kernel::{Child, MaterialId, Mesh, Node, NodeId, Scene, Shape, UpAxis};
 
 use crate::{Error, Place, Warnings, iges, nodes, obj};
 
@@ -95,6 +95,16 @@ pub(crate) fn tell_voids(scene: &Scene, warnings: &mut Warnings) {
     for node in scene.nodes().iter().filter(|node| node.voids > 0) {
         let place = Place::item(0, format!("node \"{}\"", node.name));
         let text = "that shells bound voids of a solid is not written; they are shells like others";
+        warnings.unsupported(place, text);
+    }
+}
+
+/// Notes the meshes with colours of vertices that let something through.
+pub(crate) fn tell_clear_vertices(scene: &Scene, warnings: &mut Warnings) {
+    let is_clear = |mesh: &&Mesh| mesh.colors().iter().any(|color| color.w < 1.0);
+    for mesh in scene.meshes().iter().filter(is_clear) {
+        let place = Place::item(0, format!("\"{}\", {}", mesh.name, mesh.source));
+        let text = "the opacity of colours of vertices is not written";
         warnings.unsupported(place, text);
     }
 }

@@ -78,3 +78,23 @@ fn lights_stand_beside_what_they_light() {
     let size = again(&import, "VRML 97").scene.hull_bounds().max.x;
     assert!((size - 0.001).abs() < 1e-15, "{size}");
 }
+
+#[test]
+fn opacity_of_vertices_is_written_or_told() {
+    let import = import(
+        "#X3D V3.3 utf8\nShape { geometry IndexedFaceSet { coordIndex [ 0 1 2 ] coord Coordinate { \
+         point [ 0 0 0, 1 0 0, 0 1 0 ] } color ColorRGBA { color [ 1 0 0 0.5, 0 1 0 1, 0 0 1 1 ] } } }",
+    );
+    for (name, is_told) in [
+        ("X3D", false),
+        ("X3D ClassicVRML", false),
+        ("VRML 97", true),
+        ("OBJ", true),
+    ] {
+        let told = told(&written(&import, name));
+        let about = told
+            .iter()
+            .filter(|t| t.contains("the opacity of colours of vertices"));
+        assert_eq!(about.count(), usize::from(is_told), "{name}: {told:?}");
+    }
+}

@@ -14,7 +14,9 @@ use kernel::{
 mod materials;
 
 use super::FORMAT;
-use crate::write::{Export, Writer, has_weights, push_number, tell_voids, turn};
+use crate::write::{
+    Export, Writer, has_weights, push_number, tell_clear_vertices, tell_voids, turn,
+};
 use crate::{Error, Place, Warnings};
 
 /// The row of this format.
@@ -116,6 +118,7 @@ fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings)
         warnings.unsupported(Place::item(0, format!("the unit {}", unit.name)), text);
     }
     tell_voids(scene, warnings);
+    tell_clear_vertices(scene, warnings);
     let mut shown = HashSet::new();
     for placement in placements.iter().filter(|p| !shown.insert(p.shape)) {
         let name = match placement.shape {
