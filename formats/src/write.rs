@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use glam::{DAffine3, DMat3, DVec3};
 use kernel::{Child, MaterialId, Mesh, Node, NodeId, Scene, Shape, UpAxis};
 
-use crate::{Error, Place, Warnings, iges, nodes, obj};
+use crate::{Error, Import, Level, Place, Warnings, iges, nodes, obj};
 
 /// A format that scenes are written in with their surfaces as they are: one row each.
 #[derive(Clone, Copy, Debug)]
@@ -78,6 +78,20 @@ impl Uses {
             }
         }
         uses
+    }
+}
+
+impl Import {
+    /// Notes what was read beside the scene, and is in no file that the scene is written to.
+    pub fn tell_unwritten(&self, warnings: &mut Warnings) {
+        if self.animation.is_some() {
+            let text = "what moves is written as it stands at first";
+            warnings.unsupported(Place::default(), text);
+        }
+        for Level { number, name, .. } in &self.levels {
+            let place = Place::item(0, format!("level {number} \"{name}\""));
+            warnings.unsupported(place, "levels are not written");
+        }
     }
 }
 

@@ -98,3 +98,32 @@ fn opacity_of_vertices_is_written_or_told() {
         assert_eq!(about.count(), usize::from(is_told), "{name}: {told:?}");
     }
 }
+
+#[test]
+fn what_stands_beside_a_scene_is_told() {
+    let moving = import(
+        "#VRML V2.0 utf8\nDEF T TimeSensor { } DEF P PositionInterpolator { key [ 0 1 ] keyValue \
+         [ 0 0 0, 1 0 0 ] } DEF M Transform { children Shape { geometry Sphere { } } }\n\
+         ROUTE T.fraction_changed TO P.set_fraction ROUTE P.value_changed TO M.set_translation",
+    );
+    let levels = vec![nurbray_formats::Level {
+        number: 3,
+        name: "screws".to_owned(),
+        count: 1,
+    }];
+    let layered = Import {
+        levels,
+        ..Import::default()
+    };
+    for (import, expected) in [
+        (
+            moving,
+            "the file: what moves is written as it stands at first",
+        ),
+        (layered, "level 3 \"screws\": levels are not written"),
+    ] {
+        let mut export = Export::default();
+        import.tell_unwritten(&mut export.warnings);
+        assert_eq!(told(&export), [expected]);
+    }
+}

@@ -320,8 +320,9 @@ fn write(
         bail!("{}: there is nothing to convert", input::display(source));
     }
     let started = Instant::now();
-    let (export, report) = export(scene, *target, path, &args.mesh, origin)
+    let (mut export, report) = export(scene, *target, path, &args.mesh, origin)
         .map_err(|error| error.context(input::display(source)))?;
+    import.tell_unwritten(&mut export.warnings);
     input::report_warnings(path, target.name(), &export.warnings);
     let named = beside.keys().map(|name| Beside::place(source, name));
     input::check_apart(&outputs(path, &export), &named.collect::<Vec<_>>())?;
