@@ -158,8 +158,9 @@ fn invalid(text: impl Into<String>) -> Problem {
 struct Lists {
     /// `v`: Cartesian, with weight. Unreadable ones are not a number.
     positions: Vec<DVec4>,
-    /// Colours that stand with vertices, linear; empty as long as there are none, else for all
-    /// vertices up to the last one with a colour, [`Self::NO_COLOR`] for those without.
+    /// Colours that stand with vertices, as the file has them until all are read, then linear;
+    /// empty as long as there are none, else for all vertices up to the last one with a colour,
+    /// [`Self::NO_COLOR`] for those without.
     colors: Vec<DVec4>,
     /// `vt`, first two numbers.
     texcoords: Vec<DVec2>,
@@ -178,7 +179,24 @@ impl Lists {
         let others = self.normals.len() + self.parameters.len();
         self.positions.len() + self.texcoords.len() + others
     }
+
+    /// Makes colours linear. Some programs write bytes, and then in the whole file.
+    fn settle_colors(&mut self) {
+        let is_byte = |color: &DVec4| color.max_element() >= LEAST_BYTE;
+        let most = if self.colors.iter().any(is_byte) {
+            255.0
+        } else {
+            1.0
+        };
+        for color in self.colors.iter_mut().filter(|c| **c != Self::NO_COLOR) {
+            let share = (color.truncate() / most).clamp(DVec3::ZERO, DVec3::ONE);
+            *color = linear_from_srgb(share).extend(1.0);
+        }
+    }
 }
+
+/// The least number that tells that colours are bytes: shares may be a little above one.
+const LEAST_BYTE: f64 = 2.0;
 
 /// Names that are referred to by position, in the order of their first use.
 #[derive(Clone, Debug, Default)]
@@ -408,17 +426,9 @@ impl<'a> Reader<'a> {
             self.warnings.invalid(place, text);
         }
         if statement.keyword() == "v" && count > 5 {
-            // Some programs write bytes.
-            let most = if x[3..6].iter().any(|c| *c > 1.0) {
-                255.0
-            } else {
-                1.0
-            };
-            let color = DVec3::new(x[3], x[4], x[5]) / most;
-            let color = linear_from_srgb(color.clamp(DVec3::ZERO, DVec3::ONE));
             let colors = &mut self.lists.colors;
             colors.resize(self.lists.positions.len() - 1, Lists::NO_COLOR);
-            colors.push(color.extend(1.0));
+            colors.push(DVec4::new(x[3], x[4], x[5], 1.0));
         }
         Ok(())
     }

@@ -19,7 +19,8 @@ impl Reader<'_> {
     /// The scene of this text, or the first problem if nothing useful was found.
     pub(super) fn finish(mut self, text: &str) -> Result<Import, Error> {
         let faces = std::mem::take(&mut self.faces);
-        let lists = std::mem::take(&mut self.lists);
+        let mut lists = std::mem::take(&mut self.lists);
+        lists.settle_colors();
         let points = lists.positions.len();
         let (meshes, lines) = faces.read(text, lists, &mut self.warnings);
         self.wires.extend(lines);

@@ -154,15 +154,20 @@ fn texture_vertices_lie_on_surfaces_by_the_same_functions() {
 
 #[test]
 fn vertices_have_colours_of_either_kind() {
-    let text =
-        "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 1 1 0\nf 1 2 3\nv 9 9 9 0 255 0\nf 4 3 5\n";
-    let import = parse(text).unwrap();
-    let mesh = &import.scene.meshes()[0];
-    let colors: Vec<_> = mesh.colors().iter().map(|c| c.truncate()).collect();
-    assert_eq!(colors, [DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE, DVec3::Y]);
-    let white = import.scene.material(mesh.material.unwrap());
-    assert_eq!(white.diffuse, DVec3::ONE);
-    assert_eq!(messages(&import), [""; 0]);
+    let dark = kernel::linear_from_srgb(DVec3::splat(1.0 / 255.0));
+    for (one, ones, expected) in [("1", "1.01 1 1", DVec3::ONE), ("255", "1 1 1", dark)] {
+        let text = format!(
+            "v 0 0 0 {one} 0 0\nv 1 0 0 0 {one} 0\nv 0 1 0 0 0 {one}\nv 1 1 0\nf 1 2 3\n\
+             v 9 9 9 {ones}\nf 4 3 5\n"
+        );
+        let import = parse(&text).unwrap();
+        let mesh = &import.scene.meshes()[0];
+        let colors: Vec<_> = mesh.colors().iter().map(|c| c.truncate()).collect();
+        assert_eq!(colors, [DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE, expected]);
+        let white = import.scene.material(mesh.material.unwrap());
+        assert_eq!(white.diffuse, DVec3::ONE);
+        assert_eq!(messages(&import), [""; 0]);
+    }
 }
 
 #[test]
