@@ -2,7 +2,7 @@
 //!
 //! A statement that cannot be read costs only itself.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DMat3, DVec3};
 use kernel::{Maps, Material, MetallicRoughness, linear_from_srgb};
@@ -13,10 +13,25 @@ use super::statements::{Statement, Statements, decode, number, numbers};
 use crate::pictures::Pictures;
 use crate::{Place, Problem, ReadOptions, Warnings};
 
-/// Where material files and their pictures come from, and the pictures so far.
+/// How many material files one file may name.
+const FILES: usize = 1000;
+
+/// Where material files and their pictures come from, and what has come so far.
 pub(super) struct Source<'a> {
-    pub(super) options: &'a ReadOptions<'a>,
-    pub(super) pictures: Pictures,
+    options: &'a ReadOptions<'a>,
+    pictures: Pictures,
+    /// The names of files, each of which is looked for once.
+    names: HashSet<String>,
+}
+
+impl<'a> Source<'a> {
+    pub(super) fn new(options: &'a ReadOptions<'a>) -> Self {
+        Self {
+            options,
+            pictures: Pictures::default(),
+            names: HashSet::new(),
+        }
+    }
 }
 
 /// Reads the files that an `mtllib` statement names. The whole rest of the line is tried as
@@ -28,29 +43,38 @@ pub(super) fn load(
     warnings: &mut Warnings,
     materials: &mut HashMap<String, Material>,
 ) {
-    let resolver = source.options.resolver;
-    let resolve = |name: &str| {
-        // Some programs write where the file was on their machine.
-        let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
-        resolver
-            .resolve(name)
-            .or_else(|error| resolver.resolve(last).map_err(|_| error))
-    };
-    let mut fetched = vec![(names, resolve(names))];
-    if fetched[0].1.is_err() && names.contains(char::is_whitespace) {
-        let each = names.split_whitespace();
-        fetched = each.map(|n| (n, resolve(n))).collect();
+    if source.names.contains(names) {
+        return;
     }
-    for (name, bytes) in fetched {
-        match bytes {
-            Ok(bytes) => {
-                let file = File { name, line, source };
-                file.read(&decode(&bytes), warnings, materials);
+    let place = Place::item(line, "mtllib");
+    if source.names.len() >= FILES {
+        let text = format!("more than {FILES} material files are named");
+        return warnings.add(place, Problem::TooLarge(text));
+    }
+    source.names.insert(names.to_owned());
+    let resolver = source.options.resolver;
+    // Some programs write where the file was on their machine.
+    let last = names.rsplit(['/', '\\']).next().unwrap_or(names);
+    let bytes = resolver
+        .resolve(names)
+        .or_else(|error| resolver.resolve(last).map_err(|_| error));
+    match bytes {
+        Ok(bytes) => {
+            let file = File {
+                name: names,
+                line,
+                source,
+            };
+            file.read(&decode(&bytes), warnings, materials);
+        }
+        Err(_) if names.contains(char::is_whitespace) => {
+            for name in names.split_whitespace() {
+                load(name, line, source, warnings, materials);
             }
-            Err(error) => {
-                let text = format!("material file \"{name}\" is not there: {error}");
-                warnings.invalid(Place::item(line, "mtllib"), text);
-            }
+        }
+        Err(error) => {
+            let text = format!("material file \"{names}\" is not there: {error}");
+            warnings.invalid(place, text);
         }
     }
 }
@@ -72,8 +96,16 @@ impl File<'_, '_> {
         materials: &mut HashMap<String, Material>,
     ) {
         let mut draft: Option<Draft> = None;
-        let mut finish = |draft: Option<Draft>| {
+        let (name, named_at) = (self.name, self.line);
+        let place = |line: usize, keyword: &str| {
+            Place::item(named_at, format!("{name} line {line}, {keyword}"))
+        };
+        let mut finish = |draft: Option<Draft>, warnings: &mut Warnings| {
             if let Some(draft) = draft {
+                if let Some(line) = draft.other_ambient() {
+                    let text = "pictures of ambient light are not used";
+                    warnings.unsupported(place(line, "map_Ka"), text);
+                }
                 let entry = materials.entry(draft.name.clone());
                 entry.or_insert_with(|| draft.finish());
             }
@@ -81,23 +113,21 @@ impl File<'_, '_> {
         for statement in Statements::new(text) {
             let result = match (statement.keyword(), statement.rest(), &mut draft) {
                 ("newmtl", "", _) => {
-                    finish(draft.take());
+                    finish(draft.take(), warnings);
                     Err(invalid("a material without name"))
                 }
                 ("newmtl", name, _) => {
-                    finish(draft.replace(Draft::new(name)));
+                    finish(draft.replace(Draft::new(name)), warnings);
                     Ok(())
                 }
                 (_, _, Some(draft)) => self.take(&statement, draft),
                 (_, _, None) => Err(invalid("no material with a name before it")),
             };
             if let Err(problem) = result {
-                let (name, line) = (self.name, statement.line);
-                let what = format!("{name} line {line}, {}", statement.keyword());
-                warnings.add(Place::item(self.line, what), problem);
+                warnings.add(place(statement.line, statement.keyword()), problem);
             }
         }
-        finish(draft);
+        finish(draft, warnings);
     }
 
     /// Takes a statement of a material.
@@ -105,12 +135,9 @@ impl File<'_, '_> {
         let keyword = statement.keyword();
         match keyword {
             "map_Kd" | "map_Ks" | "map_Ke" | "map_d" | "map_Pr" | "map_Pm" => {}
-            // Mostly the same picture again.
             "map_Ka" => {
-                return match draft.color_text == statement.rest() {
-                    true => Ok(()),
-                    false => unsupported("pictures of ambient light are not used"),
-                };
+                draft.ambient_map = Some((statement.line, statement.rest().to_owned()));
+                return Ok(());
             }
             "map_aat" => return Ok(()),
             "bump" | "map_bump" | "map_Bump" | "norm" | "disp" | "map_disp" | "decal" => {
@@ -165,6 +192,8 @@ struct Draft {
     maps: Maps,
     /// What its `map_Kd` says.
     color_text: String,
+    /// What its `map_Ka` says, and in which line.
+    ambient_map: Option<(usize, String)>,
 }
 
 impl Draft {
@@ -212,6 +241,12 @@ impl Draft {
             _ => return unsupported("statements of this kind are not known"),
         }
         Ok(())
+    }
+
+    /// The line of a picture of ambient light that is not that of the colour again, as it mostly is.
+    fn other_ambient(&self) -> Option<usize> {
+        let (line, text) = self.ambient_map.as_ref()?;
+        (*text != self.color_text).then_some(*line)
     }
 
     /// Our material. What has a picture and no number of its own is all of that picture, and so
@@ -302,6 +337,8 @@ const RGB_FROM_XYZ: DMat3 = DMat3::from_cols_array(&[
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use glam::{DVec2, DVec4};
     use kernel::{Channel, Wrap};
 
@@ -320,10 +357,7 @@ mod tests {
             limits: &limits,
             resolver,
         };
-        let mut source = Source {
-            options: &options,
-            pictures: Pictures::default(),
-        };
+        let mut source = Source::new(&options);
         let file = File {
             name: "sub/a.mtl",
             line: 7,
@@ -375,6 +409,57 @@ mod tests {
         assert!(found[0].ends_with("bump: pictures of relief and decals are not used"));
         assert!(found[1].contains("map_Ks: picture \"none.png\""));
         assert!(found[2].ends_with("map_Ns: pictures of highlights and sheen are not used"));
+    }
+
+    #[test]
+    fn ambient_light_may_have_the_picture_of_the_colour_before_or_after_it() {
+        let files = Files(vec![(
+            "sub/two.png",
+            encoded(&red_green(), image::ImageFormat::Png),
+        )]);
+        let text = "newmtl a\nmap_Ka two.png\nmap_Kd two.png\nnewmtl b\nmap_Kd two.png\n\
+                    map_Ka two.png\nnewmtl c\nmap_Ka three.png\nmap_Kd two.png\n";
+        let (_, warnings) = parse_with(text, &files);
+        let list = warnings.as_slice().iter();
+        let told: Vec<_> = list.map(ToString::to_string).collect();
+        let expected = "line 7, sub/a.mtl line 8, map_Ka: pictures of ambient light are not used";
+        assert_eq!(told, [expected]);
+    }
+
+    /// Counts how often it is asked for a file.
+    struct Asked(Cell<usize>);
+
+    impl Resolver for Asked {
+        fn resolve(&self, name: &str) -> std::io::Result<Vec<u8>> {
+            self.0.set(self.0.get() + 1);
+            match name {
+                "a.mtl" => Ok(b"newmtl a\n".to_vec()),
+                _ => Err(std::io::ErrorKind::NotFound.into()),
+            }
+        }
+    }
+
+    #[test]
+    fn a_file_is_read_once_however_often_it_is_named() {
+        let asked = Asked(Cell::new(0));
+        let options = ReadOptions {
+            limits: &Limits::default(),
+            resolver: &asked,
+        };
+        let mut source = Source::new(&options);
+        let (mut materials, mut warnings) = (HashMap::new(), Warnings::default());
+        let many: String = (0..2 * FILES).map(|k| format!(" {k}.mtl")).collect();
+        for names in [&"a.mtl ".repeat(500), "a.mtl", "a.mtl a.mtl"] {
+            load(names, 1, &mut source, &mut warnings, &mut materials);
+        }
+        assert!(materials.contains_key("a"));
+        // Each whole line is tried twice.
+        assert_eq!(asked.0.get(), 2 + 1 + 2);
+        assert_eq!(warnings.as_slice(), []);
+        load(&many, 2, &mut source, &mut warnings, &mut materials);
+        let last = warnings.as_slice().last().map(ToString::to_string);
+        let expected = "line 2, mtllib: more than 1000 material files are named (and 1003 more)";
+        assert_eq!(last.as_deref(), Some(expected));
     }
 
     #[test]

@@ -12,7 +12,6 @@ use kernel::{
 use super::materials::Source;
 use super::polygons::MeshPart;
 use super::{FORMAT, Reader, materials};
-use crate::pictures::Pictures;
 use crate::{Error, Import, Place, Problem};
 
 impl Reader<'_> {
@@ -202,10 +201,7 @@ impl Reader<'_> {
         scene: &mut Scene,
     ) -> HashMap<usize, MaterialId> {
         let mut known: HashMap<String, Material> = HashMap::new();
-        let mut source = Source {
-            options: self.options,
-            pictures: Pictures::default(),
-        };
+        let mut source = Source::new(self.options);
         for (names, &line) in self.material_files.list.iter().zip(&self.material_lines) {
             materials::load(names, line, &mut source, &mut self.warnings, &mut known);
         }
