@@ -88,18 +88,17 @@ impl Reader<'_> {
             (Place::item(0, "mg"), Problem::TooLarge(text))
         };
         let mut borders = Vec::new();
-        for (part, found) in self.surfaces.iter().enumerate() {
-            if borders.len() > PAIRS {
-                let (place, problem) = too_large("borders");
-                self.warnings.add(place, problem);
-                return;
-            }
-            if found.merging.group > 0 {
-                for curve in self.borders(part) {
-                    let trail = trail(&found.surface, &curve);
-                    let bounds = Aabb::around(trail.iter().copied());
-                    borders.push((part, curve, trail, bounds));
+        let merging = self.surfaces.iter().enumerate();
+        for (part, found) in merging.filter(|(_, found)| found.merging.group > 0) {
+            for curve in self.borders(part) {
+                if borders.len() >= PAIRS {
+                    let (place, problem) = too_large("borders");
+                    self.warnings.add(place, problem);
+                    return;
                 }
+                let trail = trail(&found.surface, &curve);
+                let bounds = Aabb::around(trail.iter().copied());
+                borders.push((part, curve, trail, bounds));
             }
         }
         borders.sort_by(|a, b| a.3.min.x.total_cmp(&b.3.min.x));

@@ -171,6 +171,28 @@ fn vertices_have_colours_of_either_kind() {
 }
 
 #[test]
+fn borders_of_one_surface_meet_the_limit_of_merging_groups() {
+    let count = 20_001;
+    let mut text = format!("{SQUARE}cstype bezier\ndeg 1 1\n");
+    for k in 0..count {
+        let angle = std::f64::consts::TAU * f64::from(k) / f64::from(count);
+        text += &format!(
+            "vp {} {}\n",
+            0.5 + 0.4 * angle.cos(),
+            0.5 + 0.4 * angle.sin()
+        );
+    }
+    let list = |from: i32| -> String { (from..=count).map(|k| format!(" {k}")).collect() };
+    text += &format!("curv2{} 1\nparm u{}\nend\nmg 1 0.1\n", list(1), list(0));
+    text += &format!("{SADDLE}trim 0 {count} 1\nend\n");
+    let import = parse(&text).unwrap();
+    assert_eq!(
+        messages(&import),
+        ["mg: more than 20000 borders in merging groups"]
+    );
+}
+
+#[test]
 fn statements_about_the_picture_are_checked() {
     let good = "s 1\ns off\nmg 2 0.1\nmg off\nlod 10\nbevel off\nc_interp off\nd_interp off\n\
                 ctech cparm 2\nctech cspace 0.1\nctech curv 0.1 5\nstech cparma 1 2\nstech cparmb 3\n\
