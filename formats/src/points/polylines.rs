@@ -1,5 +1,7 @@
 //! Polylines of OBJ files: every chain of `l` statements is a layer, every `o` or `g` a body.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::{Budget, Layer, PointBody, PointFormat, PointSet};
@@ -31,6 +33,7 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
     let mut set = PointSet::default();
     let mut budget = Budget::new(limits);
     let mut points: Vec<DVec3> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
     let mut name = String::new();
     let mut chain = Chain::default();
     for statement in Statements::new(&text) {
@@ -55,7 +58,7 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
                         // It goes on where the one before ended.
                         (0, Some(end)) if end == number && !is_closed => continue,
                         (0, _) => {
-                            finish(&mut chain, &points, &name, &mut set);
+                            finish(&mut chain, &points, &name, &mut known, &mut set);
                             chain.line = statement.line;
                         }
                         _ => {}
@@ -64,7 +67,7 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
                 }
             }
             "o" | "g" => {
-                finish(&mut chain, &points, &name, &mut set);
+                finish(&mut chain, &points, &name, &mut known, &mut set);
                 name = statement.rest().to_owned();
             }
             other => {
@@ -73,7 +76,7 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
             }
         }
     }
-    finish(&mut chain, &points, &name, &mut set);
+    finish(&mut chain, &points, &name, &mut known, &mut set);
     Ok(set)
 }
 
@@ -89,8 +92,14 @@ fn vertex(statement: &Statement<'_>) -> Result<DVec3, Error> {
     Ok(numbers.into())
 }
 
-/// Puts a polyline to the body of this name.
-fn finish(chain: &mut Chain, points: &[DVec3], name: &str, set: &mut PointSet) {
+/// Puts a polyline to the body of this name; `known` are the numbers of those that there are.
+fn finish(
+    chain: &mut Chain,
+    points: &[DVec3],
+    name: &str,
+    known: &mut HashMap<String, usize>,
+    set: &mut PointSet,
+) {
     let Chain { line, mut numbers } = std::mem::take(chain);
     if numbers.is_empty() {
         return;
@@ -100,9 +109,9 @@ fn finish(chain: &mut Chain, points: &[DVec3], name: &str, set: &mut PointSet) {
     if is_closed {
         numbers.pop();
     }
-    let known = set.bodies.iter().position(|body| body.name == name);
-    let index = known.unwrap_or(set.bodies.len());
-    if known.is_none() {
+    let next = set.bodies.len();
+    let index = *known.entry(name.to_owned()).or_insert(next);
+    if index == next {
         set.bodies.push(PointBody {
             name: name.to_owned(),
             ..PointBody::default()

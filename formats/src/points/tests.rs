@@ -136,6 +136,29 @@ fn what_is_written_is_read_again() {
 }
 
 #[test]
+fn contours_of_no_region_are_told() {
+    let mut bytes = POINT_FORMATS[0].write.unwrap()(&made());
+    let number = b"\x06\x30\x22\x00\x02\x00\x00\x002";
+    let at = bytes.windows(number.len()).position(|w| w == number);
+    bytes[at.unwrap() + number.len() - 1] = b'7';
+    let set = read_points(&bytes, None, &Limits::default()).unwrap();
+    assert_eq!(set.bodies.len(), 1);
+    let told: Vec<_> = set
+        .warnings
+        .as_slice()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    assert_eq!(
+        told,
+        [
+            "ROI 7 \"Tumör\": the ROI has no contours",
+            "contours of ROI 2: there is no ROI of this number; they are not used"
+        ]
+    );
+}
+
+#[test]
 fn damaged_structure_sets_end_in_errors() {
     let good = POINT_FORMATS[0].write.unwrap()(&made());
     let read = |bytes: &[u8]| read_points(bytes, Some("dcm"), &Limits::default());

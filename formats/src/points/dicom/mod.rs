@@ -2,6 +2,8 @@
 //!
 //! Coordinates are those of the patient in millimetres: x to the left, y to the back, z upwards.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use kernel::{Unit, linear_from_srgb};
 
@@ -62,14 +64,16 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
     };
     let is_utf8 = text(&all, CHARACTER_SET, true).contains("192");
     let mut budget = Budget::new(limits);
-    let contours = all.items(ROI_CONTOURS);
+    let mut contours: BTreeMap<String, Vec<&[Element<'_>]>> = BTreeMap::new();
+    for item in all.items(ROI_CONTOURS) {
+        let number = text(item, REFERENCED_ROI, true);
+        contours.entry(number).or_default().push(item);
+    }
     for roi in all.items(ROI_SEQUENCE) {
         let number = text(roi, ROI_NUMBER, true);
         let name = text(roi, ROI_NAME, is_utf8);
         let what = format!("ROI {number} \"{name}\"");
-        let own = contours
-            .iter()
-            .filter(|item| text(item, REFERENCED_ROI, true) == number);
+        let own = contours.remove(&number).unwrap_or_default();
         let mut body = PointBody {
             name,
             ..PointBody::default()
@@ -97,6 +101,11 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
             sort(&mut body.layers);
             set.bodies.push(body);
         }
+    }
+    for number in contours.keys() {
+        let place = Place::item(0, format!("contours of ROI {number}"));
+        let text = "there is no ROI of this number; they are not used";
+        set.warnings.invalid(place, text);
     }
     Ok(set)
 }
