@@ -10,6 +10,7 @@ use std::ops::Range;
 use glam::DVec4;
 use kernel::{KnotVector, MAX_DEGREE};
 
+use super::invalid;
 use crate::Problem;
 
 /// What `cstype` names.
@@ -70,10 +71,6 @@ pub(super) struct Run {
     pub(super) knots: KnotVector,
     /// The lines, in the order given.
     pub(super) lines: Vec<Vec<DVec4>>,
-}
-
-fn invalid(text: impl Into<String>) -> Problem {
-    Problem::Invalid(text.into())
 }
 
 impl Direction<'_> {

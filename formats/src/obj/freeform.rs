@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, DVec4};
 use kernel::{Curve, KnotVector, MAX_DEGREE, Surface};
 
 use super::basis::{Basis, Direction, Run};
+use super::invalid;
 use super::specials::Specials;
 use super::statements::{Statement, numbers, shown};
 use super::trims::LoopText;
@@ -19,10 +20,6 @@ pub(super) struct Attributes {
     degrees: Vec<usize>,
     matrices: [Vec<f64>; 2],
     steps: Vec<usize>,
-}
-
-fn invalid(text: impl Into<String>) -> Problem {
-    Problem::Invalid(text.into())
 }
 
 /// One or two whole numbers.

@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 use kernel::{Curve, Surface, TrimLoop};
 
+use super::invalid;
 use super::specials::TrimCurve;
 use super::statements::{Statement, number, reference};
 use crate::Problem;
@@ -33,10 +34,6 @@ pub(super) struct Piece {
     end: f64,
     /// Position among the `curv2` elements.
     curve: usize,
-}
-
-fn invalid(text: impl Into<String>) -> Problem {
-    Problem::Invalid(text.into())
 }
 
 impl LoopText {
