@@ -103,6 +103,13 @@ pub enum Error {
     EmptyLoop,
     /// The loops of a face have nothing inside.
     NothingInside,
+    /// All loops of a face lie outside the domain of its surface.
+    LoopsOutside {
+        /// The lower corner of the box around the loops, and its upper one.
+        found: [[f64; 2]; 2],
+        /// The lower corner of the domain, and its upper one.
+        domain: [[f64; 2]; 2],
+    },
     /// Two neighbouring curves of a loop do not meet.
     LoopGap {
         /// Position of the curve before the gap.
@@ -119,6 +126,31 @@ pub enum Error {
         /// How many entries there are.
         count: usize,
     },
+}
+
+impl Error {
+    /// What is wrong with loops.
+    fn fmt_loop(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::LoopsOutside {
+                found: [[a, b], [c, d]],
+                domain: [[u, v], [s, t]],
+            } => write!(
+                f,
+                "its trim loops, from ({a}, {b}) to ({c}, {d}), lie outside its domain, which goes \
+                 from ({u}, {v}) to ({s}, {t})"
+            ),
+            Self::LoopGap {
+                index,
+                gap,
+                allowed,
+            } => write!(
+                f,
+                "trim curve {index} ends {gap:e} away from the next; at most {allowed:e} is bridged"
+            ),
+            _ => Ok(()),
+        }
+    }
 }
 
 impl fmt::Display for Error {
@@ -191,14 +223,7 @@ impl fmt::Display for Error {
             Self::NoDirection => write!(f, "a direction has no length"),
             Self::EmptyLoop => write!(f, "a trim loop without curves"),
             Self::NothingInside => write!(f, "nothing is inside its trim loops"),
-            Self::LoopGap {
-                index,
-                gap,
-                allowed,
-            } => write!(
-                f,
-                "trim curve {index} ends {gap:e} away from the next; at most {allowed:e} is bridged"
-            ),
+            Self::LoopsOutside { .. } | Self::LoopGap { .. } => self.fmt_loop(f),
             Self::Reference { index, count } => {
                 write!(f, "index {index} of a list with {count} entries")
             }

@@ -31,6 +31,9 @@ const SAMPLES: usize = 8;
 /// Areas of loops below this share of that of their domain are none.
 const NO_AREA: f64 = 1e-12;
 
+/// What begins farther from the border of a domain than this share of it is inside.
+const ASIDE: f64 = 1e-6;
+
 /// Places along each side of a domain where loops without area are looked into: one may cross itself.
 const LOOKS: usize = 64;
 
@@ -119,20 +122,54 @@ impl TrimLoop {
     }
 
     /// Makes sure that the loops of a face bound some part of its domain: a seam that is run along
-    /// and back does not.
+    /// and back does not, nor does what lies outside. Where the surface is `closed`, loops come in
+    /// again on the other side.
     ///
     /// # Errors
-    /// If there are loops, and nothing is inside them.
-    pub fn check_inside(loops: &[Self], u: &Range<f64>, v: &Range<f64>) -> Result<(), Error> {
-        let size = DVec2::new(u.end - u.start, v.end - v.start);
+    /// If there are loops, and nothing of the domain is inside them.
+    pub fn check_inside(
+        loops: &[Self],
+        u: &Range<f64>,
+        v: &Range<f64>,
+        closed: [bool; 2],
+    ) -> Result<(), Error> {
+        let (min, max) = (DVec2::new(u.start, v.start), DVec2::new(u.end, v.end));
+        let size = max - min;
         let is_flat = |l: &Self| l.signed_area().abs() <= NO_AREA * size.x * size.y;
-        if loops.is_empty() || !loops.iter().all(is_flat) {
+        let begins_inside = |curve: &Curve<DVec2>| {
+            let share = (curve.start() - min) / size;
+            share.min_element() > ASIDE && share.max_element() < 1.0 - ASIDE
+        };
+        let reaches_in = |l: &Self| l.segments.iter().any(begins_inside) && !is_flat(l);
+        if loops.is_empty() || loops.iter().any(reaches_in) {
             return Ok(());
         }
-        let region = TrimRegion::new(loops, u.clone(), v.clone());
+        let of = |loops: &[Self]| TrimRegion::periodic(loops, [u.clone(), v.clone()], closed);
+        let region = of(loops);
+        if region.is_empty() {
+            let is_outside = |l: &Self| !is_flat(l) && of(std::slice::from_ref(l)).is_empty();
+            if !loops.iter().all(is_outside) {
+                return Err(Error::NothingInside);
+            }
+            let points = || {
+                loops
+                    .iter()
+                    .flat_map(|l| &l.segments)
+                    .flat_map(Curve::points)
+            };
+            let low = points().fold(DVec2::INFINITY, DVec2::min);
+            let high = points().fold(DVec2::NEG_INFINITY, DVec2::max);
+            return Err(Error::LoopsOutside {
+                found: [low, high].map(Into::into),
+                domain: [min, max].map(Into::into),
+            });
+        }
+        if !loops.iter().all(is_flat) {
+            return Ok(());
+        }
         let place = |k: usize| {
             let share = DVec2::new((k % LOOKS) as f64, (k / LOOKS) as f64) + 0.5;
-            DVec2::new(u.start, v.start) + size * share / LOOKS as f64
+            min + size * share / LOOKS as f64
         };
         let is_inside = |k: usize| region.contains(place(k));
         if (0..LOOKS * LOOKS).any(is_inside) {

@@ -254,7 +254,7 @@ impl<'a> Trimmer<'a> {
             reader.repaired(face, text);
         }
         let [u, v] = &self.domain;
-        TrimLoop::check_inside(&trims, u, v).map_err(Problem::Geometry)?;
+        TrimLoop::check_inside(&trims, u, v, self.surface.closed()).map_err(Problem::Geometry)?;
         if border {
             trims.push(TrimLoop::border(u, v).map_err(Problem::Geometry)?);
         }

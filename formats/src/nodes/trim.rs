@@ -57,7 +57,7 @@ impl Converter<'_> {
             let text = "two contours are the same; they count once";
             self.warnings.invalid(node.place(), text);
         }
-        if let Err(problem) = TrimLoop::check_inside(&loops, &u, &v) {
+        if let Err(problem) = TrimLoop::check_inside(&loops, &u, &v, surface.closed()) {
             let text = format!("{problem}; the surface is shown untrimmed");
             self.warnings.invalid(node.place(), text);
             return Ok(Vec::new());

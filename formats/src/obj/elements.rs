@@ -201,7 +201,7 @@ impl Reader<'_> {
             Kind::Surface(_) => {
                 let built = element.surfaces(attributes, limit)?;
                 let loops = match domain(&built.shape) {
-                    Some(domain) => self.loops(element, open, built.shape.len(), &domain),
+                    Some(domain) => self.loops(element, open, &built.shape, &domain),
                     None => Vec::new(),
                 };
                 self.specials_on_surface(&built.shape, &element.specials, &element.loops);
@@ -260,11 +260,12 @@ impl Reader<'_> {
         &mut self,
         element: &Element,
         open: &Open,
-        parts: usize,
+        parts: &[Surface],
         domain: &[Range<f64>; 2],
     ) -> Vec<TrimLoop> {
         let mut loops = Vec::new();
         let mut bad = open.bad_loop.clone();
+        let mut cut_off = Vec::new();
         let limit = self.options.limits.points;
         if element.loops.first().is_some_and(|text| text.hole) {
             // A rectangle of positive sides is always a loop.
@@ -272,7 +273,7 @@ impl Reader<'_> {
         }
         for text in &element.loops {
             // Curves may be used again and again: what they cost is counted before.
-            let cost = text.size(&self.trim_curves).saturating_mul(parts);
+            let cost = text.size(&self.trim_curves).saturating_mul(parts.len());
             self.loop_points = self.loop_points.saturating_add(cost);
             if self.loop_points > limit {
                 let problem = Problem::TooLarge(format!("more than {limit} points in trim loops"));
@@ -283,7 +284,7 @@ impl Reader<'_> {
             match text.close(&self.trim_curves, domain) {
                 Ok((closed, is_inside)) => {
                     if !is_inside {
-                        self.warnings.invalid(place, OUTSIDE);
+                        cut_off.push(place);
                     }
                     loops.push(closed);
                 }
@@ -297,7 +298,11 @@ impl Reader<'_> {
             let text = "two trim loops are the same; they count once";
             self.warnings.invalid(place, text);
         }
-        if let Err(problem) = TrimLoop::check_inside(&loops, &domain[0], &domain[1]) {
+        let closed = match parts {
+            [whole] => whole.closed(),
+            _ => [false; 2],
+        };
+        if let Err(problem) = TrimLoop::check_inside(&loops, &domain[0], &domain[1], closed) {
             let place = Place::item(open.line, open.what.as_str());
             bad.get_or_insert((place, Problem::Geometry(problem)));
         }
@@ -307,6 +312,10 @@ impl Reader<'_> {
             let place = Place::item(open.line, open.what.as_str());
             self.warnings
                 .unsupported(place, "the surface is shown untrimmed");
+            return loops;
+        }
+        for place in cut_off {
+            self.warnings.invalid(place, OUTSIDE);
         }
         loops
     }

@@ -309,6 +309,26 @@ fn a_loop_that_leaves_the_surface_is_cut_off() {
 }
 
 #[test]
+fn loops_that_lie_outside_cut_nothing_off() {
+    let text = format!(
+        "{SQUARE}vp 2 2\nvp 3 2\nvp 2 4\ncstype bezier\ndeg 1\ncurv2 1 2 3 1\n\
+         parm u 0 1 2 3\nend\n{SADDLE}trim 0 3 1\nend\n"
+    );
+    let import = parse(&text).unwrap();
+    assert!(import.scene.patches()[0].loops.is_empty());
+    let place = "line 15, surf 1:";
+    let outside = "its trim loops, from (2, 2) to (3, 4), lie outside its domain, which goes from \
+                   (0, 0) to (1, 1)";
+    assert_eq!(
+        messages(&import),
+        [
+            format!("{place} {outside}"),
+            format!("{place} the surface is shown untrimmed")
+        ]
+    );
+}
+
+#[test]
 fn a_missing_end_is_tolerated() {
     let import = parse(&format!("{SQUARE}{SADDLE}{SADDLE}")).unwrap();
     assert_eq!(import.scene.patches().len(), 2);

@@ -322,6 +322,10 @@ fn contours_are_mended_where_viewers_agree_on_them() {
     assert!((area - 0.36).abs() < 1e-12, "{area}");
     let told = "line 2, ContourPolyline2D: it stands in no Contour2D; it is taken for one";
     assert_eq!(messages[0], told);
+    let (_, messages) = area_inside(&contour(&[line("2 2 3 2 3 3 2 2")]));
+    let told = "line 2, NurbsTrimmedSurface: its trim loops, from (2, 2) to (3, 3), lie outside its \
+                domain, which goes from (0, 0) to (1, 1); the surface is shown untrimmed";
+    assert_eq!(messages, [told]);
     // Which part comes next is not guessed.
     let apart = contour(&[one, line(".1 .1 .1 .9")]);
     let (_, messages) = area_inside(&apart);

@@ -84,7 +84,8 @@ impl TrimRegion {
         Self::periodic(&patch.loops, domain, surface.closed())
     }
 
-    fn periodic(loops: &[TrimLoop], [u, v]: [Range<f64>; 2], closed: [bool; 2]) -> Self {
+    /// As [`TrimRegion::new`], on a surface that may be closed.
+    pub(super) fn periodic(loops: &[TrimLoop], [u, v]: [Range<f64>; 2], closed: [bool; 2]) -> Self {
         let domain = Rect {
             min: DVec2::new(u.start, v.start),
             max: DVec2::new(u.end, v.end),
@@ -154,6 +155,16 @@ impl TrimRegion {
             inside: true,
         };
         self.nodes[0] == whole
+    }
+
+    /// Whether no loop leaves anything of the domain, or passes through it.
+    pub(super) fn is_empty(&self) -> bool {
+        let nothing = Node::Leaf {
+            first: 0,
+            count: 0,
+            inside: false,
+        };
+        self.nodes[0] == nothing
     }
 
     /// Memory in use.

@@ -34,12 +34,49 @@ fn small_gaps_are_bridged_to_the_last_bit() {
     assert_closed(&trim);
 }
 
+/// What is said about loops in the unit square.
+fn inside(loops: &[TrimLoop], closed: [bool; 2]) -> Result<(), Error> {
+    TrimLoop::check_inside(loops, &(0.0..1.0), &(0.0..1.0), closed)
+}
+
+#[test]
+fn loops_outside_are_told_unless_the_surface_is_closed_there() {
+    let square = |u: Range<f64>, v: Range<f64>| TrimLoop::border(&u, &v).unwrap();
+    let beside = [square(2.0..2.5, 0.25..0.75), square(3.0..4.0, -1.0..0.5)];
+    let outside = Error::LoopsOutside {
+        found: [[2.0, -1.0], [4.0, 0.75]],
+        domain: [[0.0, 0.0], [1.0, 1.0]],
+    };
+    assert_eq!(inside(&beside, [false; 2]), Err(outside));
+    assert_eq!(inside(&beside, [true, false]), Ok(()));
+    // Next to the domain, and around a corner of it.
+    for loops in [square(1.0..2.0, 0.0..1.0), square(-1.0..0.0, -1.0..0.0)] {
+        let told = inside(&[loops], [false; 2]);
+        assert!(matches!(told, Err(Error::LoopsOutside { .. })), "{told:?}");
+    }
+    // What reaches over the domain is not outside; a hole of the same size leaves nothing.
+    let over = square(-1.0..2.0, -1.0..2.0);
+    let corner = square(0.5..2.0, -1.0..0.5);
+    for loops in [
+        &[over.clone()][..],
+        &[corner],
+        &[beside[0].clone(), over.clone()],
+    ] {
+        assert_eq!(inside(loops, [false; 2]), Ok(()));
+    }
+    let larger = square(-2.0..3.0, -2.0..3.0);
+    assert_eq!(
+        inside(&[over, larger], [false; 2]),
+        Err(Error::NothingInside)
+    );
+}
+
 #[test]
 fn loops_with_nothing_inside_are_told() {
     let along = [[0.3, 0.1], [0.6, 0.9]];
     let there_and_back = vec![line(along[0], along[1]), line(along[1], along[0])];
     let flat = TrimLoop::new(there_and_back, 0.0).unwrap();
-    let check = |loops: &[TrimLoop]| TrimLoop::check_inside(loops, &(0.0..1.0), &(0.0..1.0));
+    let check = |loops: &[TrimLoop]| inside(loops, [false; 2]);
     assert_eq!(check(&[]), Ok(()));
     assert_eq!(
         check(std::slice::from_ref(&flat)),

@@ -87,6 +87,19 @@ fn loops_that_cannot_be_read_are_told() {
 }
 
 #[test]
+fn loops_that_lie_outside_cut_nothing_off() {
+    let mut entities = trimmed("0.,0.,0.,1.,0.,0.");
+    for line in &mut entities[..4] {
+        line.parameters = line.parameters.replace("1.", "3.").replace("0.,", "2.,");
+    }
+    let (scene, warnings) = read(&entities);
+    assert!(scene.patches()[0].loops.is_empty());
+    let text = "line 17, trimmed surface D15 (type 144): trimmed surface is shown untrimmed: its trim \
+                loops, from (2, 2) to (3, 3), lie outside its domain, which goes from (0, 0) to (1, 1)";
+    assert_eq!(warnings, [text]);
+}
+
+#[test]
 fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
     // The curves of space do not close.
     let mut entities = border();
