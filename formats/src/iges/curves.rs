@@ -75,6 +75,27 @@ impl Reader<'_, '_> {
         self.repairs.push((index, problem));
     }
 
+    /// What comes of reading; what had to be repaired counts if that is used.
+    pub(super) fn tried<T>(
+        &mut self,
+        read: impl FnOnce(&mut Self) -> Result<T, Problem>,
+    ) -> Result<T, Problem> {
+        let before = self.repairs.len();
+        let result = read(self);
+        if result.is_err() {
+            self.repairs.truncate(before);
+        }
+        result
+    }
+
+    /// The curves of an entity, to be looked at only: nothing is noted.
+    pub(super) fn glimpse(&mut self, index: usize) -> Result<Vec<Rail>, Problem> {
+        let before = self.repairs.len();
+        let rails = self.rails(index);
+        self.repairs.truncate(before);
+        rails
+    }
+
     /// The curve a pointer leads to, in one piece.
     pub(super) fn rail(&mut self, pointer: i64) -> Result<Rail, Problem> {
         let index = self.file.follow(pointer, "a curve")?;

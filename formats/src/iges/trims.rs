@@ -92,8 +92,8 @@ pub(super) fn faces(
         let trims = match &loops {
             None => Vec::new(),
             Some(loops) => {
-                let made = Trimmer::new(&surface, &sheet, reader.file.global.resolution)
-                    .trims(reader, face, loops, border);
+                let trimmer = Trimmer::new(&surface, &sheet, reader.file.global.resolution);
+                let made = reader.tried(|reader| trimmer.trims(reader, face, loops, border));
                 made.unwrap_or_else(|problem| {
                     untrimmed(reader, face, &problem);
                     Vec::new()
@@ -146,7 +146,7 @@ fn hull(reader: &mut Reader<'_, '_>, loops: &[Loop], sheet: &Sheet) -> Result<Ve
     let back = sheet.place.inverse();
     for stretch in loops.iter().flat_map(|l| &l.uses).filter(|u| u.space != 0) {
         let index = reader.file.follow(stretch.space, "a curve")?;
-        for rail in reader.rails(index)? {
+        for rail in reader.glimpse(index)? {
             hull.extend(rail.curve.points().map(|p| back.transform_point3(p)));
         }
     }
@@ -243,32 +243,22 @@ impl<'a> Trimmer<'a> {
         loops: &[Loop],
         border: bool,
     ) -> Result<Vec<TrimLoop>, Problem> {
-        let closed = self.best_closed(reader, face, loops)?;
-        for _ in 0..closed.wide_gaps {
-            let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
-            reader.repaired(face, text);
-        }
-        let mut trims = closed.loops;
-        if repeated::removed(&mut trims, &self.domain) {
-            let text = "two trim loops are the same; they count once";
-            reader.repaired(face, text);
-        }
+        let mut trims = self.best_closed(reader, face, loops)?;
         let [u, v] = &self.domain;
-        TrimLoop::check_inside(&trims, u, v, self.surface.closed()).map_err(Problem::Geometry)?;
         if border {
             trims.push(TrimLoop::border(u, v).map_err(Problem::Geometry)?);
         }
         Ok(trims)
     }
 
-    /// The loops of the curves that each prefers, of the others where those do not close, or with
-    /// wider gaps.
+    /// The loops of the curves that each prefers, of the others where those bound no face, or with
+    /// wider gaps. What was repaired for those that are given up is not told.
     fn best_closed(
         &self,
         reader: &mut Reader<'_, '_>,
         face: usize,
         loops: &[Loop],
-    ) -> Result<kernel::ClosedLoops, Problem> {
+    ) -> Result<Vec<TrimLoop>, Problem> {
         let is_quadric = self.quadric().is_some();
         let preferred = |l: &Loop| {
             if l.prefers_space || is_quadric {
@@ -281,22 +271,31 @@ impl<'a> Trimmer<'a> {
             Source::Space => Source::Flat,
             _ => Source::Space,
         };
-        let problem = match self.closed(reader, face, loops, &preferred, self.accuracy) {
+        let mut made = |source: Choice<'_>, accuracy: f64, repair: Option<&str>| {
+            reader.tried(|reader| {
+                let made = self.closed(reader, face, loops, source, accuracy)?;
+                if let Some(text) = repair {
+                    reader.repaired(face, text);
+                }
+                Ok(made)
+            })
+        };
+        let problem = match made(&preferred, self.accuracy, None) {
             Err(problem) => problem,
-            closed => return closed,
+            made => return made,
         };
         let others: [(Choice<'_>, f64, &str); 3] = [
             (
                 &other,
                 self.accuracy,
                 "a trim loop is made of the other curves of the file, because those it prefers \
-                 do not close",
+                 bound no face",
             ),
             (
                 &|_| Source::FlatAnywhere,
                 self.accuracy,
                 "a trim loop is made of curves of the parameter domain that are not where its \
-                 curves of space are, because those do not close",
+                 curves of space are, because those bound no face",
             ),
             (
                 &preferred,
@@ -307,15 +306,14 @@ impl<'a> Trimmer<'a> {
         ];
         // Of quadrics only curves of space count.
         for (source, accuracy, text) in others.into_iter().skip(if is_quadric { 2 } else { 0 }) {
-            if let Ok(closed) = self.closed(reader, face, loops, source, accuracy) {
-                reader.repaired(face, text);
-                return Ok(closed);
+            if let Ok(made) = made(source, accuracy, Some(text)) {
+                return Ok(made);
             }
         }
         Err(problem)
     }
 
-    /// The loops of these curves.
+    /// The loops of these curves, if they close and something is inside them.
     fn closed(
         &self,
         reader: &mut Reader<'_, '_>,
@@ -323,7 +321,7 @@ impl<'a> Trimmer<'a> {
         loops: &[Loop],
         source: Choice<'_>,
         accuracy: f64,
-    ) -> Result<kernel::ClosedLoops, Problem> {
+    ) -> Result<Vec<TrimLoop>, Problem> {
         let mut chains = Vec::new();
         for one in loops {
             chains.push(self.chain(reader, face, one, source(one), accuracy)?);
@@ -335,8 +333,25 @@ impl<'a> Trimmer<'a> {
         } else {
             Orientation::Unknown
         };
-        kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation)
-            .map_err(Problem::Geometry)
+        let made = kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation)
+            .map_err(Problem::Geometry)?;
+        for _ in 0..made.wide_gaps {
+            let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
+            reader.repaired(face, text);
+        }
+        let mut loops = made.loops;
+        if repeated::removed(&mut loops, &self.domain) {
+            let text = "two trim loops are the same; they count once";
+            reader.repaired(face, text);
+        }
+        self.check_inside(&loops)?;
+        Ok(loops)
+    }
+
+    /// Makes sure that something is inside the loops.
+    fn check_inside(&self, loops: &[TrimLoop]) -> Result<(), Problem> {
+        let [u, v] = &self.domain;
+        TrimLoop::check_inside(loops, u, v, self.surface.closed()).map_err(Problem::Geometry)
     }
 
     /// The curves of one loop, turned so that each begins where the one before ends.
@@ -351,7 +366,7 @@ impl<'a> Trimmer<'a> {
         let mut chain = Vec::new();
         for stretch in &one.uses {
             let flat = if source != Source::Space && !stretch.flat.is_empty() {
-                let found = self.flat(reader, stretch, source);
+                let found = reader.tried(|reader| self.flat(reader, stretch, source));
                 if let Err(problem) = &found {
                     let text = format!("{problem}; the curve of space is used");
                     if stretch.space != 0 {
@@ -408,7 +423,7 @@ impl<'a> Trimmer<'a> {
             return Ok(curves);
         }
         let index = reader.file.follow(stretch.space, "a trim curve")?;
-        let Ok(rails) = reader.rails(index) else {
+        let Ok(rails) = reader.glimpse(index) else {
             // Nothing to compare with.
             return Ok(curves);
         };
