@@ -1,16 +1,21 @@
-//! Trim loops that a file has twice: a hole that is the outline again, or is there again.
+//! Trim loops that a file has twice: a hole that is the outline again, or the border of the domain, or
+//! is there again.
 //!
 //! By the rule of odd and even two equal loops undo each other, which no file means.
 
 use std::ops::Range;
 
 use glam::DVec2;
-use kernel::{Curve, TrimLoop};
+use kernel::{Curve, Error, TrimLoop};
 
 use crate::least;
 
 /// Loops no farther apart than this share of their domain are the same.
 const SAME: f64 = 1e-9;
+
+/// A loop no farther than this share of the domain from its border runs along that: curves laid onto
+/// surfaces are no more accurate.
+const ALONG: f64 = 1e-6;
 
 /// Loops are compared if the boxes around their control points are no farther apart than this share
 /// of their size.
@@ -31,6 +36,33 @@ pub(crate) fn removed(loops: &mut Vec<TrimLoop>, domain: &[Range<f64>; 2]) -> bo
     let mut each = again.iter();
     loops.retain(|_| each.next() == Some(&false));
     again.contains(&true)
+}
+
+/// Puts the border of the domain around holes; whether one of them was that border, and so counts as
+/// no hole.
+pub(crate) fn surrounded(
+    holes: &mut Vec<TrimLoop>,
+    domain: &[Range<f64>; 2],
+) -> Result<bool, Error> {
+    let before = holes.len();
+    holes.retain(|hole| !is_border(hole, domain));
+    let was_border = holes.len() < before;
+    holes.push(TrimLoop::border(&domain[0], &domain[1])?);
+    Ok(was_border)
+}
+
+/// Whether a loop is the border of the domain.
+pub(crate) fn is_border(one: &TrimLoop, domain: &[Range<f64>; 2]) -> bool {
+    let start = DVec2::from(domain.each_ref().map(|d| d.start));
+    let size = DVec2::from(domain.each_ref().map(|d| d.end - d.start));
+    let is_along = |point: DVec2| {
+        let share = point - start / size;
+        let off = share.abs().min((DVec2::ONE - share).abs());
+        let beyond = (share - share.clamp(DVec2::ZERO, DVec2::ONE)).abs();
+        off.min_element() <= ALONG && beyond.max_element() <= ALONG
+    };
+    // What runs along it and back has no area.
+    one.signed_area().abs() > 0.5 * size.x * size.y && Outline::of(one, size).points().all(is_along)
 }
 
 /// A loop, and the corners of the box around its control points, as shares of the domain.
@@ -89,6 +121,27 @@ mod tests {
         let corners: Vec<DVec2> = corners.iter().map(|&c| c.into()).collect();
         let side = |pair: &[DVec2]| Curve::line(pair[0], pair[1], 0.0..1.0).unwrap();
         TrimLoop::new(corners.windows(2).map(side).collect(), 0.0).unwrap()
+    }
+
+    #[test]
+    fn a_hole_that_is_the_border_counts_as_that() {
+        let domain = [-1.0..1.0, 2.0..6.0];
+        let [a, b, c, d] = [[-1.0, 2.0], [1.0, 2.0], [1.0, 6.0], [-1.0, 6.0]];
+        let hole = polygon(&[[-0.5, 3.0], [0.5, 3.0], [0.5, 4.0], [-0.5, 3.0]]);
+        let border = TrimLoop::border(&domain[0], &domain[1]).unwrap();
+        for outline in [
+            polygon(&[a, b, c, d, a]),
+            polygon(&[c, b, a, d, c]),
+            polygon(&[b, c, [0.3, 6.0], d, [-1.000_000_1, 5.0], a, b]),
+        ] {
+            let mut loops = vec![outline, hole.clone()];
+            assert_eq!(surrounded(&mut loops, &domain), Ok(true));
+            assert_eq!(loops, [hole.clone(), border.clone()]);
+        }
+        // Half of the border is a hole, and so is what runs along it and back.
+        for other in [polygon(&[a, b, c, a]), polygon(&[a, b, c, b, a])] {
+            assert_eq!(surrounded(&mut vec![other], &domain), Ok(false));
+        }
     }
 
     #[test]

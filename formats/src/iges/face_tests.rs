@@ -315,6 +315,37 @@ fn bounded_planes_end_at_their_curve() {
 }
 
 #[test]
+fn planes_without_anything_inside_their_loops_are_not_shown() {
+    for line in ["0.,0.,2.,4.,3.,2.", "1.,1.,2.,4.,1.,2."] {
+        let (scene, warnings) = read(&[
+            part(110, 0, line),
+            part(106, 12, "2,2,0.,0.,2.,0.,0.,2."),
+            part(102, 0, "2,1,1"),
+            formed(108, 1, "0.,0.,1.,2.,5,0.,0.,0.,0."),
+        ]);
+        assert!(scene.patches().is_empty());
+        let text = "line 9, plane D7 (type 108): nothing is inside its trim loops, and it has no \
+                    border of its own; it is not shown";
+        assert_eq!(warnings[0], text);
+    }
+}
+
+#[test]
+fn holes_of_what_has_no_end_are_its_border() {
+    let corners = "0.,0.,4.,0.,4.,3.,0.,3.,0.,0.";
+    let (scene, warnings) = read(&[
+        part(106, 11, &format!("1,5,2.,{corners}")),
+        part(108, 0, "0.,0.,1.,2.,0,0.,0.,0.,0."),
+        part(142, 0, "0,3,0,1,2"),
+        made(144, "3,0,1,0,5"),
+    ]);
+    assert!(shows(&scene.patches()[0], DVec3::new(1.0, 2.0, 2.0)));
+    let text = "line 9, trimmed surface D7 (type 144): its surface has no end; its outermost hole \
+                counts as its border";
+    assert_eq!(warnings, [text]);
+}
+
+#[test]
 fn trims_of_space_are_laid_onto_free_surfaces() {
     // z = x y over the unit square, cut by a circle above it; and curves in the parameter
     // domain that are somewhere else.

@@ -19,6 +19,9 @@ const ON_AXIS: f64 = 1e-6;
 /// How much larger than its trim curves a surface is made, as a share of their size.
 const MARGIN: f64 = 1e-3;
 
+/// What bounds a plane, and is narrower than this share of its length, bounds nothing.
+const NARROW: f64 = 1e-10;
+
 /// Apexes farther away than this many times the size of a cone are left out.
 const FAR: f64 = 100.0;
 
@@ -140,6 +143,11 @@ fn vector(file: &File<'_>, pointer: i64, kind: i64) -> Result<DVec3, Problem> {
 }
 
 impl Quadric {
+    /// Whether it has no border of its own, and no end.
+    pub(super) fn is_boundless(&self) -> bool {
+        !matches!(self.shape, Shape::Sphere { .. } | Shape::Torus { .. })
+    }
+
     /// A point in the axes of the frame.
     fn local(&self, point: DVec3) -> DVec3 {
         let offset = point - self.frame.origin();
@@ -230,6 +238,10 @@ impl Quadric {
         let made = match self.shape {
             Shape::Plane => match (span(0), span(1)) {
                 (Some(u), Some(v)) => {
+                    let [a, b] = [&u, &v].map(|range| range.end - range.start);
+                    if a.min(b) <= a.max(b) * NARROW {
+                        return Err(Problem::Geometry(kernel::Error::NothingInside));
+                    }
                     let origin = frame.origin() + frame.x() * u.start + frame.y() * v.start;
                     let edges = [frame.x() * (u.end - u.start), frame.y() * (v.end - v.start)];
                     modelling::plane(origin, edges[0], edges[1], u, v)

@@ -28,6 +28,18 @@ pub(super) struct Sheet {
     pub name: String,
 }
 
+impl Sheet {
+    /// Whether it has no border of its own, and no end.
+    pub(super) fn is_boundless(&self) -> bool {
+        matches!(&self.shape, SheetShape::Quadric(quadric) if quadric.is_boundless())
+    }
+
+    /// Whether it is a plane.
+    pub(super) fn is_plane(&self) -> bool {
+        matches!(&self.shape, SheetShape::Quadric(quadric) if quadric.shape == quadric::Shape::Plane)
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) enum SheetShape {
     /// Surfaces with the parameters of the file, but for the warps; several where one is torn.

@@ -1,6 +1,7 @@
 //! Trim loops: from curves of the parameter domain, or from curves of space laid onto the
 //! surface.
 
+mod extent;
 mod laid;
 #[cfg(test)]
 mod tests;
@@ -70,39 +71,68 @@ pub(super) fn faces(
             None
         }
     };
-    let border = matches!(boundary, Boundary::Holes(_)) && sheet.border == 0;
-    let surfaces = match sheet.shape.clone() {
-        SheetShape::Splines(pieces, _) => pieces,
-        SheetShape::Quadric(quadric) => {
-            let hull = hull(reader, loops.as_deref().unwrap_or_default(), &sheet)?;
-            let quadric = quadric.near(&hull)?;
-            let Some(surface) = quadric.surface(&hull)? else {
-                let text = "it has no end, because no curves of space bound it; it is not shown";
-                reader
-                    .repairs
-                    .push((face, Problem::Unsupported(text.to_owned())));
-                return Ok(Vec::new());
-            };
-            sheet.shape = SheetShape::Quadric(quadric);
-            vec![surface.transformed(&sheet.place)]
-        }
+    let mut border = matches!(boundary, Boundary::Holes(_)) && sheet.border == 0;
+    if border && loops.is_some() && sheet.is_boundless() {
+        let text = "its surface has no end; its outermost hole counts as its border";
+        reader.repaired(face, text);
+        border = false;
+    }
+    let surfaces = match extent::surfaces(reader, loops.as_deref().unwrap_or_default(), &mut sheet)
+    {
+        Ok(surfaces) => surfaces,
+        Err(problem) => return no_plane(reader, face, problem),
     };
+    if surfaces.is_empty() {
+        let text = "it has no end, because no curves of space bound it; it is not shown";
+        let problem = Problem::Unsupported(text.to_owned());
+        reader.repairs.push((face, problem));
+    }
     let mut parts = Vec::new();
     for surface in surfaces {
         let trims = match &loops {
             None => Vec::new(),
             Some(loops) => {
                 let trimmer = Trimmer::new(&surface, &sheet, reader.file.global.resolution);
-                let made = reader.tried(|reader| trimmer.trims(reader, face, loops, border));
-                made.unwrap_or_else(|problem| {
-                    untrimmed(reader, face, &problem);
-                    Vec::new()
-                })
+                match reader.tried(|reader| trimmer.trims(reader, face, loops, border)) {
+                    Ok(trims) => trims,
+                    Err(NOTHING) if sheet.is_plane() => return no_plane(reader, face, NOTHING),
+                    Err(problem) => {
+                        untrimmed(reader, face, &problem);
+                        Vec::new()
+                    }
+                }
             }
         };
         parts.push((surface, trims));
     }
+    if parts.len() > 1 {
+        let problems = parts.iter().map(|(s, trims)| check_inside(s, trims).err());
+        if let Some(Some(problem)) = problems.min_by_key(Option::is_some) {
+            untrimmed(reader, face, &problem);
+            parts.iter_mut().for_each(|(_, trims)| trims.clear());
+        }
+    }
     Ok(parts)
+}
+
+/// Makes sure that something of a surface is inside loops.
+fn check_inside(surface: &Surface, loops: &[TrimLoop]) -> Result<(), Problem> {
+    let [u, v] = [surface.knots_u(), surface.knots_v()].map(kernel::KnotVector::domain);
+    TrimLoop::check_inside(loops, &u, &v, surface.closed()).map_err(Problem::Geometry)
+}
+
+/// Why loops bound nothing.
+const NOTHING: Problem = Problem::Geometry(kernel::Error::NothingInside);
+
+/// Notes that a plane is not shown because nothing is inside its loops: they alone tell how large it
+/// is. Other problems stay.
+fn no_plane(reader: &mut Reader<'_, '_>, face: usize, problem: Problem) -> Result<Parts, Problem> {
+    if problem != NOTHING {
+        return Err(problem);
+    }
+    let text = format!("{problem}, and it has no border of its own; it is not shown");
+    reader.repaired(face, &text);
+    Ok(Vec::new())
 }
 
 /// The curves of a curve on a surface (type 142) for its own sake: those of space, or else those
@@ -137,20 +167,6 @@ pub(super) fn on_surface(
     let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere)?;
     let lifted = |curve| lifted::onto(trimmer.surface, curve, |uv| trimmer.point(uv));
     flat.iter().map(|c| Ok(lifted(c)?.curve)).collect()
-}
-
-/// The control points of the curves of space around a face, in the coordinates of its sheet
-/// before that is placed.
-fn hull(reader: &mut Reader<'_, '_>, loops: &[Loop], sheet: &Sheet) -> Result<Vec<DVec3>, Problem> {
-    let mut hull = Vec::new();
-    let back = sheet.place.inverse();
-    for stretch in loops.iter().flat_map(|l| &l.uses).filter(|u| u.space != 0) {
-        let index = reader.file.follow(stretch.space, "a curve")?;
-        for rail in reader.glimpse(index)? {
-            hull.extend(rail.curve.points().map(|p| back.transform_point3(p)));
-        }
-    }
-    Ok(hull)
 }
 
 /// Notes that the loops of a face cannot be used.
@@ -244,9 +260,12 @@ impl<'a> Trimmer<'a> {
         border: bool,
     ) -> Result<Vec<TrimLoop>, Problem> {
         let mut trims = self.best_closed(reader, face, loops)?;
-        let [u, v] = &self.domain;
         if border {
-            trims.push(TrimLoop::border(u, v).map_err(Problem::Geometry)?);
+            if repeated::surrounded(&mut trims, &self.domain).map_err(Problem::Geometry)? {
+                let text = "a hole is the border of its surface; it counts as that";
+                reader.repaired(face, text);
+            }
+            self.check_inside(&trims)?;
         }
         Ok(trims)
     }
@@ -348,10 +367,12 @@ impl<'a> Trimmer<'a> {
         Ok(loops)
     }
 
-    /// Makes sure that something is inside the loops.
+    /// Makes sure that something is inside the loops; of a part of a torn surface nothing may be.
     fn check_inside(&self, loops: &[TrimLoop]) -> Result<(), Problem> {
-        let [u, v] = &self.domain;
-        TrimLoop::check_inside(loops, u, v, self.surface.closed()).map_err(Problem::Geometry)
+        match &self.sheet.shape {
+            SheetShape::Splines(pieces, _) if pieces.len() > 1 => Ok(()),
+            _ => check_inside(self.surface, loops),
+        }
     }
 
     /// The curves of one loop, turned so that each begins where the one before ends.

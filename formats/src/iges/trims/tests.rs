@@ -44,7 +44,11 @@ fn trimmed_surfaces_have_loops_and_show_once() {
     let mut half = square(4.0);
     half.status = "00010000";
     entities.push(half);
-    entities.push(made(144, "17,0,1,0,13"));
+    let mut hole = made(106, "1,4,0.,0.2,0.2,0.8,0.2,0.5,0.8,0.2,0.2");
+    (hole.form, hole.status) = (11, "00010500");
+    entities.push(hole);
+    entities.push(made(142, "1,17,19,0,1"));
+    entities.push(made(144, "17,0,1,0,21"));
     let (scene, warnings) = read(&entities);
     assert_eq!(corners(&scene), [DVec3::X * 3.0, DVec3::X * 4.0]);
     let loops: Vec<_> = scene.patches().iter().map(|p| p.loops.len()).collect();
@@ -97,6 +101,35 @@ fn loops_that_lie_outside_cut_nothing_off() {
     let text = "line 17, trimmed surface D15 (type 144): trimmed surface is shown untrimmed: its trim \
                 loops, from (2, 2) to (3, 3), lie outside its domain, which goes from (0, 0) to (1, 1)";
     assert_eq!(warnings, [text]);
+}
+
+#[test]
+fn of_a_torn_surface_the_part_outside_the_loops_is_cut_off() {
+    // Two squares with a gap between them, and a loop on one of them.
+    let torn = "3,1,1,1,0,0,1,0,0,0.,0.,1.,1.,2.,2.,0.,0.,1.,1.,1.,1.,1.,1.,1.,1.,1.,1.,\
+                0.,0.,0.,1.,0.,0.,2.,0.,0.,3.,0.,0.,0.,1.,0.,1.,1.,0.,2.,1.,0.,3.,1.,0.,0.,2.,0.,1.";
+    for (ends, expected, told) in [
+        (["1.25", "1.75"], [false, true], 1),
+        (["3.25", "3.75"], [true, true], 2),
+    ] {
+        let [a, b] = ends;
+        let mut corners = made(106, &format!("1,4,0.,{a},0.25,{b},0.25,{b},0.75,{a},0.25"));
+        corners.form = 11;
+        let mut entities = vec![corners, made(128, torn)];
+        for part in &mut entities {
+            part.status = "00010000";
+        }
+        entities.push(made(142, "1,3,1,0,1"));
+        entities.push(made(144, "3,1,0,5"));
+        let (scene, warnings) = read(&entities);
+        let whole = scene.patches().iter().map(|patch| {
+            let [u, v] = [patch.surface.knots_u(), patch.surface.knots_v()].map(|k| k.domain());
+            let near = DVec2::new(0.7 * u.end + 0.3 * u.start, 0.4 * v.end + 0.6 * v.start);
+            patch.region().is_none_or(|region| region.contains(near))
+        });
+        assert_eq!(whole.collect::<Vec<_>>(), expected);
+        assert_eq!(warnings.len(), told, "{warnings:?}");
+    }
 }
 
 #[test]
@@ -156,6 +189,41 @@ fn repairs_of_curves_that_are_only_compared_are_not_told() {
     let (scene, warnings) = read(&entities);
     assert_eq!(scene.patches()[0].loops.len(), 1);
     assert_eq!(warnings, [""; 0]);
+}
+
+/// A face of the unit square whose border is that of its domain, with the loop of some curves as a
+/// hole.
+fn with_hole(corners: &str) -> (kernel::Patch, Vec<String>) {
+    let mut entities = vec![made(106, &format!("1,5,0.,{corners}"))];
+    entities[0].form = 11;
+    entities.push(square(3.0));
+    for part in &mut entities {
+        part.status = "00010000";
+    }
+    entities.push(made(142, "1,3,1,0,1"));
+    entities.push(made(144, "3,0,1,0,5"));
+    let (scene, warnings) = read(&entities);
+    (scene.patches()[0].clone(), warnings)
+}
+
+#[test]
+fn a_hole_that_is_the_border_counts_as_that() {
+    let place = "line 9, trimmed surface D7 (type 144):";
+    let (patch, warnings) = with_hole("1.,0.,1.,1.,0.,1.,0.,0.,1.,0.");
+    assert!(patch.region().is_none_or(|region| region.is_whole()));
+    let text = "a hole is the border of its surface; it counts as that";
+    assert_eq!(warnings, [format!("{place} {text}")]);
+    // Other holes stay.
+    let (patch, warnings) = with_hole("0.5,0.,0.5,1.,0.,1.,0.,0.,0.5,0.");
+    assert_eq!(warnings, [""; 0]);
+    let region = patch.region().unwrap();
+    let inside = [0.4, 0.6].map(|u| region.contains(DVec2::new(u, 0.5)));
+    assert_eq!(inside, [false, true]);
+    // A hole that leaves nothing cannot be meant.
+    let (patch, warnings) = with_hole("2.,-1.,2.,2.,-1.,2.,-1.,-1.,2.,-1.");
+    assert!(patch.loops.is_empty());
+    let text = "trimmed surface is shown untrimmed: nothing is inside its trim loops";
+    assert_eq!(warnings, [format!("{place} {text}")]);
 }
 
 #[test]
