@@ -53,17 +53,24 @@ impl Converter<'_> {
                 }
             }
         }
-        if repeated::removed(&mut loops, &[u.clone(), v.clone()]) {
+        let domain = [u.clone(), v.clone()];
+        if repeated::removed(&mut loops, &domain) {
             let text = "two contours are the same; they count once";
             self.warnings.invalid(node.place(), text);
         }
-        if let Err(problem) = TrimLoop::check_inside(&loops, &u, &v, surface.closed()) {
+        let check = |loops: &[TrimLoop]| TrimLoop::check_inside(loops, &u, &v, surface.closed());
+        let mut checked = check(&loops);
+        if checked.is_ok() && runs_clockwise_outside(&loops) {
+            if repeated::surrounded(&mut loops, &domain) == Ok(true) {
+                let text = "the border runs clockwise, as a hole does; it counts as the border";
+                self.warnings.invalid(node.place(), text);
+            }
+            checked = check(&loops);
+        }
+        if let Err(problem) = checked {
             let text = format!("{problem}; the surface is shown untrimmed");
             self.warnings.invalid(node.place(), text);
             return Ok(Vec::new());
-        }
-        if runs_clockwise_outside(&loops) {
-            loops.extend(TrimLoop::border(&u, &v));
         }
         Ok(loops)
     }

@@ -326,6 +326,19 @@ fn contours_are_mended_where_viewers_agree_on_them() {
     let told = "line 2, NurbsTrimmedSurface: its trim loops, from (2, 2) to (3, 3), lie outside its \
                 domain, which goes from (0, 0) to (1, 1); the surface is shown untrimmed";
     assert_eq!(messages, [told]);
+    // A border that runs as a hole does leaves the surface, with its holes; what is larger, nothing.
+    let clockwise = contour(&[line("0 0 0 1 1 1 1 0 0 0")]);
+    let (area, messages) = area_inside(&clockwise);
+    assert!((area - 1.0).abs() < 1e-12, "{area}");
+    let told = "line 2, NurbsTrimmedSurface: the border runs clockwise, as a hole does; it counts as \
+                the border";
+    assert_eq!(messages, [told]);
+    let (area, messages) = area_inside(&format!("{clockwise}{}", contour(&[hole])));
+    assert!((area - 0.64).abs() < 1e-12, "{area}");
+    assert_eq!(messages, [told]);
+    let (area, messages) = area_inside(&contour(&[line("-1 -1 -1 2 2 2 2 -1 -1 -1")]));
+    assert!(area.abs() < 1e-12, "{area}");
+    assert!(messages[0].contains("nothing is inside"), "{messages:?}");
     // Which part comes next is not guessed.
     let apart = contour(&[one, line(".1 .1 .1 .9")]);
     let (_, messages) = area_inside(&apart);
