@@ -158,6 +158,65 @@ fn no_input_is_written_over() {
 }
 
 #[test]
+fn files_beside_an_output_replace_no_input_of_the_batch() {
+    let place = Place::new();
+    let text = fs::read_to_string(place.path("samples/teapot.obj")).unwrap();
+    let mtl = fs::read_to_string(place.path("samples/teapot.mtl")).unwrap();
+    // Of the first file comes x-obj.mtl, which the second one names, and which is the third one.
+    fs::write(place.path("x.obj"), text.replace("teapot.mtl", "a.mtl")).unwrap();
+    fs::write(place.path("y.obj"), text.replace("teapot.mtl", "x-obj.mtl")).unwrap();
+    for name in ["a.mtl", "x-obj.mtl"] {
+        fs::write(place.path(name), &mtl).unwrap();
+    }
+    for (others, why) in [
+        (
+            "y.obj",
+            "x-obj.mtl: an input would be written over, which y.obj names",
+        ),
+        (
+            "samples/goblet.x3d x-obj.mtl",
+            "x-obj.mtl: an input would be written over",
+        ),
+    ] {
+        for jobs in [1, 2] {
+            let line =
+                format!("convert x.obj {others} -o {{stem}}-{{ext}}.obj --json --jobs {jobs}");
+            let run = place.run(&line);
+            assert_eq!(run.code, Some(3), "{}", run.stderr);
+            assert!(run.stderr.contains(why), "{}", run.stderr);
+            let ok = values(&run.stdout, "status")
+                .iter()
+                .filter(|s| *s == "ok")
+                .count();
+            assert_eq!(ok, 1, "{}", run.stdout);
+            assert_eq!(fs::read_to_string(place.path("x-obj.mtl")).unwrap(), mtl);
+            assert!(!place.path("x-obj.obj").exists());
+        }
+    }
+    // What is written again is no input.
+    for _ in 0..2 {
+        let run = place.run("convert x.obj samples/goblet.x3d -o {stem}-{ext}.obj --out-dir out");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn files_beside_two_outputs_of_one_name_clash() {
+    let place = Place::new();
+    for name in ["samples/a.obj", "samples/a.OBJ"] {
+        fs::copy(place.path("samples/teapot.obj"), place.path(name)).unwrap();
+    }
+    let run = place.run("convert samples/a.obj samples/a.OBJ -o new/{stem}.{ext} --json");
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    assert_eq!(values(&run.stdout, "status"), ["ok", "failed"]);
+    let message = "samples/a.OBJ: what samples/a.obj becomes would be written to new/a.mtl, too; \
+                   rename one or write them to different folders\n";
+    assert!(run.stderr.contains(message), "{}", run.stderr);
+    assert!(!place.path("new/a.OBJ").exists());
+}
+
+#[test]
 fn names_that_clash_do_not_stop_the_others() {
     let place = Place::new();
     for folder in ["a", "b"] {

@@ -1,6 +1,5 @@
 //! `nurbray convert`.
 
-use std::collections::HashSet;
 use std::fs;
 use std::io::{BufWriter, Write as _};
 use std::path::{Component, Path, PathBuf};
@@ -16,6 +15,7 @@ use nurbray::{output, tessellate};
 use serde_json::{Map, Value, json};
 
 use super::batch::{self, Fate, Stop};
+use super::claims::Claims;
 use super::input::{self, Beside, Loaded, ReadArgs};
 use super::mesh::{self, MeshArgs, Shard};
 use super::parse;
@@ -93,6 +93,8 @@ enum Log {
 /// One file to be converted.
 #[derive(Debug)]
 struct Job {
+    /// Its position among all that were given.
+    number: usize,
     source: PathBuf,
     path: PathBuf,
     target: Target,
@@ -105,11 +107,9 @@ type Row = Map<String, Value>;
 
 /// Converts every file.
 pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
-    let mut jobs = jobs(args)?;
+    let (mut jobs, claims) = jobs(args)?;
     if let Some(Shard { index, count }) = args.batch.shard {
-        let numbered = jobs.into_iter().enumerate();
-        let own = numbered.filter(|(number, _)| number % count == index);
-        jobs = own.map(|(_, job)| job).collect();
+        jobs.retain(|job| job.number % count == index);
     }
     if jobs.iter().all(|job| !job.target.has_triangles()) {
         args.mesh.warn_unused(&args.output);
@@ -125,7 +125,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
         let fate = if stop.is_asked() {
             Fate::Left
         } else {
-            convert(job, args, &stop, &mut row).unwrap_or_else(|error| {
+            convert(job, args, (&stop, &claims), &mut row).unwrap_or_else(|error| {
                 say!("nurbray: {error:#}");
                 row.insert("error".to_owned(), format!("{error:#}").into());
                 Fate::Failed
@@ -154,9 +154,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
     Ok(Failures { count, code })
 }
 
-/// Every file with its target; those that would be written to one place, or over an input, are
-/// refused.
-fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
+/// Every file with its target, and their places; those that would be written to one place, or over
+/// an input, are refused.
+fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
     let mut jobs = Vec::new();
     for given in &args.files {
         let sources = if given.is_dir() {
@@ -184,6 +184,7 @@ fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
                 );
             };
             jobs.push(Job {
+                number: jobs.len(),
                 source,
                 path,
                 target,
@@ -194,14 +195,13 @@ fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
     let pair = |job: &Job| (job.source.clone(), job.path.clone());
     let pairs: Vec<_> = jobs.iter().map(pair).collect();
     let pairs: Vec<_> = pairs.iter().map(|(a, b)| (&**a, &**b)).collect();
-    let real = |path: &Path| path.canonicalize().ok();
-    let sources: HashSet<_> = pairs.iter().filter_map(|pair| real(pair.0)).collect();
+    let claims = Claims::new(&pairs, &args.read);
     for (job, clash) in jobs.iter_mut().zip(input::clashes(&pairs)) {
-        let is_input = real(&job.path).is_some_and(|path| sources.contains(&path));
+        let is_input = claims.is_input(&job.path);
         let over = || format!("{}: an input would be written over", job.path.display());
         job.refused = is_input.then(over).or(clash);
     }
-    Ok(jobs)
+    Ok((jobs, claims))
 }
 
 /// Where a file goes; `given` is what led to it, itself or a folder.
@@ -256,7 +256,12 @@ fn is_known(path: &Path) -> bool {
 }
 
 /// Converts a file; what there is to say about it goes into `row`.
-fn convert(job: &Job, args: &Args, stop: &Stop, row: &mut Row) -> anyhow::Result<Fate> {
+fn convert(
+    job: &Job,
+    args: &Args,
+    (stop, claims): (&Stop, &Claims),
+    row: &mut Row,
+) -> anyhow::Result<Fate> {
     let Job { source, path, .. } = job;
     if let Some(why) = &job.refused {
         bail!("{why}");
@@ -283,7 +288,8 @@ fn convert(job: &Job, args: &Args, stop: &Stop, row: &mut Row) -> anyhow::Result
     }
     let loaded = args.read.understand(source, &bytes)?;
     drop(bytes);
-    let export = write(job, args, &loaded, &mesh::source(source, sha256), row)?;
+    let origin = mesh::source(source, sha256);
+    let export = write(job, args, (&loaded, claims), &origin, row)?;
     if let Some(record) = &record {
         record.write(&loaded.beside, &export)?;
     }
@@ -294,7 +300,7 @@ fn convert(job: &Job, args: &Args, stop: &Stop, row: &mut Row) -> anyhow::Result
 fn write(
     job: &Job,
     args: &Args,
-    loaded: &Loaded,
+    (loaded, claims): (&Loaded, &Claims),
     origin: &Source,
     row: &mut Row,
 ) -> anyhow::Result<Export> {
@@ -325,7 +331,9 @@ fn write(
     import.tell_unwritten(&mut export.warnings);
     input::report_warnings(path, target.name(), &export.warnings);
     let named = beside.keys().map(|name| Beside::place(source, name));
-    input::check_apart(&outputs(path, &export), &named.collect::<Vec<_>>())?;
+    let outputs = outputs(path, &export);
+    input::check_apart(&outputs, &named.collect::<Vec<_>>())?;
+    claims.claim(job.number, &outputs)?;
     store(path, &export)?;
     let took = started.elapsed();
     let bytes = export.bytes.len() + export.beside.iter().map(|(_, b)| b.len()).sum::<usize>();

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use nurbray::formats::{self, Folder, Import, Limits, NoFiles, ReadOptions, Resolver, Warnings};
+use nurbray::output;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
@@ -81,6 +82,29 @@ impl ReadArgs {
             took: started.elapsed(),
             beside: beside.found.into_inner(),
         })
+    }
+
+    /// The places of the files that a file names, whether it can be read or not.
+    pub(super) fn named(&self, path: &Path) -> Vec<PathBuf> {
+        let Ok(bytes) = self.bytes(path) else {
+            return Vec::new();
+        };
+        let limits = self.limits();
+        let beside = self.beside(path, &limits);
+        let options = ReadOptions {
+            limits: &limits,
+            resolver: &beside,
+        };
+        // What is wrong with it is told when it is converted.
+        let _ = formats::read(&bytes, ending(path).as_deref(), &options);
+        let named = beside.found.into_inner();
+        named.keys().map(|name| Beside::place(path, name)).collect()
+    }
+
+    /// The folder in which, and below, the files are that a file may name.
+    pub(super) fn root<'a>(&'a self, path: &'a Path) -> &'a Path {
+        let root = self.within.as_deref();
+        root.unwrap_or_else(|| output::folder(path))
     }
 
     /// What fetches the files that a file names.

@@ -3,6 +3,7 @@
 
 mod batch;
 mod bench;
+mod claims;
 mod compare;
 mod convert;
 mod info;

@@ -1,0 +1,127 @@
+//! Who writes where in a batch: nobody over what a file of it is read from, whether that was given or
+//! is named by such a file, nor over what another one writes.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use anyhow::bail;
+
+use super::input::{self, ReadArgs};
+
+/// The places of a batch.
+#[derive(Debug)]
+pub(super) struct Claims {
+    members: Vec<Member>,
+    read: ReadArgs,
+    /// Who has written, or is about to write, where.
+    taken: Mutex<HashMap<PathBuf, usize>>,
+}
+
+/// One file of a batch.
+#[derive(Debug)]
+struct Member {
+    source: PathBuf,
+    /// Where it stands, and the folder in which, and below, the files are that it may name.
+    place: Option<PathBuf>,
+    folder: Option<PathBuf>,
+    /// The files that it names: they are looked for when something is to be written over what may be
+    /// one of them.
+    named: OnceLock<HashSet<PathBuf>>,
+}
+
+impl Claims {
+    /// Of a batch without claims, by inputs and outputs; the number of a file is its position.
+    pub(super) fn new(pairs: &[(&Path, &Path)], read: &ReadArgs) -> Self {
+        let member = |&(source, _): &(&Path, &Path)| Member {
+            source: source.to_owned(),
+            place: source.canonicalize().ok(),
+            folder: read.root(source).canonicalize().ok(),
+            named: OnceLock::new(),
+        };
+        let mut taken = HashMap::new();
+        for (number, (_, output)) in pairs.iter().enumerate() {
+            taken.entry(place(output)).or_insert(number);
+        }
+        Self {
+            members: pairs.iter().map(member).collect(),
+            read: read.clone(),
+            taken: Mutex::new(taken),
+        }
+    }
+
+    /// Whether a path is one of the inputs.
+    pub(super) fn is_input(&self, path: &Path) -> bool {
+        let place = path.canonicalize().ok();
+        place.is_some() && self.members.iter().any(|member| member.place == place)
+    }
+
+    /// Claims the places of all that is written for a file of this number.
+    ///
+    /// # Errors
+    /// If one of them is an input, is named by an input, or is where another file is written.
+    pub(super) fn claim(&self, number: usize, outputs: &[PathBuf]) -> anyhow::Result<()> {
+        for path in outputs {
+            let shown = path.display();
+            if self.is_input(path) {
+                bail!("{shown}: an input would be written over");
+            }
+            if let Some(member) = self.named_by(number, path) {
+                let by = input::display(&member.source);
+                bail!("{shown}: an input would be written over, which {by} names");
+            }
+        }
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let by_other = |path: &&PathBuf| taken.get(&place(path)).is_some_and(|by| *by != number);
+        if let Some(path) = outputs.iter().find(by_other) {
+            let other = taken.get(&place(path)).map(|&by| &self.members[by]);
+            let other = other.map_or_else(String::new, |member| input::display(&member.source));
+            let (own, shown) = (input::display(&self.members[number].source), path.display());
+            bail!(
+                "{own}: what {other} becomes would be written to {shown}, too; rename one or write \
+                 them to different folders"
+            );
+        }
+        taken.extend(outputs.iter().map(|path| (place(path), number)));
+        Ok(())
+    }
+
+    /// A file of the batch other than the one of this number that names what stands at a path.
+    fn named_by(&self, number: usize, path: &Path) -> Option<&Member> {
+        let place = path.canonicalize().ok()?;
+        let mut others = self.members.iter().enumerate();
+        let found = others.find(|(other, member)| {
+            let folder = member.folder.as_ref();
+            let reaches = folder.is_some_and(|folder| place.starts_with(folder));
+            *other != number && reaches && self.named(member).contains(&place)
+        });
+        found.map(|(_, member)| member)
+    }
+
+    /// The files that a member names.
+    fn named<'a>(&self, member: &'a Member) -> &'a HashSet<PathBuf> {
+        member.named.get_or_init(|| {
+            // What is read from a pipe cannot be read twice.
+            let is_file = member.place.as_ref().is_some_and(|place| place.is_file());
+            let named = is_file.then(|| self.read.named(&member.source));
+            let named = named.into_iter().flatten();
+            named.filter_map(|path| path.canonicalize().ok()).collect()
+        })
+    }
+}
+
+/// Where a path leads, also before anything stands there.
+fn place(path: &Path) -> PathBuf {
+    let mut above = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut below = Vec::new();
+    loop {
+        if let Ok(real) = above.canonicalize() {
+            return real.join(below.iter().rev().collect::<PathBuf>());
+        }
+        let Some(name) = above.file_name() else {
+            return path.to_owned();
+        };
+        below.push(name.to_owned());
+        above.pop();
+    }
+}
