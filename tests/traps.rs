@@ -89,7 +89,7 @@ fn growing() -> Vec<Trap> {
         (
             "doubled.wrl",
             vrml(&doubled),
-            "shapes after instancing; the limit is 10000000",
+            "shapes after instancing; the limit is 3000000; --relax-limits multiplies the limits",
         ),
         (
             "instances.wrl",

@@ -15,7 +15,8 @@ pub struct Limits {
     pub nesting: usize,
     /// Control points and vertices of one file together.
     pub points: usize,
-    /// Shapes shown, counting every place of an instance.
+    /// Surfaces, meshes and curves shown, counting every place of an instance: a picture takes some
+    /// 300 bytes for each, triangles more.
     pub placements: u64,
     /// Texels of all pictures of one file together.
     pub texels: usize,
@@ -28,7 +29,7 @@ impl Default for Limits {
             entities: 50_000_000,
             nesting: 200,
             points: 100_000_000,
-            placements: 10_000_000,
+            placements: 3_000_000,
             texels: 100_000_000,
         }
     }

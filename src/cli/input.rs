@@ -7,8 +7,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, bail};
-use nurbray::formats::{self, Folder, Import, Limits, NoFiles, ReadOptions, Resolver, Warnings};
+use anyhow::{Context as _, anyhow, bail};
+use nurbray::formats::{
+    self, Folder, Import, Limits, NoFiles, Problem, ReadOptions, Resolver, Warnings,
+};
 use nurbray::output;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
@@ -78,7 +80,7 @@ impl ReadArgs {
         };
         let import = formats::read(bytes, ending(path).as_deref(), &options);
         Ok(Loaded {
-            import: import.with_context(|| display(path))?,
+            import: import.map_err(advised).with_context(|| display(path))?,
             took: started.elapsed(),
             beside: beside.found.into_inner(),
         })
@@ -115,6 +117,14 @@ impl ReadArgs {
             folder: (!is_stdin(path)).then(|| Folder::new(base, root, limits)),
             found: RefCell::default(),
         }
+    }
+}
+
+/// The error, with what helps where a limit is passed.
+fn advised(error: formats::Error) -> anyhow::Error {
+    match error.problem {
+        Problem::TooLarge(_) => anyhow!("{error}; --relax-limits multiplies the limits"),
+        _ => error.into(),
     }
 }
 
