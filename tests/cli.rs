@@ -52,6 +52,10 @@ const MISTAKES: &[&str] = &[
     "render samples/goblet.x3d -o t.png --threads 100000",
     "render samples/goblet.x3d -o t.png --method newton-map --write-map m.jpg",
     "render samples/goblet.x3d --sheet s.png --bits 16",
+    "render samples/goblet.x3d --sheet s.png --shading none",
+    "render samples/goblet.x3d --sheet s.png --write-map m.png",
+    "render samples/goblet.x3d samples/teapot.obj -o {stem}.png --write-map m.png",
+    "render samples/goblet.x3d -o t.png --write-map ./t.png",
     "render samples/teapot.obj -o t.png --method magic",
     "render samples/teapot.obj -o t.png --shading none",
     "render samples/teapot.obj -o t.exr --aov colour",
@@ -133,6 +137,46 @@ fn one_bad_file_does_not_stop_the_rest() {
     assert_eq!(run.stdout.lines().count(), 5);
     for line in run.stdout.lines() {
         let _: Value = serde_json::from_str(line).unwrap();
+    }
+}
+
+#[test]
+fn pictures_are_written_over_no_input() {
+    let place = Place::new();
+    let inputs = [
+        "samples/mixed.obj",
+        "samples/mixed.mtl",
+        "samples/weave.png",
+    ];
+    let content = || inputs.map(|name| fs::read(place.path(name)).unwrap());
+    let before = content();
+    for line in [
+        "-o t.png --stats samples/mixed.obj",
+        "-o t.png --stats samples/mixed.mtl",
+        "-o samples/../samples/weave.png",
+        "--sheet samples/weave.png",
+        "-o t.png --write-map samples/weave.png",
+    ] {
+        let run = place.run(&format!("render samples/mixed.obj --size 8x6 {line}"));
+        assert_eq!(run.code, Some(2), "{line}");
+        let why = "an input would be written over";
+        assert!(run.stderr.contains(why), "{line}: {}", run.stderr);
+        assert_eq!(place.files(), [""; 0], "{line}");
+        assert!(content() == before, "{line}");
+    }
+}
+
+#[test]
+fn folders_are_made_before_the_work() {
+    let place = Place::new();
+    let run = place.run("render samples/teapot.obj --sheet a/s.png --size 8x6");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let line =
+        "render samples/teapot.obj -o b/t.png --stats c/s.json --write-map d/m.png --size 8x6";
+    let run = place.run(line);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for name in ["a/s.png", "b/t.png", "c/s.json", "d/m.png"] {
+        assert!(place.path(name).is_file(), "{name}");
     }
 }
 

@@ -128,6 +128,15 @@ fn advised(error: formats::Error) -> anyhow::Error {
     }
 }
 
+impl Loaded {
+    /// Refuses outputs that would be written over one of the files that `source`, which was read,
+    /// names.
+    pub(super) fn check_beside(&self, source: &Path, outputs: &[PathBuf]) -> anyhow::Result<()> {
+        let named = self.beside.keys().map(|name| Beside::place(source, name));
+        check_apart(outputs, &named.collect::<Vec<_>>())
+    }
+}
+
 /// The ending of a file, in small letters.
 pub(super) fn ending(path: &Path) -> Option<String> {
     let extension = path.extension();
@@ -180,7 +189,8 @@ impl Resolver for Beside<'_> {
     }
 }
 
-fn is_stdin(path: &Path) -> bool {
+/// Whether a name stands for standard input, or for standard output.
+pub(super) fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 

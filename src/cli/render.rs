@@ -1,5 +1,6 @@
 //! `nurbray render`.
 
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::ops::Range;
@@ -118,7 +119,7 @@ pub(super) struct Args {
     pub(super) method: Choice,
     /// Write the preliminary map of the methods that start from one: red tells the surface, green
     /// and blue its parameters
-    #[arg(long, value_name = "PNG")]
+    #[arg(long, value_name = "PNG", conflicts_with_all = ["sheet", "frames"])]
     pub(super) write_map: Option<PathBuf>,
     /// Threads; 0 uses every core
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::threads)]
@@ -177,18 +178,24 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     if let Some(map) = args.write_map.as_ref().filter(|map| !is_png(map)) {
         bail!("{}: maps are written as .png", map.display());
     }
+    if args.write_map.is_some() && args.files.len() > 1 {
+        bail!("--write-map is for one file; each would write the same map");
+    }
     if let Some(target) = &args.sheet {
         return run_sheet(args, target);
     }
     let targets = targets(args)?;
     let output = output_options(args, &targets)?;
+    let once = prepare(args, &targets)?;
     let mut stats = Stats::new(args.stats.as_deref());
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build()?;
     let mut failed = 0;
     for (file, target) in args.files.iter().zip(&targets) {
-        let done = pool.install(|| render_file(args, file, target, &output, &mut stats));
+        let done = load(args, file, &once)?.and_then(|loaded| {
+            pool.install(|| render_file(args, loaded, (file, target), &output, &mut stats))
+        });
         if let Err(error) = done {
             failed += 1;
             say!("nurbray: {error:#}");
@@ -204,6 +211,10 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
     if output::picture_format(target).is_none() {
         bail!("{}: {ENDINGS}", target.display());
     }
+    if matches!(args.shading, ShadingArg::None) {
+        bail!("--shading none leaves nothing to be seen on a sheet");
+    }
+    let once = prepare(args, &[])?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build()?;
@@ -216,7 +227,9 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
             "-" => "stdin",
             name => name,
         };
-        match pool.install(|| thumbnail(args, file, size)) {
+        let picture = load(args, file, &once)?
+            .and_then(|loaded| pool.install(|| thumbnail(args, loaded, file, size)));
+        match picture {
             Ok(Some(film)) => sheet.add(Ok(&film), label),
             Ok(None) => sheet.add(Err("no surface"), label),
             Err(error) => {
@@ -236,8 +249,13 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
 }
 
 /// The picture of a file; nothing if there is no surface in it.
-fn thumbnail(args: &Args, file: &Path, size: (u32, u32)) -> anyhow::Result<Option<Film>> {
-    let loaded = load(args, file, args.time)?;
+fn thumbnail(
+    args: &Args,
+    mut loaded: Loaded,
+    file: &Path,
+    size: (u32, u32),
+) -> anyhow::Result<Option<Film>> {
+    move_to(&mut loaded, file, args.time)?;
     if shown_count(args, &loaded.import.scene) == 0 {
         return Ok(None);
     }
@@ -263,6 +281,30 @@ fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
         bail!("--frames A..B and {{frame}} in -o need each other");
     }
     Ok(targets)
+}
+
+/// The files that are written once, beside the pictures of all files; their folders are made.
+///
+/// # Errors
+/// If something would be written over an input, or twice to one place.
+fn prepare(args: &Args, targets: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let once = [&args.sheet, &args.write_map, &args.stats];
+    let once = once.into_iter().flatten();
+    let once: Vec<_> = once.filter(|p| !input::is_stdin(p)).cloned().collect();
+    let all = [targets, &once].concat();
+    input::check_apart(&all, &args.files)?;
+    let mut places = HashSet::new();
+    for path in &all {
+        let place = std::path::absolute(path).with_context(|| path.display().to_string())?;
+        if !places.insert(place) {
+            bail!("{}: two outputs would be written there", path.display());
+        }
+    }
+    for path in &once {
+        let folder = output::folder(path);
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    Ok(once)
 }
 
 fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOptions> {
@@ -335,11 +377,17 @@ fn shown_count(args: &Args, scene: &Scene) -> u64 {
     scene.placement_count() + wires
 }
 
-/// Reads a file and tells what is wrong with it; at a moment, if one is given.
-fn load(args: &Args, file: &Path, seconds: Option<f64>) -> anyhow::Result<Loaded> {
-    let mut loaded = args.read.load(file)?;
-    input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
-    move_to(&mut loaded, file, seconds)?;
+/// Reads a file and tells what is wrong with it.
+///
+/// # Errors
+/// The inner one is that of the file. The outer one ends everything: what is written once would be
+/// written over a file that this one names.
+fn load(args: &Args, file: &Path, once: &[PathBuf]) -> anyhow::Result<anyhow::Result<Loaded>> {
+    let loaded = args.read.load(file);
+    if let Ok(loaded) = &loaded {
+        loaded.check_beside(file, once)?;
+        input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
+    }
     Ok(loaded)
 }
 
@@ -355,12 +403,11 @@ fn move_to(loaded: &mut Loaded, file: &Path, seconds: Option<f64>) -> anyhow::Re
 /// Renders a file, or each frame of it.
 fn render_file(
     args: &Args,
-    file: &Path,
-    target: &Path,
+    mut loaded: Loaded,
+    (file, target): (&Path, &Path),
     output: &OutputOptions,
     stats: &mut Stats<'_>,
 ) -> anyhow::Result<()> {
-    let mut loaded = load(args, file, None)?;
     let frames = args
         .frames
         .clone()
@@ -369,8 +416,9 @@ fn render_file(
         let seconds = frame.map(|frame| f64::from(frame) / args.fps).or(args.time);
         move_to(&mut loaded, file, seconds)?;
         let name = frame.map_or_else(String::new, |frame| format!("{frame:04}"));
-        let target = target.to_string_lossy().replace("{frame}", &name);
-        let mut report = render_scene(args, &loaded, file, target.as_ref(), output)?;
+        let target = PathBuf::from(target.to_string_lossy().replace("{frame}", &name));
+        loaded.check_beside(file, std::slice::from_ref(&target))?;
+        let mut report = render_scene(args, &loaded, file, &target, output)?;
         if let Some(seconds) = seconds {
             report["time"] = seconds.into();
         }
@@ -401,10 +449,10 @@ fn render_scene(
     }
     let holds_data = output::picture_format(target).is_some_and(|f| f.holds_data);
     let data = holds_data && !output.aovs.is_empty();
-    let shot = shot(args, loaded, file, args.size.unwrap_or(SIZE), data)?;
-    let started = Instant::now();
     let folder = output::folder(target);
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let shot = shot(args, loaded, file, args.size.unwrap_or(SIZE), data)?;
+    let started = Instant::now();
     output::write(&shot.film, target, output).with_context(|| target.display().to_string())?;
     say!("{}", shot.sentence(file, target));
     Ok(shot.json(file, target, started.elapsed()))
@@ -427,7 +475,7 @@ impl<'a> Stats<'a> {
 
     fn add(&mut self, report: &Value) -> anyhow::Result<()> {
         match self.target {
-            Some(target) if target == Path::new("-") => {
+            Some(target) if input::is_stdin(target) => {
                 writeln!(std::io::stdout().lock(), "{report}")?;
             }
             Some(_) => self.lines += &format!("{report}\n"),
@@ -438,7 +486,7 @@ impl<'a> Stats<'a> {
 
     fn finish(self) -> anyhow::Result<()> {
         match self.target {
-            Some(target) if target != Path::new("-") => {
+            Some(target) if !input::is_stdin(target) => {
                 let fill = |file: &mut BufWriter<File>| file.write_all(self.lines.as_bytes());
                 output::replace_file(target, fill).with_context(|| target.display().to_string())
             }
