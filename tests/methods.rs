@@ -93,6 +93,15 @@ fn pictures_of_research_methods_and_what_they_leave_out() {
         let apart = pairs.iter().filter(|(a, b)| a.abs_diff(**b) > 12).count();
         assert!(apart < expected.len() / 10, "{}: {apart}", method.name);
     }
+    let run = place.run(
+        "render samples/teapot.obj -o single.png --size 64x48 --method newton+single --stats -",
+    );
+    assert!(run.stderr.contains("newton+single: one ray in the middle"));
+    let stats: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(stats["primary_rays"], 64 * 48);
+    assert!(stats["cells_examined"].as_u64().unwrap() > 64);
+    let pairs = pixels("single").into_iter().zip(&expected);
+    assert!(pairs.filter(|(a, b)| a.abs_diff(**b) > 1).count() < 9);
     let run = place.run("render samples/sphere_torus.x3d -o no.png --method gradient-map");
     assert_eq!(run.code, Some(2));
     assert!(

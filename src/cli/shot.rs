@@ -66,7 +66,7 @@ pub(super) fn shot<'a>(
     let has_area = scene.placement_count() > 0;
     let (mut film, stats) = if !has_area {
         (options.film(), RenderStats::default())
-    } else if args.method.is_research() {
+    } else if args.method.has_one_ray_per_pixel() {
         for remark in args.method.remarks(scene) {
             say!("nurbray: {}: {remark}", input::display(file));
         }

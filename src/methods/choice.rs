@@ -13,6 +13,7 @@ use super::{
 };
 use crate::accelerator::{Accelerator, Workspace};
 use crate::film::{Film, blocks};
+use crate::integrator::LEAVE;
 use crate::intersect::{Hit, METHODS, Method};
 use crate::render::{RenderOptions, RenderStats, render, render_found};
 
@@ -87,6 +88,11 @@ impl Choice {
         self.method.picture.is_some()
     }
 
+    /// Whether pictures have one ray through the middle of each pixel, whatever is asked for.
+    pub fn has_one_ray_per_pixel(&self) -> bool {
+        self.is_research() || self.has(Variant::Single)
+    }
+
     fn has(&self, variant: Variant) -> bool {
         self.variants.contains(&variant)
     }
@@ -125,6 +131,12 @@ impl Choice {
     pub fn remarks(&self, scene: &Scene) -> Vec<String> {
         let mut remarks = Vec::new();
         let Some(picture) = &self.method.picture else {
+            if self.has(Variant::Single) {
+                remarks.push(format!(
+                    "{self}: one ray in the middle of each pixel; shadows and what is seen through \
+                     surfaces are traced in packets"
+                ));
+            }
             return remarks;
         };
         let production = METHODS[0].name;
@@ -180,14 +192,27 @@ impl Choice {
             samples: 1,
             ..*options
         };
-        if !self.is_research() {
+        if !self.has_one_ray_per_pixel() {
             return Ok(render(accelerator, camera, &options, &|_| {}));
         }
         let size = (options.width, options.height);
-        let trace = self.trace(accelerator, camera, size)?;
-        let hits = hits(accelerator, camera, size, &trace);
+        let (hits, cells, took) = if self.is_research() {
+            let trace = self.trace(accelerator, camera, size)?;
+            (
+                hits(accelerator, camera, size, &trace),
+                0,
+                trace.times.trace,
+            )
+        } else {
+            let started = Stopwatch::start();
+            let (view, mut workspace) = (View::new(camera, size), Workspace::default());
+            let singly = singly(accelerator, &view, &mut workspace);
+            let hits = singly.map(|(hit, _)| hit).collect();
+            (hits, workspace.cells_examined(), started.elapsed())
+        };
         let (film, mut stats) = render_found(accelerator, camera, &options, &hits);
-        stats.trace = trace.times.trace;
+        stats.trace = took;
+        stats.cells_examined += cells;
         Ok((film, stats))
     }
 
@@ -221,7 +246,7 @@ pub(super) fn check_map8(world: &World) -> Result<(), Refusal> {
 }
 
 /// What a research method found, as the integrator wants it.
-fn hits(
+pub(super) fn hits(
     accelerator: &Accelerator<'_>,
     camera: &Camera,
     size: (u32, u32),
@@ -240,8 +265,8 @@ fn hits(
             shape: found.shape,
             tangential: false,
             filled: false,
-            // Shadows start off the surface by more than a method may be wrong.
-            error: 0.02 * view.accuracy(found.t),
+            // Shadows start off the surface by twice what a method may be wrong.
+            error: 2.0 * view.accuracy(found.t) / LEAVE,
             place: places[found.shape as usize],
             triangle: 0,
         }
@@ -290,22 +315,30 @@ fn in_packets(accelerator: &Accelerator<'_>, view: &View) -> Trace {
     }
 }
 
+/// What the production method finds ray by ray, and how many cells it examined for that.
+fn singly(
+    accelerator: &Accelerator<'_>,
+    view: &View,
+    workspace: &mut Workspace,
+) -> impl Iterator<Item = (Option<Hit>, u64)> {
+    let pixels = (0..view.height).flat_map(|y| (0..view.width).map(move |x| (x, y)));
+    pixels.map(move |(x, y)| {
+        let before = workspace.cells_examined();
+        let hit = accelerator.nearest(&view.ray(x, y), 0.0..f64::INFINITY, workspace);
+        (hit, workspace.cells_examined() - before)
+    })
+}
+
 /// The production method ray by ray; the effort is the number of cells examined.
 fn one_by_one(accelerator: &Accelerator<'_>, view: &View) -> Trace {
     let started = Stopwatch::start();
     let mut workspace = Workspace::default();
-    let pixels = (0..view.height).flat_map(|y| (0..view.width).map(move |x| (x, y)));
-    let (found, effort) = pixels
-        .map(|(x, y)| {
-            let before = workspace.cells_examined();
-            let range = 0.0..f64::INFINITY;
-            let hit = accelerator.nearest(&view.ray(x, y), range, &mut workspace);
-            let cells = workspace.cells_examined() - before;
-            (
-                hit.as_ref().map(found),
-                u32::try_from(cells).unwrap_or(u32::MAX),
-            )
-        })
+    let answer = |(hit, cells): (Option<Hit>, u64)| {
+        let effort = u32::try_from(cells).unwrap_or(u32::MAX);
+        (hit.as_ref().map(found), effort)
+    };
+    let (found, effort) = singly(accelerator, view, &mut workspace)
+        .map(answer)
         .unzip();
     Trace {
         found,

@@ -8,6 +8,7 @@ use kernel::{
 };
 
 use super::boxes::{Boxes, Rule, Stack};
+use super::choice::hits;
 use super::clip::{clip, direction};
 use super::flatten::span_counts;
 use super::minimise::{Descent, Minimiser};
@@ -15,6 +16,7 @@ use super::newton_map::{cramer_step, homogeneous_step};
 use super::world::{Planes, View, World};
 use super::{Choice, Counts, Job, Truth, Variant, map_picture};
 use crate::Accelerator;
+use crate::integrator::LEAVE;
 use crate::intersect::METHODS;
 use crate::intersect::net::{Degrees, evaluate_points};
 use crate::random::Random;
@@ -390,6 +392,23 @@ fn every_method_sees_the_teapot() {
             right > 1300 && judgement.error[1] <= 0.03,
             "{name}: {judgement:?}"
         );
+    }
+}
+
+/// Rays that leave what a method found start further off than it may be wrong, and far less than
+/// a pixel, or contact shadows are lost.
+#[test]
+fn shadows_start_close_to_the_surface() {
+    let scene = sample("teapot.obj");
+    let accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let size = (48, 36);
+    let camera = Camera::framing(&accelerator.outline(), scene.up.direction(), 4.0 / 3.0);
+    let choice = Choice::parse("nishita").unwrap();
+    let trace = choice.trace(&accelerator, &camera, size).unwrap();
+    let view = View::new(&camera, size);
+    for hit in hits(&accelerator, &camera, size, &trace).iter().flatten() {
+        let off = hit.error * LEAVE / view.footprint(hit.t);
+        assert!((0.015..0.025).contains(&off), "{off}");
     }
 }
 
