@@ -336,11 +336,17 @@ fn curves_and_points_are_drawn_when_they_are_asked_for() {
         program(sample, &picture, &format!("--size 64x48 {options}"));
         image::open(picture).unwrap().to_rgb8()
     };
-    let eye = "--curves --eye 0.5,0.5,3 --target 0.5,0.5,0 --fov 30";
-    let dark = picture(&wires, eye);
-    let dark = dark.pixels().filter(|p| p.0.iter().all(|c| *c < 100));
-    let found = dark.count();
-    assert!((100..250).contains(&found), "{found} dark pixels");
+    let dark = |options: &str| {
+        let picture = picture(&wires, &format!("--curves {options}"));
+        let dark = picture.pixels().filter(|p| p.0.iter().all(|c| *c < 100));
+        dark.count()
+    };
+    // Without a target, the camera looks at the middle of the curves.
+    for eye in ["--target 0.5,0.5,0 --eye 0.5,0.5,3", "--eye 0.5,0.5,3"] {
+        let found = dark(&format!("{eye} --fov 30"));
+        assert!((100..250).contains(&found), "{found} dark pixels");
+    }
+    assert!(dark("--ortho") > 30);
     let mixed = root("samples/mixed.obj");
     let [without, with] = ["", "--curves"]
         .map(|options| picture(&mixed, &format!("{options} --eye 5,4,6 --target 0,1,0")));

@@ -120,7 +120,11 @@ fn camera(
     accelerator: &Accelerator<'_>,
     aspect: f64,
 ) -> anyhow::Result<Camera> {
-    let bounds = accelerator.bounds();
+    let wires: Vec<_> = wire_boxes(scene).filter(|_| args.curves).collect();
+    let bounds = wires
+        .iter()
+        .copied()
+        .fold(accelerator.bounds(), Aabb::union);
     let camera = if let Some(eye) = args.eye {
         let target = args.target.unwrap_or_else(|| bounds.center());
         let up = args.up.unwrap_or_else(|| scene.up.direction());
@@ -153,16 +157,13 @@ fn camera(
             None => match scene.cameras.first() {
                 Some(camera) => camera.clone(),
                 None => {
-                    let mut boxes = accelerator.outline();
-                    if args.curves {
-                        boxes.extend(wire_boxes(scene));
-                    }
+                    let boxes = [accelerator.outline(), wires].concat();
                     Camera::framing(&boxes, scene.up.direction(), aspect)
                 }
             },
         };
-        let distance = camera.eye().distance(bounds.center());
         if args.ortho {
+            let distance = camera.eye().distance(bounds.center());
             camera.into_orthographic(distance)
         } else {
             camera
