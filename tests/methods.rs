@@ -102,6 +102,13 @@ fn pictures_of_research_methods_and_what_they_leave_out() {
     assert!(stats["cells_examined"].as_u64().unwrap() > 64);
     let pairs = pixels("single").into_iter().zip(&expected);
     assert!(pairs.filter(|(a, b)| a.abs_diff(**b) > 1).count() < 9);
+    // Proofs are held against what the picture shows.
+    for (method, right) in [("newton", true), ("nishita", true), ("gradient-mc", false)] {
+        let line = "render samples/teapot.obj -o proof.png --size 64x48 --certify --stats -";
+        let run = place.run(&format!("{line} --method {method}"));
+        let stats: Value = serde_json::from_str(&run.stdout).unwrap();
+        assert_eq!(stats["contradictions"] == 0, right, "{method}: {stats}");
+    }
     let run = place.run("render samples/sphere_torus.x3d -o no.png --method gradient-map");
     assert_eq!(run.code, Some(2));
     assert!(

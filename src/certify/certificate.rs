@@ -72,13 +72,18 @@ impl Certificate {
     /// Whether an answer to the same ray cannot be right, even if its `t` is wrong by
     /// `accuracy`.
     pub fn contradicts(&self, answer: Option<&Hit>, accuracy: f64) -> bool {
+        self.excludes(answer.map(|hit| (hit.shape, hit.t)), accuracy)
+    }
+
+    /// The same for the number of a shape and a place along the ray.
+    pub(super) fn excludes(&self, answer: Option<(u32, f64)>, accuracy: f64) -> bool {
         match (self, answer) {
-            (Self::Hit { shape, t }, Some(hit)) => {
-                hit.shape != *shape || !t.widened(accuracy).contains(hit.t)
+            (Self::Hit { shape, t }, Some((found, at))) => {
+                found != *shape || !t.widened(accuracy).contains(at)
             }
             (Self::Hit { .. }, None) | (Self::Miss, Some(_)) => true,
             (Self::Miss | Self::Ambiguous { .. }, None) => false,
-            (Self::Ambiguous { free, .. }, Some(hit)) => hit.t < free - accuracy,
+            (Self::Ambiguous { free, .. }, Some((_, at))) => at < free - accuracy,
         }
     }
 }

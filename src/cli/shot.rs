@@ -59,8 +59,8 @@ pub(super) fn shot<'a>(
         height: size.1,
         samples: args.samples,
         shading: args.shading.into(),
-        // Surfaces hide curves by their depths.
-        data: data || args.curves,
+        // Surfaces hide curves by their depths, and these are held against proofs.
+        data: data || args.curves || args.certify,
     };
     let started = Instant::now();
     let has_area = scene.placement_count() > 0;
@@ -90,8 +90,10 @@ pub(super) fn shot<'a>(
             input::display(file)
         );
     }
+    // Methods that find a place to a share of a pixel are held to a pixel.
+    let widths = if args.method.is_research() { 1.0 } else { 0.0 };
     let certified =
-        (args.certify && has_area).then(|| certify_film(&mut film, &accelerator, &camera));
+        (args.certify && has_area).then(|| certify_film(&mut film, &accelerator, &camera, widths));
     if args.curves {
         film = draw_curves(film, scene, &camera);
     }
