@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use glam::{DVec2, DVec3};
-use kernel::{Camera, Lens, Projection, Ray, Sky};
+use kernel::{Camera, Lens, Ray, Sky};
 use rayon::prelude::*;
 
 use crate::accelerator::{Accelerator, Workspace};
@@ -291,7 +291,7 @@ pub fn over_sky(film: Film, camera: &Camera, sky: &Sky) -> Film {
 /// Rays through places on a film.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FilmRays {
-    lens: Lens,
+    pub(crate) lens: Lens,
     size: DVec2,
 }
 
@@ -314,33 +314,28 @@ impl FilmRays {
 pub(crate) struct Eye<'a> {
     camera: &'a Camera,
     size: DVec2,
-    half: DVec2,
-    parallel: bool,
+    lens: Lens,
 }
 
 impl<'a> Eye<'a> {
     pub(crate) fn new(camera: &'a Camera, width: usize, height: usize) -> Self {
         let size = DVec2::new(width as f64, height as f64);
-        let aspect = size.x / size.y;
-        let [corner, center] = [DVec2::ONE, DVec2::ZERO].map(|film| camera.ray(film, aspect));
-        let reach = corner.direction - center.direction + corner.origin - center.origin;
         Self {
             camera,
             size,
-            half: DVec2::new(reach.dot(camera.right()), reach.dot(camera.up())),
-            parallel: matches!(camera.projection(), Projection::Orthographic { .. }),
+            lens: camera.lens(size.x / size.y),
         }
     }
 
     /// Whether all rays have one direction.
     pub(crate) fn is_parallel(&self) -> bool {
-        self.parallel
+        self.lens.is_parallel
     }
 
     /// How large a pixel is in the world at a depth.
     pub(crate) fn pixel(&self, depth: f64) -> f64 {
-        let scale = if self.parallel { 1.0 } else { depth };
-        2.0 * self.half.y * scale / self.size.y
+        let scale = if self.lens.is_parallel { 1.0 } else { depth };
+        2.0 * self.lens.half.y * scale / self.size.y
     }
 
     /// The place on the film and the depth; without meaning if that is not positive.
@@ -348,9 +343,9 @@ impl<'a> Eye<'a> {
         let way = point - self.camera.eye();
         let depth = way.dot(self.camera.forward());
         let across = DVec2::new(way.dot(self.camera.right()), -way.dot(self.camera.up()));
-        let scale = if self.parallel { 1.0 } else { depth };
+        let scale = if self.lens.is_parallel { 1.0 } else { depth };
         (
-            (across / (self.half * scale) + 1.0) * 0.5 * self.size,
+            (across / (self.lens.half * scale) + 1.0) * 0.5 * self.size,
             depth,
         )
     }
@@ -364,6 +359,8 @@ fn jitter(x: u32, y: u32, sample: u32) -> DVec2 {
 
 #[cfg(test)]
 mod tests {
+    use kernel::Projection;
+
     use super::*;
 
     #[test]

@@ -197,8 +197,9 @@ pub struct Lens {
     right: DVec3,
     up: DVec3,
     /// Half the extents of the film, at distance one for perspective.
-    half: DVec2,
-    is_parallel: bool,
+    pub half: DVec2,
+    /// Whether all rays have one direction.
+    pub is_parallel: bool,
 }
 
 impl Lens {

@@ -249,28 +249,16 @@ pub(super) struct View {
     rays: FilmRays,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Half the extents of the film, at distance one for perspective.
-    half: DVec2,
-    is_parallel: bool,
 }
 
 impl View {
     pub(super) fn new(camera: &Camera, (width, height): (u32, u32)) -> Self {
-        let aspect = f64::from(width) / f64::from(height);
-        let [corner, center] = [DVec2::ONE, DVec2::ZERO].map(|film| camera.ray(film, aspect));
-        let is_parallel = corner.direction == center.direction;
-        let across = if is_parallel {
-            corner.origin - center.origin
-        } else {
-            corner.direction - center.direction
-        };
+        let size = DVec2::new(f64::from(width), f64::from(height));
         Self {
-            half: DVec2::new(across.dot(camera.right()), across.dot(camera.up())),
-            rays: FilmRays::new(camera, DVec2::new(f64::from(width), f64::from(height))),
+            rays: FilmRays::new(camera, size),
             camera: camera.clone(),
             width,
             height,
-            is_parallel,
         }
     }
 
@@ -287,8 +275,8 @@ impl View {
     /// The width of a pixel at a ray parameter; that is the depth, as rays of a camera have
     /// component one along the view.
     pub(super) fn footprint(&self, t: f64) -> f64 {
-        let width = 2.0 * self.half.x / f64::from(self.width);
-        if self.is_parallel {
+        let width = 2.0 * self.rays.lens.half.x / f64::from(self.width);
+        if self.rays.lens.is_parallel {
             width
         } else {
             width * t.abs()
@@ -304,14 +292,14 @@ impl View {
     /// is that after projection, and negative behind the camera.
     pub(super) fn project(&self, h: &[f64; 4]) -> [f64; 3] {
         let from_eye = DVec3::new(h[0], h[1], h[2]) - self.camera.eye() * h[3];
-        let weight = if self.is_parallel {
+        let weight = if self.rays.lens.is_parallel {
             h[3]
         } else {
             from_eye.dot(self.camera.forward())
         };
         let size = self.size() * 0.5;
-        let x = from_eye.dot(self.camera.right()) / self.half.x;
-        let y = from_eye.dot(self.camera.up()) / self.half.y;
+        let x = from_eye.dot(self.camera.right()) / self.rays.lens.half.x;
+        let y = from_eye.dot(self.camera.up()) / self.rays.lens.half.y;
         [(x + weight) * size.x, (weight - y) * size.y, weight]
     }
 
