@@ -1,4 +1,4 @@
-//! From film to file: encoding happens here only.
+//! From film to file, and how files are written.
 
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
