@@ -48,7 +48,7 @@ impl Instructions {
         }
     }
 
-    /// The name in statistics.
+    /// The name in messages and statistics.
     pub fn name(self) -> &'static str {
         match self {
             Self::Avx512 => "AVX-512",

@@ -80,12 +80,8 @@ impl<'a> Ways<'a> {
     fn of(scene: &'a Scene) -> Self {
         let build = || Accelerator::build(scene, &METHODS[0]);
         let packets = Instructions::ALL.map(|instructions| {
-            let name = match instructions {
-                Instructions::Portable => "portable",
-                Instructions::Avx2 => "AVX2",
-                Instructions::Avx512 => "AVX-512",
-            };
-            (name, build().with_instructions(instructions))
+            let packets = build().with_instructions(instructions);
+            (instructions.name(), packets)
         });
         let alone = build();
         Self {

@@ -12,7 +12,7 @@ use nurbray::measure;
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
-use super::say::{say, visible};
+use super::say::{named, say, visible};
 use super::sizes;
 
 /// Lines of the tree that are printed; `--json` has all.
@@ -347,10 +347,6 @@ fn contents(node: &Node) -> String {
     }
 }
 
-fn named(name: &str) -> &str {
-    if name.is_empty() { "(no name)" } else { name }
-}
-
 fn to_json(file: &Path, import: &Import) -> Value {
     let scene = &import.scene;
     let (patches, meshes) = shown(scene);
@@ -367,10 +363,6 @@ fn to_json(file: &Path, import: &Import) -> Value {
     let bounds = scene.hull_bounds();
     let bounds = (!bounds.is_empty())
         .then(|| json!({ "min": bounds.min.to_array(), "max": bounds.max.to_array() }));
-    let unit = scene
-        .unit
-        .as_ref()
-        .map(|u| json!({ "name": u.name, "metres": u.metres }));
     json!({
         "file": input::display(file),
         "format": import.format,
@@ -394,7 +386,7 @@ fn to_json(file: &Path, import: &Import) -> Value {
         "cameras": scene.cameras.iter().map(|c| &c.name).collect::<Vec<_>>(),
         "lights": scene.lights.len(),
         "box": bounds,
-        "unit": unit,
+        "unit": scene.unit.as_ref().map(sizes::unit),
         "up": format!("{:?}", scene.up),
         "root": scene.root().map(NodeId::index),
         "nodes": scene.node_ids().map(|id| node_json(scene, id)).collect::<Vec<_>>(),

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
-use nurbray::formats::{Export, Limits, PointBody, PointFormat, PointSet, read_points};
+use nurbray::formats::{
+    Export, Limits, POINT_FORMATS, PointBody, PointFormat, PointSet, read_points,
+};
 use nurbray::gltf::Source;
 use nurbray::kernel::modelling::{Along, Spacing, Twist};
 use nurbray::kernel::{MAX_DEGREE, Unit};
@@ -326,9 +328,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let points_as = PointFormat::of_output(path).and_then(|format| format.write);
     if target.is_none() && points_as.is_none() {
         bail!(
-            "{}: the ending tells the format; use one of {}, or .csv, .json, .dcm for points",
+            "{}: the ending tells the format; use one of {}, or {} for points",
             path.display(),
-            convert::endings()
+            convert::endings(),
+            point_endings()
         );
     }
     if target.is_none_or(|target| !target.has_triangles()) {
@@ -366,6 +369,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         scene.patches().len()
     );
     Ok(0)
+}
+
+/// The endings of all formats that points are written in.
+fn point_endings() -> String {
+    let written = POINT_FORMATS.iter().filter(|format| format.write.is_some());
+    let endings = written.map(|format| format!(".{}", format.extensions[0]));
+    endings.collect::<Vec<_>>().join(", ")
 }
 
 /// Keeps the bodies that are asked for, makes them transparent, and names the unit.

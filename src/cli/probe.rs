@@ -72,7 +72,7 @@ Examples:
 /// Answers every row.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let question = args.rays.as_ref().or(args.uv.as_ref());
-    if args.file == Path::new("-") && question == Some(&args.file) {
+    if input::is_stdin(&args.file) && question == Some(&args.file) {
         bail!("standard input holds the file or the rows, not both; name one of them");
     }
     let loaded = args.read.load(&args.file)?;
@@ -178,7 +178,7 @@ fn stream<const N: usize, S: Default + Send>(
     answer: impl Fn(&mut S, u64, [f64; N]) -> anyhow::Result<String> + Sync,
 ) -> anyhow::Result<()> {
     let name = input::display(path);
-    let source: Box<dyn BufRead> = if path == Path::new("-") {
+    let source: Box<dyn BufRead> = if input::is_stdin(path) {
         Box::new(std::io::stdin().lock())
     } else {
         Box::new(BufReader::new(

@@ -13,6 +13,11 @@ pub(super) fn visible(text: &str) -> String {
     shown
 }
 
+/// A name, or that there is none.
+pub(super) fn named(name: &str) -> &str {
+    if name.is_empty() { "(no name)" } else { name }
+}
+
 /// Prints a line to standard error.
 macro_rules! say {
     ($($part:tt)*) => {

@@ -268,6 +268,7 @@ impl Shot<'_> {
             "filled": filled,
             "strips": self.accelerator.strip_count(),
             "cells_examined": cells_examined,
+            "instructions": self.accelerator.instructions().name(),
             "threads": rayon::current_num_threads(),
             "warnings": input::warnings_json(&self.loaded.import.warnings),
         });

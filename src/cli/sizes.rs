@@ -6,6 +6,8 @@ use nurbray::kernel::Unit;
 use nurbray::{Body, Measure};
 use serde_json::{Value, json};
 
+use super::say::named;
+
 /// A few lines about box, area and bodies.
 pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
     let unit = unit.map_or("", |unit| unit.name.as_str());
@@ -32,11 +34,7 @@ pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
     }
     for body in &measure.bodies {
         let voids = voids(body);
-        let name = if body.name.is_empty() {
-            "(no name)"
-        } else {
-            &body.name
-        };
+        let name = named(&body.name);
         let turned = match body.turned {
             0 => String::new(),
             turned => format!(", {turned} of them inside out"),
@@ -80,6 +78,11 @@ pub(super) fn to_json(measure: &Measure) -> Value {
         "open_faces": measure.open_faces,
         "bodies": measure.bodies.iter().map(body).collect::<Vec<_>>(),
     })
+}
+
+/// A unit of length.
+pub(super) fn unit(unit: &Unit) -> Value {
+    json!({ "name": unit.name, "metres": unit.metres })
 }
 
 /// A body with all numbers.

@@ -11,7 +11,7 @@ use nurbray::{Body, Measure, SliceRule, VolumeMethod, measure};
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
-use super::say::{say, visible};
+use super::say::{named, say, visible};
 use super::sizes;
 
 /// Measures the bodies in files: volume, area, centre of mass and inertia
@@ -139,10 +139,7 @@ fn volumes(file: &Path, args: &Args) -> anyhow::Result<String> {
     if args.json {
         let mut line = sizes::to_json(&measure);
         line["file"] = input::display(file).into();
-        line["unit"] = scene.unit.as_ref().map_or(
-            Value::Null,
-            |unit| json!({ "name": unit.name, "metres": unit.metres }),
-        );
+        line["unit"] = scene.unit.as_ref().map_or(Value::Null, sizes::unit);
         line["total"] = measure.total().as_ref().map_or(Value::Null, sizes::body);
         if let Some(others) = others {
             line["method"] = format!("{:?}", args.method).to_lowercase().into();
@@ -157,12 +154,7 @@ fn volumes(file: &Path, args: &Args) -> anyhow::Result<String> {
     }
     text.push('\n');
     for (k, body) in measure.bodies.iter().enumerate() {
-        let name = if body.name.is_empty() {
-            "(no name)"
-        } else {
-            &body.name
-        };
-        describe(&mut text, name, body);
+        describe(&mut text, named(&body.name), body);
         if let Some(other) = others.as_ref().map(|others| others[k]) {
             let method = format!("{:?}", args.method).to_lowercase();
             let off = (other / body.volume - 1.0) * 100.0;
