@@ -30,6 +30,26 @@ fn options_without_effect_are_named() {
             "--angle is for triangles",
         ),
         (
+            "model samples/phantom.dcm -o p.x3d --cap-height 1 --closed both --twist zero --degree 3,2 \
+             --parameters uniform --seed 1 --layers 9 --points 9",
+            "--cap-height is for --caps rounded\n\
+             nurbray: warning: --closed is for --method coons and interpolate\n\
+             nurbray: warning: --twist is for --method coons\n\
+             nurbray: warning: --degree is for --method interpolate\n\
+             nurbray: warning: --parameters is for --method interpolate\n\
+             nurbray: warning: --seed is for --synthetic\n\
+             nurbray: warning: --layers is for --synthetic\n\
+             nurbray: warning: --points is for --synthetic\n",
+        ),
+        (
+            "render samples/teapot.obj -o t.png --size 8x6 --time 1",
+            "samples/teapot.obj: warning: --time is for what moves",
+        ),
+        (
+            "render samples/teapot.obj -o {frame}.png --size 8x6 --frames 0..1",
+            "samples/teapot.obj: warning: --frames is for what moves",
+        ),
+        (
             "volume samples/sphere_torus.x3d --slices 5",
             "--slices is not used by --method gauss",
         ),
@@ -46,6 +66,7 @@ fn options_without_effect_are_named() {
         "render samples/teapot.obj -o t.png --size 8x6 --bits 16",
         "convert samples/two_surfaces.igs -o t.glb --tolerance 1%",
         "volume samples/sphere_torus.x3d --method cavalieri --slices 5",
+        "model --synthetic sphere -o p.x3d --seed 2 --layers 9 --points 9 --caps rounded --cap-height 1",
     ] {
         let run = place.run(line);
         assert!(!run.stderr.contains("warning: --"), "{}", run.stderr);

@@ -73,18 +73,18 @@ pub(super) struct Args {
 /// Options of --method coons and interpolate.
 #[derive(Debug, clap::Args)]
 struct GridArgs {
-    /// What goes on from its end to its beginning
-    #[arg(long, value_enum, default_value_t = Closed::Rows)]
-    closed: Closed,
-    /// Mixed derivatives of coons
-    #[arg(long, value_enum, default_value_t = TwistKind::Catmull)]
-    twist: TwistKind,
-    /// Degrees of interpolate along rows and from row to row
-    #[arg(long, value_name = "P,Q", default_value = "3,3", value_parser = degrees)]
-    degree: [usize; 2],
-    /// How points of interpolate get their parameters
-    #[arg(long, value_enum, default_value_t = Parameters::Chord)]
-    parameters: Parameters,
+    /// What goes on from its end to its beginning [default: rows]
+    #[arg(long, value_enum)]
+    closed: Option<Closed>,
+    /// Mixed derivatives of coons [default: catmull]
+    #[arg(long, value_enum)]
+    twist: Option<TwistKind>,
+    /// Degrees of interpolate along rows and from row to row [default: 3,3]
+    #[arg(long, value_name = "P,Q", value_parser = degrees)]
+    degree: Option<[usize; 2]>,
+    /// How points of interpolate get their parameters [default: chord]
+    #[arg(long, value_enum)]
+    parameters: Option<Parameters>,
 }
 
 /// Options of --synthetic.
@@ -93,15 +93,15 @@ struct SyntheticArgs {
     /// Make these bodies of known volume, in millimetres, instead of reading any
     #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS")]
     synthetic: Vec<Kind>,
-    /// Number that chooses their bumps
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
-    /// Their layers
-    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=10_000))]
-    layers: u32,
-    /// Points of each layer
-    #[arg(long, value_name = "N", default_value_t = 72, value_parser = clap::value_parser!(u32).range(3..=10_000))]
-    points: u32,
+    /// Number that chooses their bumps [default: 1]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Their layers [default: 24]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    layers: Option<u32>,
+    /// Points of each layer [default: 72]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=10_000))]
+    points: Option<u32>,
 }
 
 const EXAMPLES: &str = "\
@@ -110,6 +110,14 @@ Examples:
   nurbray model contours.csv -o body.glb --method contours --caps rounded
   nurbray model grid.csv -o grid.igs --method interpolate --degree 4,3 --unit mm
   nurbray model --synthetic skull,pathology -o head.dcm";
+
+/// Degrees along rows and from row to row, unless the user wants others.
+const DEGREES: [usize; 2] = [3, 3];
+
+/// The number that chooses bumps, layers, and points of each, unless the user wants others.
+const SEED: u64 = 1;
+const LAYERS: u32 = 24;
+const POINTS: u32 = 72;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Method {
@@ -224,24 +232,76 @@ fn degrees(text: &str) -> Result<[usize; 2], String> {
 }
 
 impl Args {
+    /// Says which options the method, the ends or the source of the points do not ask for.
+    fn warn_unused(&self) {
+        let (grid, made) = (&self.grid, &self.synthetic);
+        let interpolates = self.method == Method::Interpolate;
+        let is_grid = interpolates || self.method == Method::Coons;
+        let is_read = made.synthetic.is_empty();
+        for (name, idle, wanted) in [
+            (
+                "--cap-height",
+                self.cap_height.is_some() && self.caps != End::Rounded,
+                "--caps rounded",
+            ),
+            (
+                "--branches",
+                self.branches == Branches::Split && is_grid,
+                "--method contours and loft",
+            ),
+            (
+                "--repair",
+                self.repair && is_grid,
+                "--method contours and loft",
+            ),
+            (
+                "--closed",
+                grid.closed.is_some() && !is_grid,
+                "--method coons and interpolate",
+            ),
+            (
+                "--twist",
+                grid.twist.is_some() && self.method != Method::Coons,
+                "--method coons",
+            ),
+            (
+                "--degree",
+                grid.degree.is_some() && !interpolates,
+                "--method interpolate",
+            ),
+            (
+                "--parameters",
+                grid.parameters.is_some() && !interpolates,
+                "--method interpolate",
+            ),
+            ("--seed", made.seed.is_some() && is_read, "--synthetic"),
+            ("--layers", made.layers.is_some() && is_read, "--synthetic"),
+            ("--points", made.points.is_some() && is_read, "--synthetic"),
+        ] {
+            if idle {
+                say!("nurbray: warning: {name} is for {wanted}");
+            }
+        }
+    }
+
     fn options(&self) -> ModelOptions {
-        let is_closed = match self.grid.closed {
+        let is_closed = match self.grid.closed.unwrap_or(Closed::Rows) {
             Closed::Rows => [true, false],
             Closed::Columns => [false, true],
             Closed::Both => [true, true],
             Closed::None => [false, false],
         };
-        let spacing = match self.grid.parameters {
+        let spacing = match self.grid.parameters.unwrap_or(Parameters::Chord) {
             Parameters::Uniform => Spacing::Uniform,
             Parameters::Chord => Spacing::ChordLength,
             Parameters::Centripetal => Spacing::Centripetal,
         };
         let along = |axis: usize| Along {
-            degree: self.grid.degree[axis],
+            degree: self.grid.degree.unwrap_or(DEGREES)[axis],
             is_closed: is_closed[axis],
             spacing,
         };
-        let twist = match self.grid.twist {
+        let twist = match self.grid.twist.unwrap_or(TwistKind::Catmull) {
             TwistKind::Catmull => Twist::Catmull,
             TwistKind::Zero => Twist::Zero,
             TwistKind::Cross => Twist::Cross,
@@ -286,13 +346,10 @@ impl Args {
                 Kind::Skull => Synthetic::Skull,
                 Kind::Pathology => Synthetic::Pathology,
             };
-            let SyntheticArgs {
-                seed,
-                layers,
-                points,
-                ..
-            } = self.synthetic;
-            let (body, volume) = synthetic(kind, seed, layers as usize, points as usize);
+            let seed = self.synthetic.seed.unwrap_or(SEED);
+            let layers = self.synthetic.layers.unwrap_or(LAYERS) as usize;
+            let points = self.synthetic.points.unwrap_or(POINTS) as usize;
+            let (body, volume) = synthetic(kind, seed, layers, points);
             say!("{}: the volume is {volume:.6} mm^3", body.name);
             set.bodies.push(body);
         }
@@ -337,6 +394,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     if target.is_none_or(|target| !target.has_triangles()) {
         args.mesh.warn_unused(&path.display().to_string());
     }
+    args.warn_unused();
     let (mut set, origin, source) = args.points()?;
     let inputs = args.data.as_slice();
     input::report_warnings(&source, set.format, &set.warnings);

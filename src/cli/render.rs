@@ -387,6 +387,17 @@ fn load(args: &Args, file: &Path, once: &[PathBuf]) -> anyhow::Result<anyhow::Re
     if let Ok(loaded) = &loaded {
         loaded.check_beside(file, once)?;
         input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
+        for (name, given) in [
+            ("--time", args.time.is_some()),
+            ("--frames", args.frames.is_some()),
+        ] {
+            if given && loaded.import.animation.is_none() {
+                let file = input::display(file);
+                say!(
+                    "nurbray: {file}: warning: {name} is for what moves; nothing in the file does"
+                );
+            }
+        }
     }
     Ok(loaded)
 }
