@@ -13,6 +13,8 @@ use super::input::{self, ReadArgs};
 #[derive(Debug)]
 pub(super) struct Claims {
     members: Vec<Member>,
+    /// Where they stand.
+    inputs: HashSet<PathBuf>,
     read: ReadArgs,
     /// Who has written, or is about to write, where.
     taken: Mutex<HashMap<PathBuf, usize>>,
@@ -22,8 +24,7 @@ pub(super) struct Claims {
 #[derive(Debug)]
 struct Member {
     source: PathBuf,
-    /// Where it stands, and the folder in which, and below, the files are that it may name.
-    place: Option<PathBuf>,
+    /// The folder in which, and below, the files are that it may name.
     folder: Option<PathBuf>,
     /// The files that it names: they are looked for when something is to be written over what may be
     /// one of them.
@@ -35,7 +36,6 @@ impl Claims {
     pub(super) fn new(pairs: &[(&Path, &Path)], read: &ReadArgs) -> Self {
         let member = |&(source, _): &(&Path, &Path)| Member {
             source: source.to_owned(),
-            place: source.canonicalize().ok(),
             folder: read.root(source).canonicalize().ok(),
             named: OnceLock::new(),
         };
@@ -43,8 +43,10 @@ impl Claims {
         for (number, (_, output)) in pairs.iter().enumerate() {
             taken.entry(place(output)).or_insert(number);
         }
+        let inputs = pairs.iter().filter_map(|pair| pair.0.canonicalize().ok());
         Self {
             members: pairs.iter().map(member).collect(),
+            inputs: inputs.collect(),
             read: read.clone(),
             taken: Mutex::new(taken),
         }
@@ -53,7 +55,7 @@ impl Claims {
     /// Whether a path is one of the inputs.
     pub(super) fn is_input(&self, path: &Path) -> bool {
         let place = path.canonicalize().ok();
-        place.is_some() && self.members.iter().any(|member| member.place == place)
+        place.is_some_and(|place| self.inputs.contains(&place))
     }
 
     /// Claims the places of all that is written for a file of this number.
@@ -102,8 +104,10 @@ impl Claims {
     fn named<'a>(&self, member: &'a Member) -> &'a HashSet<PathBuf> {
         member.named.get_or_init(|| {
             // What is read from a pipe cannot be read twice.
-            let is_file = member.place.as_ref().is_some_and(|place| place.is_file());
-            let named = is_file.then(|| self.read.named(&member.source));
+            let named = member
+                .source
+                .is_file()
+                .then(|| self.read.named(&member.source));
             let named = named.into_iter().flatten();
             named.filter_map(|path| path.canonicalize().ok()).collect()
         })
