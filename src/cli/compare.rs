@@ -101,11 +101,14 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     input::report_warnings(&args.cad, import.format, &import.warnings);
     let scene = &import.scene;
     let placed = scene.placement_count();
-    if scene.patches().is_empty() || placed == 0 {
-        bail!(
+    let nothing = || {
+        format!(
             "{}: there is no surface to compare with",
             input::display(&args.cad)
-        );
+        )
+    };
+    if scene.patches().is_empty() || placed == 0 {
+        bail!(nothing());
     }
     fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string())?;
     let limit = args
@@ -130,7 +133,15 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         tolerance: finest.unwrap_or(Tolerance::Relative(FOREIGN)),
         ..TessellateOptions::default()
     };
-    let subject = Subject::new(scene, tessellate(scene, &options)?);
+    let triangles = tessellate(scene, &options)?;
+    let mut faces = triangles.faces.iter().flatten();
+    if faces.all(|face| face.mesh.triangles().is_empty()) {
+        bail!(
+            "{}: all of it is lines or points within the tolerance",
+            nothing()
+        );
+    }
+    let subject = Subject::new(scene, triangles);
     let mut candidates = candidates;
     if args.align {
         for candidate in &mut candidates {

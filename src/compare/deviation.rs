@@ -40,6 +40,15 @@ pub struct Reach {
     pub worst: Vec<Worst>,
 }
 
+impl Reach {
+    /// The other side is empty.
+    pub(crate) const ENDLESS: Self = Self {
+        found: f64::INFINITY,
+        bound: f64::INFINITY,
+        worst: Vec::new(),
+    };
+}
+
 /// Steps that find where the nearest triangle changes, and how near to an end of a side that
 /// is no place to divide it.
 const CHANGE_STEPS: usize = 52;
@@ -79,11 +88,7 @@ pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, budget: us
     };
     let cells: Vec<_> = (0..exact.triangles.len()).filter_map(cell).collect();
     if cells.is_empty() {
-        return Reach {
-            found: f64::INFINITY,
-            bound: f64::INFINITY,
-            worst: Vec::new(),
-        };
+        return Reach::ENDLESS;
     }
     reach(&function, cells, size, budget)
 }

@@ -90,7 +90,7 @@ fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault
     let mesh_to_surface = if feet.len() == soup.points.len() {
         deviation::from_mesh(exact, soup, &feet, size, budget)
     } else {
-        Reach::default()
+        Reach::ENDLESS
     };
     let deviation = Deviation {
         surface_to_mesh: deviation::from_surface(exact, soup, size, budget),
