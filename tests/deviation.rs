@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DAffine3, DMat3, DVec3};
 use nurbray::kernel::modelling::{self, Frame};
-use nurbray::kernel::{Child, Item, Mesh, Node, Patch, Scene, Shape, Surface};
+use nurbray::kernel::{Child, Item, KnotVector, Mesh, Node, Patch, Scene, Shape, Surface};
 
 use nurbray::compare::{Deviation, Reach, Subject};
 use nurbray::{TessellateOptions, Tolerance, tessellate};
@@ -137,6 +137,44 @@ fn an_icosahedron_in_a_sphere_is_farthest_in_the_middle_of_its_faces() {
         assert_truth(&found.surface_to_mesh, radius * (1.0 - inside));
         assert_truth(&found.mesh_to_surface, radius * (1.0 - inside));
     }
+}
+
+#[test]
+fn triangles_that_bridge_a_crease_are_as_far_away_as_they_are() {
+    let knots = |count| KnotVector::clamped_uniform(1, count, 0.0..1.0).unwrap();
+    let place = |i: u32, y: f64| DVec3::new(f64::from(i), y, f64::from(i % 2));
+    let corners: Vec<DVec3> = (0..6).map(|k| place(k / 2, f64::from(k % 2))).collect();
+    let roof = Surface::new(knots(3), knots(2), &corners, None).unwrap();
+    // A ceiling from eave to eave; and slopes in many triangles, all of them a little too high, so that
+    // only the proof, not a look at the worst of them, comes to the ceiling.
+    let (count, raised) = (40_u32, 1e-4);
+    let along = |i: u32| (0..=count).map(move |j| place(i, f64::from(j) / f64::from(count)));
+    let slopes = (0..3).flat_map(along).map(|p| p + DVec3::Z * raised);
+    let points: Vec<DVec3> = corners.iter().copied().chain(slopes).collect();
+    let quad = |i: u32, j: u32| {
+        let a = 6 + i * (count + 1) + j;
+        let b = a + count + 1;
+        [[a, b, b + 1], [a, b + 1, a + 1]]
+    };
+    let mut triangles = vec![[0, 4, 5], [0, 5, 1]];
+    triangles.extend((0..2).flat_map(|i| (0..count).flat_map(move |j| quad(i, j))));
+    let found = measured(
+        vec![roof],
+        &mesh_of(&points, &triangles),
+        &DAffine3::IDENTITY,
+    );
+    assert_truth(&found.mesh_to_surface, 0.5_f64.sqrt());
+    assert!(found.surface_to_mesh.bound < 1.1 * raised, "{found:?}");
+}
+
+#[test]
+fn without_a_surface_a_mesh_is_infinitely_far_away() {
+    let knots = || KnotVector::clamped_uniform(1, 2, 0.0..1.0).unwrap();
+    let ends = [DVec3::ZERO, DVec3::X];
+    let line = Surface::new(knots(), knots(), &[ends, ends].concat(), None).unwrap();
+    let mesh = mesh_of(&[DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let found = measured(vec![line], &mesh, &DAffine3::IDENTITY);
+    assert!(found.found().is_infinite() && found.bound().is_infinite());
 }
 
 /// The faces of a box from the origin to `size`, and its triangles.

@@ -332,7 +332,8 @@ impl<'a> Face<'a> {
     /// same corners, at most.
     pub(crate) fn chord(&self, uvs: [DVec2; 3]) -> f64 {
         let rect = Rect::around(uvs);
-        self.pieces.spread(&rect).triangle(uvs, rect.size())
+        let bound = self.pieces.off_flat(uvs, &rect);
+        bound(&self.pieces.spread(&rect))
     }
 
     /// Whether two places are closer than a quarter of the domain.

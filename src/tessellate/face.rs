@@ -11,7 +11,7 @@ use smallvec::SmallVec;
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
-use super::pieces::{Rect, Spread};
+use super::pieces::Rect;
 use super::rim::Face;
 use super::seed::{Seed, seeds, turns};
 use super::{Limits, deviation};
@@ -462,14 +462,7 @@ impl<'a> Mesher<'a> {
     fn distance(&self, corners: &[Vertex; 3]) -> (f64, f64) {
         let uvs = corners.map(|v| v.uv);
         let rect = Rect::around(uvs);
-        let is_creased = self.face.pieces.is_creased_inside(&rect);
-        let bound = |spread: &Spread| {
-            if is_creased {
-                spread.bent(rect.size())
-            } else {
-                spread.triangle(uvs, rect.size())
-            }
-        };
+        let bound = self.face.pieces.off_flat(uvs, &rect);
         let gap = corners.iter().map(|v| v.gap).fold(0.0, f64::max);
         let tolerance = AIM * self.face.tolerance;
         let limit = (tolerance - gap).max(0.1 * tolerance);

@@ -409,6 +409,19 @@ impl<'a> Pieces<'a> {
         })
     }
 
+    /// How far the surface over a triangle in a rectangle is from the flat triangle with the same
+    /// corners, by bounds over the rectangle.
+    pub(crate) fn off_flat(&self, uvs: [DVec2; 3], rect: &Rect) -> impl Fn(&Spread) -> f64 {
+        let (is_creased, size) = (self.is_creased_inside(rect), rect.size());
+        move |spread| {
+            if is_creased {
+                spread.bent(size)
+            } else {
+                spread.triangle(uvs, size)
+            }
+        }
+    }
+
     /// Whether a crease passes through the inside of a rectangle.
     pub(super) fn is_creased_inside(&self, rect: &Rect) -> bool {
         (0..2).any(|axis| {
