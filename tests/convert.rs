@@ -96,6 +96,35 @@ fn faces_without_triangles_are_named() {
 }
 
 #[test]
+fn faces_with_boundaries_that_cross_are_named() {
+    let place = Place::new();
+    let hole = |low: f64, high: f64| {
+        format!(
+            "Contour2D {{ children ContourPolyline2D {{ controlPoint \
+             [ {low} {low}, {low} {high}, {high} {high}, {high} {low}, {low} {low} ] }} }}"
+        )
+    };
+    let text = format!(
+        "#X3D V3.3 utf8\nPROFILE Full\nShape {{ geometry DEF PLATE NurbsTrimmedSurface {{ \
+         uDimension 2 vDimension 2 uOrder 2 vOrder 2 uKnot [ 0 0 1 1 ] vKnot [ 0 0 1 1 ] \
+         controlPoint Coordinate {{ point [ 0 0 0, 1 0 0, 0 1 0, 1 1 0 ] }} trimmingContour [ \
+         Contour2D {{ children ContourPolyline2D {{ \
+         controlPoint [ 0 0, 1 0, 1 1, 0 1, 0 0 ] }} }} {} {} ] }} }}\n",
+        hole(0.2, 0.5),
+        hole(0.4, 0.8)
+    );
+    fs::write(place.path("plate.x3dv"), text).unwrap();
+    let run = place.run("convert plate.x3dv -o plate.glb --json");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let report = &lines(&run.stdout)[0];
+    let left_out = &report["left_out"][0];
+    let said = left_out["text"].as_str().unwrap();
+    assert!(said.contains("cross each other"), "{report}");
+    assert!(report["proven_deviation"].is_null(), "{report}");
+    assert_eq!(report["unproven_triangles"], report["triangles"]);
+}
+
+#[test]
 fn folders_are_mirrored() {
     let place = Place::new();
     let folder = place.path("parts/wheels");

@@ -237,7 +237,14 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
                 "the face has no triangle: all of it is one line or point within the tolerance";
             warnings.unsupported(place(), text);
         }
-        if face.unproven > 0 {
+        if face.undrawn > 0 {
+            let text = format!(
+                "boundaries of the face cross each other: its {} triangles may reach beyond them or \
+                 fall short of them, and no distance is proven",
+                face.unproven
+            );
+            warnings.unsupported(place(), text);
+        } else if face.unproven > 0 {
             let text = format!(
                 "{} triangles of the face may pass a limit: it is proven to be within {:.3e} of them, \
                  and found within {:.3e}, for a tolerance of {:.3e}",

@@ -34,7 +34,8 @@ pub struct Worst {
 pub struct Reach {
     /// The largest distance that has been found.
     pub found: f64,
-    /// No point is farther away, up to rounding; infinite if the other side is empty.
+    /// No point is farther away, up to rounding; infinite if the other side is empty, or nothing is
+    /// proven.
     pub bound: f64,
     /// Where it is large, the largest first, places apart from each other.
     pub worst: Vec<Worst>,
@@ -163,7 +164,14 @@ fn slack(exact: &Exact<'_>) -> Vec<f64> {
         sides.extend(own.map(|[p, q]| ([p.min(q), p.max(q)], number)));
     }
     sides.sort_unstable();
-    let mut slack = vec![0.0; exact.triangles.len()];
+    // What is proven of nothing may be anywhere.
+    let endless = |number: usize| {
+        exact.faces[exact.face_of(number) as usize]
+            .proven
+            .is_infinite()
+    };
+    let slack = (0..exact.triangles.len()).map(|k| if endless(k) { f64::INFINITY } else { 0.0 });
+    let mut slack: Vec<f64> = slack.collect();
     for same in sides.chunk_by(|a, b| a.0 == b.0) {
         let [([p, q], triangle)] = same else { continue };
         let [p, q] = [p, q].map(|k| exact.vertices[*k as usize]);

@@ -59,6 +59,8 @@ pub(super) struct Triangles {
     pub(super) proven: f64,
     /// Triangles for which that is more than the tolerance, or that pass another limit.
     pub(super) unproven: usize,
+    /// Stretches of boundary that are not there, because they cross others.
+    pub(super) undrawn: usize,
 }
 
 /// A vertex of a face.
@@ -108,6 +110,8 @@ pub(super) struct Mesher<'a> {
     known: Vec<([u32; 3], (f64, f64))>,
     /// Whether boundaries can be counted to know what is inside, once that has been tried.
     trusts_count: Option<bool>,
+    /// Stretches of boundary that cross others.
+    undrawn: usize,
 }
 
 impl<'a> Mesher<'a> {
@@ -131,6 +135,7 @@ impl<'a> Mesher<'a> {
             scale: scale(face, &bounds, limits),
             known: Vec::new(),
             trusts_count: None,
+            undrawn: 0,
         };
         let mut known: HashMap<u32, SmallVec<[(DVec2, FixedVertexHandle); 1]>> =
             HashMap::with_capacity(stretches.len());
@@ -169,6 +174,7 @@ impl<'a> Mesher<'a> {
             let is_side = mesher.plane.get_edge_from_neighbors(a, b).is_some();
             if !is_side && !mesher.plane.can_add_constraint(a, b) {
                 conflicts.push(stretch.edge);
+                mesher.undrawn += 1;
                 let crossed: Vec<_> = mesher
                     .plane
                     .get_conflicting_edges_between_vertices(a, b)
@@ -519,6 +525,12 @@ impl<'a> Mesher<'a> {
             if !same(ids[0], ids[1]) && !same(ids[1], ids[2]) && !same(ids[2], ids[0]) {
                 result.triangles.push(corners);
             }
+        }
+        if self.undrawn > 0 {
+            // Triangles may reach over a boundary that is not there, or leave out what it bounds.
+            result.proven = f64::INFINITY;
+            result.unproven = result.triangles.len();
+            result.undrawn = self.undrawn;
         }
         // No two triangles have the same side in the same direction.
         let side = |[a, b, _]: &[u32; 3]| u64::from(*a) << 32 | u64::from(*b);

@@ -430,6 +430,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         sampled,
         gap,
         unproven: mesh.unproven,
+        undrawn: mesh.undrawn,
     }
 }
 

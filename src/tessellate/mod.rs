@@ -147,14 +147,18 @@ pub struct FaceMesh {
     pub tolerance: f64,
     /// How much its own units are lengthened at most where it is shown.
     pub scale: f64,
-    /// How far surface and triangles are apart at most, in the patch's own units.
+    /// How far surface and triangles are apart at most, in the patch's own units; infinite where
+    /// boundaries cross, so that nothing is proven.
     pub proven: f64,
     /// The largest distance found at sample points.
     pub sampled: f64,
     /// The largest distance between the surface and a point shared with a neighbour.
     pub gap: f64,
-    /// Triangles that pass a limit because parameters cannot be told apart any more.
+    /// Triangles that pass a limit because parameters cannot be told apart any more, and all where
+    /// boundaries cross.
     pub unproven: usize,
+    /// Straight pieces of the boundaries that triangles do not keep to, because they cross others.
+    pub undrawn: usize,
 }
 
 /// Limits in the coordinates of a group of faces.

@@ -233,21 +233,39 @@ fn loops_may_have_numbers_that_are_next_to_nothing() {
     }
 }
 
+/// A square of parameters.
+fn around(low: f64, high: f64) -> kernel::TrimLoop {
+    let corners = [
+        [low, low],
+        [high, low],
+        [high, high],
+        [low, high],
+        [low, low],
+    ];
+    let outline = kernel::Curve::polyline(&corners.map(DVec2::from_array)).unwrap();
+    kernel::TrimLoop::new(vec![outline], 1e-12).unwrap()
+}
+
+#[test]
+fn where_boundaries_cross_nothing_is_proven() {
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
+    let mut face: Patch = square.unwrap().into();
+    for (low, crosses) in [(0.4, true), (0.6, false)] {
+        face.loops = vec![around(0.0, 1.0), around(0.2, 0.5), around(low, 0.8)];
+        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default()).unwrap();
+        let made = result.faces[0].as_ref().unwrap();
+        assert_eq!(result.crossings > 0, crosses);
+        assert_eq!(made.undrawn > 0, crosses);
+        assert_eq!(made.proven.is_infinite(), crosses);
+        let count = made.mesh.triangles().len();
+        assert_eq!(made.unproven, if crosses { count } else { 0 });
+    }
+}
+
 #[test]
 fn a_loop_may_be_one_curve_around_its_domain() {
     let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
     let mut face: Patch = square.unwrap().into();
-    let around = |low: f64, high: f64| {
-        let corners = [
-            [low, low],
-            [high, low],
-            [high, high],
-            [low, high],
-            [low, low],
-        ];
-        let outline = kernel::Curve::polyline(&corners.map(DVec2::from_array)).unwrap();
-        kernel::TrimLoop::new(vec![outline], 1e-12).unwrap()
-    };
     // With a hole; and nearly on the border, where rounding decides what runs along it.
     for (low, high) in [(0.0, 1.0), (1e-8, 1.0 - 1e-8), (3e-7, 1.0 - 3e-7)] {
         face.loops = vec![around(low, high), around(0.4, 0.6)];
