@@ -149,6 +149,11 @@ impl<'a> Walker<'a> {
         if stations.len() <= least {
             stations = self.divided(least);
         }
+        self.linked(stations)
+    }
+
+    /// The chain of these points, and those where it passes creases.
+    fn linked(&self, mut stations: Vec<Station>) -> Chain {
         self.cross_creases(&mut stations);
         let proven = stations
             .windows(2)
@@ -179,11 +184,7 @@ impl<'a> Walker<'a> {
             stations.push(self.station(middle));
             stations.push(pair[1].clone());
         }
-        self.cross_creases(&mut stations);
-        Chain {
-            stations,
-            proven: chain.proven,
-        }
+        self.linked(stations)
     }
 
     fn divided(&self, steps: usize) -> Vec<Station> {
