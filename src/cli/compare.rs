@@ -162,10 +162,8 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         |name| name.to_string_lossy().into_owned(),
     );
     let report = compare::compare(&subject, &name, candidates, &view, &args.output)?;
-    for mesh in &report.meshes {
-        if let Some(path) = args.meshes.iter().find(|path| path.ends_with(&mesh.name)) {
-            input::report_warnings(path, "mesh", &mesh.warnings);
-        }
+    for (path, mesh) in args.meshes.iter().zip(&report.meshes) {
+        input::report_warnings(path, "mesh", &mesh.warnings);
     }
     tell(args, &report, started)?;
     let failed = limit.is_some_and(|limit| report.fails(limit));
