@@ -210,3 +210,71 @@ fn a_report_replaces_an_earlier_one() {
     let second: Vec<_> = names.filter(|name| name.starts_with("mesh2")).collect();
     assert_eq!(second, ["mesh2-notes.txt"]);
 }
+
+#[test]
+fn a_report_leaves_files_of_others_alone() {
+    let place = Place::new();
+    let options = "--size 32x24 --samples 1";
+    let made = "convert samples/goblet.x3d -o mesh1.glb --tolerance 1%";
+    assert_eq!(place.run(made).code, Some(0));
+    fs::copy(place.path("mesh1.glb"), place.path("goblet.glb")).unwrap();
+    fs::write(place.path("mesh1-flip.png"), "mine").unwrap();
+    fs::write(place.path("report.json"), r#"{"files": ["mesh1.glb"]}"#).unwrap();
+    let line = format!("compare samples/goblet.x3d goblet.glb -o other {options}");
+    assert_eq!(place.run(&line).code, Some(0));
+    let line = format!("compare samples/goblet.x3d samples/broken/nothing.stl -o . {options}");
+    assert_eq!(place.run(&line).code, Some(2));
+    for name in ["mesh1.glb", "mesh1-flip.png", "report.json"] {
+        assert!(place.path(name).is_file(), "{name}");
+    }
+    // What is compared stays, though an earlier report has made it.
+    let own = format!("compare samples/goblet.x3d -o report --tolerance 2% {options}");
+    let again = format!("compare samples/goblet.x3d report/mesh1.glb -o report {options}");
+    for line in [own, again] {
+        assert_eq!(place.run(&line).code, Some(0), "{line}");
+        assert!(place.path("report/mesh1.glb").is_file());
+    }
+}
+
+#[test]
+fn warnings_are_those_of_the_mesh_that_they_name() {
+    let place = Place::new();
+    // A binary file with one triangle, and one with a byte too many.
+    let mut bytes = vec![0; 84 + 50];
+    bytes[80] = 1;
+    bytes[84 + 24 + 3] = 64;
+    bytes[84 + 36 + 7] = 64;
+    for folder in ["ma", "mb"] {
+        fs::create_dir_all(place.path(folder)).unwrap();
+        fs::write(place.path(folder).join("part.stl"), &bytes).unwrap();
+        bytes.push(0);
+    }
+    let line = "compare samples/goblet.x3d ma/part.stl mb/part.stl -o report --size 32x24";
+    let run = place.run(line);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.contains("mb/part.stl") && !run.stderr.contains("ma/part.stl"));
+}
+
+#[test]
+fn a_file_without_area_is_nothing_to_compare_with() {
+    let place = Place::new();
+    fs::write(
+        place.path("line.x3dv"),
+        "#X3D V3.3 utf8\nPROFILE Full\nShape { geometry NurbsPatchSurface { uDimension 2 \
+         vDimension 2 uOrder 2 vOrder 2 uKnot [ 0 0 1 1 ] vKnot [ 0 0 1 1 ] \
+         controlPoint Coordinate { point [ 0 0 0, 1 0 0, 0 0 0, 1 0 0 ] } } }\n",
+    )
+    .unwrap();
+    fs::write(
+        place.path("mesh.stl"),
+        stl("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", |p| p, |_| true),
+    )
+    .unwrap();
+    let run = place.run("compare line.x3dv mesh.stl -o report --fail-above 1mm");
+    assert_eq!(run.code, Some(2));
+    assert!(
+        run.stderr.contains("no surface to compare with"),
+        "{}",
+        run.stderr
+    );
+}

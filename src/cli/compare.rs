@@ -115,7 +115,8 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         .fail_above
         .map(|limit| limit.length(scene))
         .transpose()?;
-    remove_earlier(args)?;
+    compare::remove_earlier(&args.output, &args.meshes)
+        .with_context(|| args.output.display().to_string())?;
     let candidates = if args.meshes.is_empty() {
         own(args, scene, &source)?
     } else {
@@ -173,20 +174,6 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     })
 }
 
-/// Removes meshes of ours from an earlier report, unless they are what is to be compared.
-fn remove_earlier(args: &Args) -> anyhow::Result<()> {
-    let real = |path: &Path| path.canonicalize().ok();
-    let inputs: Vec<_> = args.meshes.iter().filter_map(|path| real(path)).collect();
-    for number in 1.. {
-        let path = args.output.join(format!("mesh{number}.glb"));
-        let Some(found) = real(&path) else { break };
-        if !inputs.contains(&found) {
-            fs::remove_file(&path).with_context(|| path.display().to_string())?;
-        }
-    }
-    Ok(())
-}
-
 /// Our own glTF at every tolerance, read back from the file.
 fn own(args: &Args, scene: &Scene, source: &Source) -> anyhow::Result<Vec<Candidate>> {
     let mut candidates = Vec::new();
@@ -204,7 +191,8 @@ fn own(args: &Args, scene: &Scene, source: &Source) -> anyhow::Result<Vec<Candid
             (Container::Binary, Packing::default()),
             "mesh",
         )?;
-        let path = args.output.join(format!("mesh{number}.glb"));
+        let name = format!("mesh{number}.glb");
+        let path = args.output.join(&name);
         output::replace_file(&path, |file| file.write_all(&export.bytes))
             .with_context(|| path.display().to_string())?;
         let took = started.elapsed();
@@ -215,6 +203,7 @@ fn own(args: &Args, scene: &Scene, source: &Source) -> anyhow::Result<Vec<Candid
             made: Some(Made::new(scene, &triangles, &file, took)),
             scene: file.scene,
             bytes: file.bytes,
+            file: name,
             warnings: file.warnings,
             ..Candidate::default()
         });

@@ -27,6 +27,15 @@ use super::{Deviation, Subject, Worst, measure};
 use crate::output::{self, OutputOptions};
 use crate::tessellate::Tessellation;
 
+/// The file with all numbers.
+const REPORT: &str = "report.json";
+
+/// What tells that it is ours.
+const MADE_BY: &str = "nurbray compare";
+
+/// The picture of the surfaces, and its raw channels.
+const EXACT: [&str; 2] = ["exact.png", "exact.exr"];
+
 /// A mesh that is to be compared.
 #[derive(Clone, Debug, Default)]
 pub struct Candidate {
@@ -42,6 +51,8 @@ pub struct Candidate {
     pub made: Option<Made>,
     /// Size of its files.
     pub bytes: u64,
+    /// The name of its file in the folder of the report, if it was written for that; else empty.
+    pub file: String,
     /// What its reader did not use.
     pub warnings: Warnings,
 }
@@ -133,6 +144,8 @@ pub struct Compared {
     pub measuring: Duration,
     /// What its reader did not use.
     pub warnings: Warnings,
+    /// The names of its files in the folder.
+    files: Vec<String>,
     /// The widths of the crops at its worst places.
     crops: Vec<f64>,
     /// The triangles for the page, if they are not too many.
@@ -203,7 +216,8 @@ pub struct Report {
     folder: PathBuf,
 }
 
-/// Compares meshes with surfaces and leaves a report in `folder`, which must exist.
+/// Compares meshes with surfaces and leaves a report in `folder`, which must exist; files of an
+/// earlier one stay if it had more, unless [`remove_earlier`] took them away.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -214,15 +228,11 @@ pub fn compare(
     view: &View,
     folder: &Path,
 ) -> io::Result<Report> {
-    remove_earlier(folder)?;
     let exact = subject.exact();
     let stage = Stage::new(subject.scene, view);
-    write_png(&folder.join("exact.png"), &stage.picture)?;
-    output::write(
-        &stage.film,
-        &folder.join("exact.exr"),
-        &OutputOptions::default(),
-    )?;
+    let [picture, film] = EXACT.map(|name| folder.join(name));
+    write_png(&picture, &stage.picture)?;
+    output::write(&stage.film, &film, &OutputOptions::default())?;
     let mut meshes = Vec::new();
     for (candidate, number) in candidates.into_iter().zip(1..) {
         meshes.push(compare_one(&exact, &stage, candidate, number, folder)?);
@@ -245,27 +255,25 @@ pub fn compare(
     Ok(report)
 }
 
-/// Removes the pictures and channels of meshes in an earlier report.
-fn remove_earlier(folder: &Path) -> io::Result<()> {
-    let is_crop = |kind: &str| {
-        let number = kind.strip_prefix("crop");
-        let number = number.and_then(|n| n.strip_suffix("-exact").or(n.strip_suffix("-mesh")));
-        number.is_some_and(|n| n.parse::<usize>().is_ok())
-    };
-    let is_ours = |name: &str| {
-        let (number, file) = name.strip_prefix("mesh")?.split_once('-')?;
-        number.parse::<usize>().ok()?;
-        let (kind, ending) = file.rsplit_once('.')?;
-        Some(match ending {
-            "png" => PICTURES.iter().any(|(name, _)| *name == kind) || is_crop(kind),
-            "exr" => kind == "smooth" || kind == "deviation",
-            _ => false,
-        })
-    };
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if is_ours(&name) == Some(true) {
+/// Removes what an earlier report in `folder` lists as its files, but none of `inputs`.
+///
+/// # Errors
+/// If a file cannot be removed.
+pub fn remove_earlier(folder: &Path, inputs: &[PathBuf]) -> io::Result<()> {
+    let real = |path: &Path| path.canonicalize().ok();
+    let inputs: Vec<_> = inputs.iter().filter_map(|path| real(path)).collect();
+    let report = fs::read(folder.join(REPORT)).unwrap_or_default();
+    let report: Value = serde_json::from_slice(&report).unwrap_or_default();
+    if report["made_by"] != MADE_BY {
+        return Ok(());
+    }
+    let names = report["files"].as_array().into_iter().flatten();
+    for name in names.filter_map(Value::as_str) {
+        let path = folder.join(name);
+        // Whatever the list says: nothing that is elsewhere.
+        let is_here = Path::new(name).file_name().is_some_and(|own| own == name);
+        let is_input = real(&path).is_some_and(|path| inputs.contains(&path));
+        if is_here && path.is_file() && !is_input {
             fs::remove_file(&path)?;
         }
     }
@@ -287,8 +295,8 @@ fn compare_one(
     let measuring = started.elapsed();
     let worst = worst(&deviation);
     let views = views::take(stage, exact, &soup, &worst, deviation.surface_to_mesh.found);
-    let at = |name: &str| folder.join(format!("mesh{number}-{name}"));
-    let named = [
+    let name = |kind: &str| format!("mesh{number}-{kind}");
+    let kinds = [
         ("smooth.png", &views.smooth),
         ("flat.png", &views.flat),
         ("wire.png", &views.wire),
@@ -297,20 +305,25 @@ fn compare_one(
         ("heat.png", &views.heat),
         ("silhouette.png", &views.silhouette),
     ];
-    named
+    let crops = views.crops.iter().zip(1..).flat_map(|(crop, k)| {
+        [
+            (name(&format!("crop{k}-exact.png")), &crop.exact),
+            (name(&format!("crop{k}-mesh.png")), &crop.mesh),
+        ]
+    });
+    let pictures = kinds.map(|(kind, picture)| (name(kind), picture));
+    let pictures: Vec<_> = pictures.into_iter().chain(crops).collect();
+    pictures
         .par_iter()
-        .try_for_each(|(name, picture)| write_png(&at(name), picture))?;
-    views
-        .crops
-        .par_iter()
-        .enumerate()
-        .try_for_each(|(k, crop)| {
-            write_png(&at(&format!("crop{}-exact.png", k + 1)), &crop.exact)?;
-            write_png(&at(&format!("crop{}-mesh.png", k + 1)), &crop.mesh)
-        })?;
-    output::write(&views.film, &at("smooth.exr"), &OutputOptions::default())?;
+        .try_for_each(|(name, picture)| write_png(&folder.join(name), picture))?;
+    let channels = ["smooth.exr", "deviation.exr"].map(name);
+    let [smooth, distances] = channels.each_ref().map(|name| folder.join(name));
+    output::write(&views.film, &smooth, &OutputOptions::default())?;
     let size = [stage.film.width(), stage.film.height()];
-    output::write_channel(&at("deviation.exr"), size, "deviation", &views.distances)?;
+    output::write_channel(&distances, size, "deviation", &views.distances)?;
+    let mut files: Vec<String> = pictures.into_iter().map(|(name, _)| name).collect();
+    files.extend(channels);
+    files.extend(Some(candidate.file).filter(|name| !name.is_empty()));
     Ok(Compared {
         name: match candidate.made.filter(|_| candidate.name.is_empty()) {
             Some(made) => {
@@ -337,6 +350,7 @@ fn compare_one(
         render: views.render,
         measuring,
         warnings: candidate.warnings,
+        files,
         crops: views.crops.iter().map(|crop| crop.extent).collect(),
     })
 }
@@ -396,14 +410,18 @@ impl Report {
             output::replace_file(&self.folder.join(name), |file| file.write_all(bytes))
         };
         let json = serde_json::to_vec_pretty(&self.json())?;
-        write("report.json", &json)?;
+        write(REPORT, &json)?;
         write("summary.md", self.markdown().as_bytes())?;
         write("index.html", self.page()?.as_bytes())
     }
 
     /// All numbers.
     pub fn json(&self) -> Value {
+        let own = EXACT.iter().map(|name| (*name).to_owned());
+        let files = own.chain(self.meshes.iter().flat_map(|mesh| mesh.files.clone()));
         json!({
+            "made_by": MADE_BY,
+            "files": files.collect::<Vec<_>>(),
             "source": self.source,
             "unit": self.unit,
             "size": self.size,
