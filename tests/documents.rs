@@ -37,15 +37,16 @@ fn collect(
     match value {
         Value::Object(fields) => {
             for (key, value) in fields {
+                let dot = if path.is_empty() { "" } else { "." };
+                let path = format!("{path}{dot}{key}");
                 if key == "warnings" || key == "left_out" {
-                    keys.insert(key.clone());
+                    keys.insert(path);
                     let list = value.as_array().unwrap();
                     for warning in list {
                         collect(warning, "", warnings, &mut BTreeSet::new());
                     }
                 } else {
-                    let dot = if path.is_empty() { "" } else { "." };
-                    collect(value, &format!("{path}{dot}{key}"), keys, warnings);
+                    collect(value, &path, keys, warnings);
                 }
             }
         }
@@ -72,10 +73,38 @@ fn on_level(text: &str) -> String {
     text.lines().map(line).collect()
 }
 
+/// Runs commands, and compares the keys of what they tell, on standard output or in a file, with those
+/// of a section of the document.
+#[track_caller]
+fn assert_documented(
+    place: &Place,
+    (section, lines, input): (&str, &[String], &str),
+    warnings: &mut BTreeSet<String>,
+) {
+    let mut keys = BTreeSet::new();
+    for line in lines {
+        let run = place.run_with(line, input.as_bytes());
+        let text = match section.split_once(": ") {
+            Some((_, file)) => fs::read_to_string(place.path("out").join(file)).unwrap(),
+            None => run.stdout,
+        };
+        for value in serde_json::Deserializer::from_str(&text).into_iter() {
+            collect(&value.unwrap(), "", &mut keys, warnings);
+        }
+    }
+    // Objects that a sample does not have are null there.
+    let is_parent = |key: &String| keys.iter().any(|k| k.starts_with(&format!("{key}.")));
+    let keys: BTreeSet<_> = keys.iter().filter(|key| !is_parent(key)).cloned().collect();
+    assert_eq!(
+        keys,
+        documented(&document("docs/json.md"), section),
+        "{section}"
+    );
+}
+
 #[test]
 fn keys_of_json_are_documented() {
     let place = Place::new();
-    let document = document("docs/json.md");
     let mut warnings = BTreeSet::new();
     let rays = "0,5,0.5,0,-1,0\n";
     let all = "samples/sphere_torus.x3d samples/two_surfaces.igs samples/mixed.obj \
@@ -130,20 +159,37 @@ fn keys_of_json_are_documented() {
             "0,0.5,0.5\n",
         ),
     ] {
-        let mut keys = BTreeSet::new();
-        for line in lines {
-            let run = place.run_with(&line, input.as_bytes());
-            for line in run.stdout.lines() {
-                let value = serde_json::from_str(line).unwrap();
-                collect(&value, "", &mut keys, &mut warnings);
-            }
-        }
-        // Objects that a sample does not have are null there.
-        let is_parent = |key: &String| keys.iter().any(|k| k.starts_with(&format!("{key}.")));
-        let keys: BTreeSet<_> = keys.iter().filter(|key| !is_parent(key)).cloned().collect();
-        assert_eq!(keys, documented(&document, section), "{section}");
+        assert_documented(&place, (section, &lines[..], input), &mut warnings);
     }
-    assert_eq!(warnings, documented(&document, "Warnings"));
+    assert_eq!(warnings, documented(&document("docs/json.md"), "Warnings"));
+}
+
+#[test]
+fn keys_of_reports_are_documented() {
+    let place = Place::new();
+    let mut warnings = BTreeSet::new();
+    for (section, lines) in [
+        (
+            "compare: report.json",
+            vec![
+                "compare samples/goblet.x3d -o out --size 32x24 --tolerance 2%".to_owned(),
+                "compare samples/goblet.x3d out/mesh1.glb samples/mixed.obj -o out --size 32x24 \
+                 --align"
+                    .to_owned(),
+            ],
+        ),
+        (
+            "bench methods: results.json",
+            vec![
+                "bench methods samples/teapot.obj samples/sphere_torus.x3d -o out --size 8x6 \
+                 --runs 1 --methods newton,gradient-map"
+                    .to_owned(),
+            ],
+        ),
+    ] {
+        assert_documented(&place, (section, &lines[..], ""), &mut warnings);
+    }
+    assert!(warnings.is_subset(&documented(&document("docs/json.md"), "Warnings")));
 }
 
 /// Whether two texts are equal, numbers in them up to their last digits.

@@ -136,7 +136,7 @@ pub struct Compared {
     pub faults: Vec<Fault>,
     /// Differences of pictures.
     pub image: ImageDifference,
-    /// Time to prepare it for rendering, to render, and to measure it.
+    /// Time to prepare it for rendering.
     pub build: Duration,
     /// Time to render it.
     pub render: Duration,

@@ -75,7 +75,7 @@ impl Compared {
             value["chord_proven"] = made.proven.into();
             value["chord_sampled"] = made.sampled.into();
             value["chord_rms"] = made.rms.into();
-            value["tessellate_s"] = made.took.as_secs_f64().into();
+            value["made_s"] = made.took.as_secs_f64().into();
         }
         if let Some(fit) = self.fit {
             value["fit"] = json!({
