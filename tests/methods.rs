@@ -158,3 +158,22 @@ fn the_bench_reports_in_four_forms() {
     }
     assert_eq!(page.matches("<img").count(), 9 * 3);
 }
+
+#[test]
+fn files_of_one_name_have_rows_and_pictures_of_their_own() {
+    let place = Place::new();
+    for (folder, sample) in [("one", "teapot.obj"), ("two", "two_surfaces.igs")] {
+        fs::create_dir_all(place.path(folder)).unwrap();
+        let from = place.path("samples").join(sample);
+        fs::copy(from, place.path(folder).join("a,b.x")).unwrap();
+    }
+    let line = "bench methods one/a,b.x two/a,b.x -o out --size 8x6 --runs 1 --methods newton";
+    let run = place.run(line);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let csv = fs::read_to_string(place.path("out/results.csv")).unwrap();
+    let starts: Vec<_> = csv.lines().skip(1).collect();
+    assert!(starts[0].starts_with("\"a,b\",newton,") && starts[1].starts_with("\"a,b-2\",newton,"));
+    for name in ["a,b_newton.png", "a,b-2_newton_effort.png"] {
+        assert!(place.path("out").join(name).is_file(), "{name}");
+    }
+}

@@ -105,8 +105,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     std::fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string())?;
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let (mut rows, mut failed) = (Vec::new(), 0);
-    for file in &files {
-        match measure_file(args, file, &single) {
+    for (file, scene) in files.iter().zip(names(&files)) {
+        match measure_file(args, (file, &scene), &single) {
             Ok(measured) => rows.extend(measured),
             Err(error) => {
                 failed += 1;
@@ -140,9 +140,22 @@ fn files(args: &MethodArgs) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
+/// A name for each file, by which its rows and pictures are called: its stem, and from the second of
+/// the same on a number.
+fn names(files: &[PathBuf]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for file in files {
+        let stem = input::stem(file);
+        let numbered = (2..).map(|number| format!("{stem}-{number}"));
+        let mut choice = std::iter::once(stem.clone()).chain(numbered);
+        names.extend(choice.find(|name| !names.contains(name)));
+    }
+    names
+}
+
 fn measure_file(
     args: &MethodArgs,
-    file: &Path,
+    (file, name): (&Path, &str),
     single: &rayon::ThreadPool,
 ) -> anyhow::Result<Vec<Row>> {
     let loaded = args.read.load(file)?;
@@ -151,7 +164,6 @@ fn measure_file(
     if scene.placement_count() == 0 {
         bail!("{}: there is no surface to trace", input::display(file));
     }
-    let stem = input::stem(file);
     let production = args.methods.iter().find(|choice| !choice.is_research());
     let method = production.unwrap_or(&args.methods[0]).method;
     let accelerator = Accelerator::build(scene, method);
@@ -165,7 +177,7 @@ fn measure_file(
             Err(refusal) => {
                 say!("nurbray: {}: {refusal}", input::display(file));
                 rows.push(Row {
-                    scene: stem.clone(),
+                    scene: name.to_owned(),
                     method: choice.to_string(),
                     outcome: Err(refusal.to_string()),
                 });
@@ -183,18 +195,18 @@ fn measure_file(
     for (choice, times, last) in running {
         let Some(trace) = last else { continue };
         let judgement = truth.judge(&trace);
-        let name = format!("{stem}_{choice}");
-        pictures(args, &accelerator, &camera, choice, &name)?;
+        let picture = format!("{name}_{choice}");
+        pictures(args, &accelerator, &camera, choice, &picture)?;
         let effort = Raster::of_effort(&trace, args.size);
         let verdicts = Raster::of_verdicts(&judgement, args.size);
         for (raster, kind) in [(effort, "effort"), (verdicts, "verdict")] {
-            let path = args.output.join(format!("{name}_{kind}.png"));
+            let path = args.output.join(format!("{picture}_{kind}.png"));
             raster
                 .write(&path)
                 .with_context(|| path.display().to_string())?;
         }
         rows.push(Row {
-            scene: stem.clone(),
+            scene: name.to_owned(),
             method: choice.to_string(),
             outcome: Ok(Measured {
                 times: median(&times),

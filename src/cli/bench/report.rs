@@ -176,6 +176,11 @@ fn value(row: &Row, context: &Context) -> Value {
     value
 }
 
+/// A text as a field of CSV.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
 fn csv(pairs: &[(&Row, &Context)]) -> String {
     let mut text = "scene,method".to_owned();
     for column in COLUMNS {
@@ -183,7 +188,7 @@ fn csv(pairs: &[(&Row, &Context)]) -> String {
     }
     text += ",cannot\n";
     for (row, context) in pairs {
-        text += &format!("{},{}", row.scene, row.method);
+        text += &format!("{},{}", quoted(&row.scene), row.method);
         match &row.outcome {
             Ok(measured) => {
                 for column in COLUMNS {
@@ -193,7 +198,8 @@ fn csv(pairs: &[(&Row, &Context)]) -> String {
             }
             Err(refusal) => {
                 text += &",".repeat(COLUMNS.len() + 1);
-                text += &format!("\"{}\"\n", refusal.replace('"', "'"));
+                text += &quoted(refusal);
+                text += "\n";
             }
         }
     }
