@@ -209,12 +209,22 @@ fn most(values: [f64; 3]) -> f64 {
     values[0].max(values[1]).max(values[2])
 }
 
-/// Where on the way from `a` to `b` the second triangle becomes the nearer one; the middle if
-/// that is nearly at an end.
+/// The four parts of a triangle with these corners, divided at a place on each side.
+fn quarters<C: Copy>([a, b, c]: [C; 3], middle: impl Fn(&C, &C) -> C) -> [[C; 3]; 4] {
+    let (ab, bc, ca) = (middle(&a, &b), middle(&b, &c), middle(&c, &a));
+    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+}
+
+/// Where on the way from `a` to `b` the triangle that is nearest to `b` becomes nearer than that
+/// of `a`; the middle if that is nearly at an end, or both are one.
 ///
 /// Cells that are divided there have one nearest triangle each, however long the side that
 /// two flat neighbours share.
-fn change(a: DVec3, b: DVec3, [one, other]: [[DVec3; 3]; 2]) -> f64 {
+fn change([a, b]: [DVec3; 2], near: [u32; 2], corners: impl Fn(usize) -> [DVec3; 3]) -> f64 {
+    if near[0] == near[1] {
+        return 0.5;
+    }
+    let [one, other] = near.map(|triangle| corners(triangle as usize));
     let is_first = |t: f64| {
         let p = a.lerp(b, t);
         let away = |triangle| closest(triangle, p).point.distance_squared(p);
@@ -333,30 +343,21 @@ impl Function for FromSurface<'_> {
 
     fn divide(&self, cell: &SurfaceCell) -> Vec<SurfaceCell> {
         let face = &self.exact.faces[self.exact.face_of(cell.triangle as usize) as usize];
-        let middle = |i: usize, j: usize| {
-            let (from, to) = (&cell.corners[i], &cell.corners[j]);
-            let share = if from.triangle == to.triangle {
-                0.5
-            } else {
-                let pair = [from, to].map(|spot| self.soup.corners(spot.triangle as usize));
-                change(from.point, to.point, pair)
-            };
+        let middle = |from: &Spot, to: &Spot| {
+            let (ends, near) = ([from.point, to.point], [from.triangle, to.triangle]);
+            let share = change(ends, near, |number| self.soup.corners(number));
             let uv = from.uv.lerp(to.uv, share);
             let spot = self.spot(uv, face.patch.surface.evaluate(uv));
-            let mut spot = spot.unwrap_or(cell.corners[i]);
+            let mut spot = spot.unwrap_or(*from);
             spot.inside = face.region.as_ref().is_none_or(|r| r.contains(uv));
             spot
         };
-        let ([a, b, c], triangle) = (cell.corners, cell.triangle);
-        let (ab, bc, ca) = (middle(0, 1), middle(1, 2), middle(2, 0));
         let part = |corners: [Spot; 3]| SurfaceCell {
-            triangle,
+            triangle: cell.triangle,
             corners,
             chord: face.chord(corners.map(|spot| spot.uv)),
         };
-        [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-            .map(part)
-            .into()
+        quarters(cell.corners, middle).map(part).into()
     }
 }
 
@@ -462,28 +463,18 @@ impl Function for FromMesh<'_> {
     }
 
     fn divide(&self, cell: &MeshCell) -> Vec<MeshCell> {
-        let middle = |i: usize, j: usize| {
-            let (from, to) = (&cell.feet[i], &cell.feet[j]);
-            let share = if from.triangle == to.triangle {
-                0.5
-            } else {
-                let pair = [from, to].map(|foot| self.exact.corners(foot.triangle as usize));
-                change(cell.corners[i], cell.corners[j], pair)
-            };
-            let point = cell.corners[i].lerp(cell.corners[j], share);
-            let foot = self.exact.nearest(point).unwrap_or(cell.feet[i]);
-            (point, foot)
+        let corners = [0, 1, 2].map(|k| (cell.corners[k], cell.feet[k]));
+        let middle = |(a, from): &(DVec3, Foot), (b, to): &(DVec3, Foot)| {
+            let near = [from.triangle, to.triangle];
+            let share = change([*a, *b], near, |number| self.exact.corners(number));
+            let point = a.lerp(*b, share);
+            (point, self.exact.nearest(point).unwrap_or(*from))
         };
-        let own = |k: usize| (cell.corners[k], cell.feet[k]);
-        let ([a, b, c], triangle) = ([own(0), own(1), own(2)], cell.triangle);
-        let (ab, bc, ca) = (middle(0, 1), middle(1, 2), middle(2, 0));
         let part = |parts: [(DVec3, Foot); 3]| MeshCell {
-            triangle,
+            triangle: cell.triangle,
             corners: parts.map(|part| part.0),
             feet: parts.map(|part| part.1),
         };
-        [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-            .map(part)
-            .into()
+        quarters(corners, middle).map(part).into()
     }
 }
