@@ -1,8 +1,9 @@
-//! The film: linear light and data channels, one entry per pixel, top row first.
+//! The film: linear light and data channels, one entry per pixel, top row first; and pictures in sRGB.
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
+use kernel::{linear_from_srgb, srgb_from_linear};
 use rayon::prelude::*;
 
 /// What the ray through the middle of a pixel met.
@@ -150,6 +151,69 @@ impl Film {
             color[3] = 1.0;
         }
         self
+    }
+}
+
+/// An opaque picture in sRGB, from 0 to 1, the top row first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    width: usize,
+    height: usize,
+    pixels: Vec<[f32; 3]>,
+}
+
+impl Picture {
+    /// A picture of these pixels; `None` unless there are `width` times `height` of them.
+    pub fn new(width: usize, height: usize, pixels: Vec<[f32; 3]>) -> Option<Self> {
+        let fits = width > 0 && width.checked_mul(height) == Some(pixels.len()) && height > 0;
+        fits.then_some(Self {
+            width,
+            height,
+            pixels,
+        })
+    }
+
+    /// The colours of a film; what is behind it is black where nothing was put there.
+    pub fn of(film: &Film) -> Self {
+        let encode = |&[r, g, b, _]: &[f32; 4]| {
+            let linear = Vec3::new(r, g, b).as_dvec3();
+            let clamped = linear.clamp(DVec3::ZERO, DVec3::ONE);
+            srgb_from_linear(clamped).as_vec3().to_array()
+        };
+        Self {
+            width: film.width() as usize,
+            height: film.height() as usize,
+            pixels: film.colors().iter().map(encode).collect(),
+        }
+    }
+
+    /// Pixels per row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Number of rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The pixels.
+    pub fn pixels(&self) -> &[[f32; 3]] {
+        &self.pixels
+    }
+
+    /// The pixels, to be drawn on.
+    pub(crate) fn pixels_mut(&mut self) -> &mut [[f32; 3]] {
+        &mut self.pixels
+    }
+
+    /// The pixels in linear light.
+    pub(crate) fn linear(&self) -> Vec<[f32; 3]> {
+        let decode = |p: &[f32; 3]| {
+            let srgb = Vec3::from(*p).as_dvec3();
+            linear_from_srgb(srgb).as_vec3().to_array()
+        };
+        self.pixels.iter().map(decode).collect()
     }
 }
 

@@ -13,12 +13,13 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
     LayerAttributes, LineOrder, SmallVec, f16,
 };
+use glam::Vec3;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
+use kernel::srgb_from_linear;
 use rayon::prelude::*;
 
-use crate::compare::Picture;
-use crate::film::{Film, PixelData};
+use crate::film::{Film, Picture, PixelData};
 
 /// Blocks of an EXR file that are packed at once, for each thread.
 const PACKED_AT_ONCE: usize = 8;
@@ -224,18 +225,20 @@ pub fn encode_png(picture: &Picture) -> io::Result<Vec<u8>> {
     let size = |n: usize| u32::try_from(n).map_err(io::Error::other);
     let (width, height) = (size(picture.width())?, size(picture.height())?);
     let mut file = Vec::new();
-    PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive)
-        .write_image(&bytes, width, height, ExtendedColorType::Rgb8)
-        .map_err(io::Error::other)?;
+    pack_png(&mut file, [width, height], &bytes, ExtendedColorType::Rgb8)?;
     Ok(file)
 }
 
-/// Text as it stands in a page of HTML, also within quotes.
-pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
+/// Writes pixels of this kind as a PNG file.
+pub(crate) fn pack_png(
+    file: impl Write,
+    [width, height]: [u32; 2],
+    bytes: &[u8],
+    color: ExtendedColorType,
+) -> io::Result<()> {
+    PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::Adaptive)
+        .write_image(bytes, width, height, color)
+        .map_err(io::Error::other)
 }
 
 /// Writes one number per pixel as the only channel of an EXR file; `size` is width and height.
@@ -248,30 +251,17 @@ pub fn write_channel(path: &Path, size: [u32; 2], name: &str, values: &[f32]) ->
     replace_file(path, |file| write_channels(channels, size, file))
 }
 
-/// The sRGB value of linear light, both from 0 to 1.
-fn srgb(linear: f32) -> f32 {
-    let x = linear.clamp(0.0, 1.0);
-    if x <= 0.003_130_8 {
-        12.92 * x
-    } else {
-        1.055 * x.powf(1.0 / 2.4) - 0.055
-    }
-}
-
 fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -> io::Result<()> {
     let opaque = film.colors().iter().all(|c| c[3] >= 1.0);
     let channels = if opaque { 3 } else { 4 };
     // PNG wants colours that are not multiplied by the coverage.
     let values = film.colors().iter().flat_map(|&[r, g, b, a]| {
         let scale = if a > 0.0 { a.recip() } else { 0.0 };
-        [
-            srgb(r * scale),
-            srgb(g * scale),
-            srgb(b * scale),
-            a.clamp(0.0, 1.0),
-        ]
-        .into_iter()
-        .take(channels)
+        let linear = Vec3::new(r, g, b) * scale;
+        let srgb = srgb_from_linear(linear.clamp(Vec3::ZERO, Vec3::ONE).as_dvec3()).as_vec3();
+        [srgb.x, srgb.y, srgb.z, a.clamp(0.0, 1.0)]
+            .into_iter()
+            .take(channels)
     });
     let (bytes, color): (Vec<u8>, _) = match options.png_depth {
         PngDepth::Eight => (
@@ -295,9 +285,7 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
             },
         ),
     };
-    PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::Adaptive)
-        .write_image(&bytes, film.width(), film.height(), color)
-        .map_err(io::Error::other)
+    pack_png(file, [film.width(), film.height()], &bytes, color)
 }
 
 #[expect(

@@ -5,7 +5,8 @@
 
 use std::path::Path;
 
-use nurbray::compare::{Picture, flip, psnr, psnr_linear, ssim};
+use nurbray::Picture;
+use nurbray::compare::{flip, psnr, psnr_linear, ssim};
 
 /// PSNR of the sRGB values, of linear light, SSIM and FLIP.
 const REFERENCE: [[f64; 4]; 5] = [

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
-use glam::DVec3;
 use nurbray::compare::{self, Candidate, Made, Report, Subject, View, read};
 use nurbray::formats::Limits;
 use nurbray::gltf::{self, Container, Packing, Source};
@@ -17,6 +16,7 @@ use super::input::{self, ReadArgs};
 use super::mesh::{self, Distance};
 use super::parse;
 use super::say::{say, visible};
+use super::shot::BACKGROUND;
 use super::{DIFFERENT, Failures};
 
 /// Compares exact surfaces with meshes, in numbers and pictures
@@ -73,9 +73,6 @@ Examples:
   nurbray compare wing.igs wing.stl -o report --align --fail-above 0.05mm
 
 Exit codes: 0 done, 1 a mesh is farther away than --fail-above allows, 2 something went wrong.";
-
-/// The colour behind the pictures, as sRGB.
-const BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
 
 /// Triangles of the exact side are finer by this factor than what they are to measure.
 const FINER: f64 = 0.25;

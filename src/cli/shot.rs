@@ -21,7 +21,7 @@ use super::render::Args;
 use super::say::{say, visible};
 
 /// The colour behind the scene where neither file nor user names one, as sRGB.
-const DEFAULT_BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
+pub(super) const BACKGROUND: DVec3 = DVec3::new(0.93, 0.94, 0.95);
 
 /// The opening angle of a camera of the command line in degrees, unless the user wants another.
 const FOV: f64 = 35.0;
@@ -101,7 +101,7 @@ pub(super) fn shot<'a>(
         (Some(Background::None), ..) => film,
         (Some(Background::Color(color)), ..) | (None, None, Some(color)) => film.over(color),
         (None, Some(sky), _) => over_sky(film, &camera, sky),
-        (None, None, None) => film.over(linear_from_srgb(DEFAULT_BACKGROUND)),
+        (None, None, None) => film.over(linear_from_srgb(BACKGROUND)),
     };
     Ok(Shot {
         film,

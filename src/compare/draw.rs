@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-use super::images::Picture;
-use crate::film::PixelData;
+use crate::film::{Picture, PixelData};
 use crate::render::Eye;
 
 /// Colours from the least value to the largest, sRGB: dark blue over green to yellow, in steps

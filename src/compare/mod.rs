@@ -26,7 +26,7 @@ pub use align::{Fit, Frame, from_metadata};
 pub use deviation::{Reach, Worst};
 use exact::Exact;
 pub use faults::{Fault, FaultKind};
-pub use images::{PIXELS_PER_DEGREE, Picture, flip, flip_map, psnr, psnr_linear, ssim};
+pub use images::{PIXELS_PER_DEGREE, flip, flip_map, psnr, psnr_linear, ssim};
 pub use report::{Candidate, Compared, Made, Report, compare, remove_earlier};
 use sampling::Sample;
 pub use sampling::Statistics;

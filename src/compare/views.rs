@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::deviation::Worst;
 use super::draw;
 use super::exact::Exact;
-use super::images::{Picture, flip_map, psnr, psnr_linear, ssim};
+use super::images::{flip_map, psnr, psnr_linear, ssim};
 use super::soup::{Smooth, Soup};
 use crate::accelerator::{Accelerator, Workspace};
-use crate::film::Film;
+use crate::film::{Film, Picture};
 use crate::intersect::METHODS;
 use crate::render::{Eye, FilmRays, RenderOptions, render};
 

@@ -3,11 +3,10 @@
 use std::io;
 use std::path::Path;
 
-use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder as _};
+use image::ExtendedColorType;
 
 use super::{Judgement, Trace, Verdict};
-use crate::output::replace_file;
+use crate::output::{pack_png, replace_file};
 
 /// Bytes of red, green and blue, top row first.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,11 +62,9 @@ impl Raster {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> io::Result<()> {
-        let (bytes, color) = (self.pixels.as_flattened(), ExtendedColorType::Rgb8);
+        let (bytes, size) = (self.pixels.as_flattened(), [self.width, self.height]);
         replace_file(path, |file| {
-            PngEncoder::new(file)
-                .write_image(bytes, self.width, self.height, color)
-                .map_err(io::Error::other)
+            pack_png(file, size, bytes, ExtendedColorType::Rgb8)
         })
     }
 }

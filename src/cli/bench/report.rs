@@ -5,7 +5,8 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use nurbray::output::{escaped, replace_file};
+use nurbray::html::escaped;
+use nurbray::output::replace_file;
 use serde_json::{Value, json};
 
 use super::{Measured, MethodArgs, Row};

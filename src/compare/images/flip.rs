@@ -89,8 +89,8 @@ impl Seen {
     fn new(picture: &Picture) -> Self {
         let opponent: Vec<[f32; 3]> = picture.linear().into_iter().map(opponent).collect();
         let plane = |channel: usize| Plane {
-            width: picture.width,
-            height: picture.height,
+            width: picture.width(),
+            height: picture.height(),
             values: opponent.iter().map(|p| p[channel]).collect(),
         };
         let filtered: Vec<Plane<f32>> = (0..3).map(|c| blurred(&plane(c), c)).collect();

@@ -63,8 +63,8 @@ fn luminance(picture: &Picture) -> Plane<f64> {
         0.299 * r + 0.587 * g + 0.114 * b
     };
     Plane {
-        width: picture.width,
-        height: picture.height,
-        values: picture.pixels.iter().map(luma).collect(),
+        width: picture.width(),
+        height: picture.height(),
+        values: picture.pixels().iter().map(luma).collect(),
     }
 }

@@ -19,11 +19,11 @@ use serde_json::{Value, json};
 use super::align::Fit;
 use super::exact::Exact;
 use super::faults::Fault;
-use super::images::Picture;
 use super::read::MeshFile;
 use super::soup::Soup;
 use super::views::{self, ImageDifference, Stage, View};
 use super::{Deviation, Subject, Worst, measure};
+use crate::film::Picture;
 use crate::output::{self, OutputOptions};
 use crate::tessellate::Tessellation;
 

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::plot::{Series, plot};
 use super::text::{sentence, short};
 use super::{Compared, PICTURES, Report, Solid};
-use crate::output::escaped;
+use crate::html::escaped;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
