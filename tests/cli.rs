@@ -78,7 +78,6 @@ const MISTAKES: &[&str] = &[
     "model samples/phantom.dcm -o phantom.x3d --method interpolate",
     "model samples/teapot.mtl -o teapot.x3d",
     "volume",
-    "bench methods samples/teapot.obj samples/../samples/teapot.obj -o out",
 ];
 
 #[test]

@@ -93,15 +93,6 @@ struct Measured {
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let What::Methods(args) = &args.what;
     let files = files(args)?;
-    for (number, file) in files.iter().enumerate() {
-        let stem = input::stem(file);
-        if files[..number]
-            .iter()
-            .any(|other| input::stem(other) == stem)
-        {
-            bail!("{stem}: two scenes of this name would have the same pictures; rename one");
-        }
-    }
     std::fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string())?;
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let (mut rows, mut failed) = (Vec::new(), 0);
