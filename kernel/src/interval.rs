@@ -62,7 +62,7 @@ impl Interval {
         self.high
     }
 
-    /// A number in the middle, up to rounding.
+    /// A number in the middle, up to rounding; no number if the interval has neither end.
     #[inline]
     pub fn middle(self) -> f64 {
         f64::midpoint(self.low, self.high)

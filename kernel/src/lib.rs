@@ -16,6 +16,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bernstein;
 mod bezier;
 mod bounds;
 mod camera;

@@ -19,7 +19,7 @@ pub use self::rules::VolumeRule;
 
 use self::piece::Piece;
 use self::sums::Sums;
-use crate::trim::shifts;
+use crate::trim::{crossings, shifts};
 use crate::{Aabb, BezierSurface, Curve, Patch, oriented};
 
 /// Error that is looked for, as a share of what a cube of the size of the face has.
@@ -157,16 +157,7 @@ impl<'a> Face<'a> {
         }
         let mut chords = self.chords();
         chords.sort_by_key(|chord| (chord.column, chord.strip));
-        // How much of each piece to the left of a chord is counted, by its ends.
-        let mut ends: BTreeMap<(usize, usize, i64), i32> = BTreeMap::new();
-        for chord in &chords {
-            for column in 0..chord.column.min(columns) {
-                let [from, to] = chord.heights;
-                *ends.entry((column, chord.strip, to)).or_default() += 1;
-                *ends.entry((column, chord.strip, from)).or_default() -= 1;
-            }
-        }
-        ends.retain(|key, count| *count != 0 && key.2 != 0);
+        let ends = counted(&chords, columns);
         for group in chords.chunk_by(|a, b| (a.column, a.strip) == (b.column, b.strip)) {
             let [first, ..] = group else { continue };
             if first.column >= columns {
@@ -211,12 +202,7 @@ impl<'a> Face<'a> {
         let mut cuts = vec![start, end];
         for axis in 0..2 {
             for &knot in &self.breaks[axis] {
-                let differences: Vec<_> = curve
-                    .homogeneous()
-                    .iter()
-                    .map(|h| if axis == 0 { h.x } else { h.y } - knot * h.z)
-                    .collect();
-                let shares = roots(&differences);
+                let shares = crossings(curve.homogeneous(), axis, knot);
                 cuts.extend(shares.into_iter().map(|t| start + (end - start) * t));
             }
         }
@@ -268,46 +254,29 @@ struct Chord {
     range: [f64; 2],
 }
 
-/// How often an interval with several roots is halved.
-const DEPTH: u32 = 48;
-
-/// The simple roots in 0..1 of a polynomial in Bernstein form, about; near a double root
-/// nothing or something near it.
-fn roots(coefficients: &[f64]) -> Vec<f64> {
-    let mut found = Vec::new();
-    let mut waiting = vec![(coefficients.to_vec(), 0.0, 1.0, 0)];
-    while let Some((c, from, to, level)) = waiting.pop() {
-        let signs: Vec<bool> = c.iter().filter(|x| **x != 0.0).map(|x| *x > 0.0).collect();
-        let changes = signs.windows(2).filter(|pair| pair[0] != pair[1]).count();
-        let middle = f64::midpoint(from, to);
-        match changes {
-            0 => {}
-            _ if level >= DEPTH => found.push(middle),
-            _ => {
-                let [left, right] = halves(&c);
-                // Neither half changes its sign at a root between them.
-                if right[0] == 0.0 {
-                    found.push(middle);
-                }
-                waiting.push((left, from, middle, level + 1));
-                waiting.push((right, middle, to, level + 1));
+/// How often the lower part of each piece is counted, by column, strip and height of that part:
+/// all pieces to the left of a chord are, up to where it ends, less up to where it begins.
+fn counted(chords: &[Chord], columns: usize) -> BTreeMap<(usize, usize, i64), i32> {
+    // By how much the count rises from a column to the one on its left.
+    let mut rises: BTreeMap<(usize, i64), BTreeMap<usize, i32>> = BTreeMap::new();
+    for chord in chords {
+        let column = chord.column.min(columns);
+        for (height, count) in chord.heights.into_iter().zip([-1, 1]) {
+            let there = rises.entry((chord.strip, height)).or_default();
+            *there.entry(column).or_default() += count;
+        }
+    }
+    let mut ends = BTreeMap::new();
+    for ((strip, height), rises) in rises {
+        let (mut count, mut right) = (0, columns);
+        for (column, rise) in rises.into_iter().rev().chain([(0, 0)]) {
+            if count != 0 && height != 0 {
+                ends.extend((column..right).map(|k| ((k, strip, height), count)));
             }
+            (count, right) = (count + rise, column);
         }
     }
-    found
-}
-
-/// The Bernstein forms of both halves.
-fn halves(coefficients: &[f64]) -> [Vec<f64>; 2] {
-    let mut right = coefficients.to_vec();
-    let mut left = vec![right[0]];
-    for level in 1..right.len() {
-        for k in 0..right.len() - level {
-            right[k] = f64::midpoint(right[k], right[k + 1]);
-        }
-        left.push(right[0]);
-    }
-    [left, right]
+    ends
 }
 
 #[cfg(test)]

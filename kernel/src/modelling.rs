@@ -26,7 +26,7 @@ use crate::Error;
 
 pub use arc::{arc, arc_angle, arc_parameter, circle};
 pub use blend::blend;
-pub use cap::{Cap, cap};
+pub use cap::{Cap, TubeEnd, cap};
 pub use coons::{Twist, coons};
 pub use fit::{Fit, FitSurface, fit, fit_surface};
 pub use interpolate::{Along, Interpolation, Spacing, interpolate, interpolate_curve};

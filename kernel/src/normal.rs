@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4, Vec4Swizzles as _};
 
+use crate::bernstein::binomials;
 use crate::{KnotVector, Surface};
 
 /// Below this sine of the first derivatives, or this ratio of their lengths, the direction
@@ -264,16 +265,6 @@ impl Net {
         }
         curve
     }
-}
-
-/// The binomial coefficients `n` over `k` for all `k`.
-fn binomials(n: usize) -> Vec<f64> {
-    let next = |c: &mut f64, k: usize| {
-        let value = *c;
-        *c = value * (n - k) as f64 / (k + 1) as f64;
-        Some(value)
-    };
-    (0..=n).scan(1.0, next).collect()
 }
 
 #[cfg(test)]

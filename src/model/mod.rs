@@ -5,7 +5,7 @@
 
 use formats::{Error, Layer, Place, PointBody, PointSet, Problem, Warnings};
 use glam::DVec3;
-use kernel::modelling::{self, Along, Cap, Twist};
+use kernel::modelling::{self, Along, Cap, TubeEnd, Twist};
 use kernel::{Child, Item, Material, Node, NodeId, Patch, Scene, Shape, Surface, UpAxis};
 
 mod branches;
@@ -183,9 +183,10 @@ fn closed(strips: Vec<Surface>, caps: Caps, rises: [f64; 2]) -> Result<Vec<Patch
     };
     let mut ends = Vec::new();
     if let (Some(lowest), Some(highest)) = (strips.first(), strips.last()) {
-        for (strip, at_end, rise) in [(lowest, false, rises[0]), (highest, true, rises[1])] {
-            if let Some(kind) = kind(rise).filter(|_| !is_point(strip, at_end)) {
-                ends.push(modelling::cap(strip, at_end, kind)?);
+        let both = [(lowest, TubeEnd::Start), (highest, TubeEnd::End)];
+        for ((strip, end), rise) in both.into_iter().zip(rises) {
+            if let Some(kind) = kind(rise).filter(|_| !is_point(strip, end)) {
+                ends.push(modelling::cap(strip, end, kind)?);
             }
         }
     }
@@ -193,9 +194,12 @@ fn closed(strips: Vec<Surface>, caps: Caps, rises: [f64; 2]) -> Result<Vec<Patch
 }
 
 /// Whether a tube ends in one point.
-fn is_point(strip: &Surface, at_end: bool) -> bool {
+fn is_point(strip: &Surface, end: TubeEnd) -> bool {
     let v = strip.knots_v().domain();
-    let rim = strip.iso_curve_v(if at_end { v.end } else { v.start });
+    let rim = strip.iso_curve_v(match end {
+        TubeEnd::Start => v.start,
+        TubeEnd::End => v.end,
+    });
     let bounds = rim.hull_bounds();
     bounds.diagonal() <= 1e-12 * strip.hull_bounds().diagonal()
 }

@@ -7,6 +7,7 @@
 use super::piece::{Piece, Rule};
 use super::sums::Sums;
 use crate::BezierSurface;
+use crate::bernstein::binomials;
 use glam::DVec3;
 
 /// How the volume between a piece and the z axis is found.
@@ -115,10 +116,6 @@ struct Integral {
 
 impl Integral {
     fn new(degree: usize) -> Self {
-        let mut binomial = vec![1.0];
-        for k in 0..degree {
-            binomial.push(binomial[k] * (degree - k) as f64 / (k + 1) as f64);
-        }
         let last = 3 * degree;
         // For s = 1 it is 1 / (3 n - 1); each next one is s / (3 n - s - 1) times the one before.
         let mut factors = vec![0.0, 1.0 / (last as f64 - 1.0)];
@@ -127,7 +124,7 @@ impl Integral {
         }
         Self {
             degree,
-            binomial,
+            binomial: binomials(degree),
             factors,
         }
     }

@@ -85,14 +85,6 @@ fn loops_beyond_the_surface_are_cut_off() {
     assert!((Integrals::of(&patch, DVec3::ZERO).area() - 4.5).abs() < 1e-12);
 }
 
-#[test]
-fn roots_in_the_middle_are_found() {
-    assert_eq!(roots(&[-1.0, 1.0]), [0.5]);
-    assert_eq!(roots(&[-1.0, 3.0]), [0.25]);
-    assert_eq!(roots(&[-3.0, -1.0, 1.0, 3.0]), [0.5]);
-    assert_eq!(roots(&[0.0, 0.0]), []);
-}
-
 /// Every corner lies in a piece of its own, and every side crosses a knot halfway.
 #[test]
 fn loops_are_cut_at_knots_in_the_middle_of_their_sides() {

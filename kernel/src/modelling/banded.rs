@@ -142,7 +142,7 @@ fn product<T: Value>(factors: &[f64], values: &[T]) -> T {
 }
 
 /// The inverse of a small matrix, by Gauss and Jordan with exchanges of rows.
-fn inverse(mut rows: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
+pub(super) fn inverse(mut rows: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
     let count = rows.len();
     for (i, row) in rows.iter_mut().enumerate() {
         row.extend((0..count).map(|j| if i == j { 1.0 } else { 0.0 }));

@@ -30,8 +30,17 @@ pub enum Cap {
     },
 }
 
-/// The face that closes a tube, closed along u with its normals outwards, at the start or end of
-/// v. Its normal points outwards, too.
+/// An end of a tube along v.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TubeEnd {
+    /// Where v begins.
+    Start,
+    /// Where v ends.
+    End,
+}
+
+/// The face that closes a tube, closed along u with its normals outwards, at one of its ends. Its
+/// normal points outwards, too.
 ///
 /// The rim of the tube is that of the face: to the last bit for domes, and up to rounding for
 /// planes.
@@ -39,13 +48,12 @@ pub enum Cap {
 /// # Errors
 /// If a height is not positive, the rim has no area, the middle of a rim that is not flat or
 /// gets a dome does not see it all, or the tube is rational.
-pub fn cap(tube: &Surface, at_end: bool, cap: Cap) -> Result<Patch, Error> {
+pub fn cap(tube: &Surface, end: TubeEnd, cap: Cap) -> Result<Patch, Error> {
     let v = tube.knots_v().domain();
     // Seen from outside, rims run counter-clockwise.
-    let tube = if at_end {
-        tube.clone()
-    } else {
-        tube.reversed_u().reversed_v()
+    let tube = match end {
+        TubeEnd::Start => tube.reversed_u().reversed_v(),
+        TubeEnd::End => tube.clone(),
     };
     let u = tube.knots_u().domain();
     let tube = tube.restricted_u(u)?.restricted_v(v.clone())?;
@@ -203,8 +211,8 @@ mod tests {
     fn body(kind: Cap) -> Integrals {
         let strips = tube();
         let caps = [
-            cap(&strips[0], false, kind).unwrap(),
-            cap(&strips[1], true, kind).unwrap(),
+            cap(&strips[0], TubeEnd::Start, kind).unwrap(),
+            cap(&strips[1], TubeEnd::End, kind).unwrap(),
         ];
         let faces = strips.into_iter().map(Patch::from).chain(caps);
         let each = faces.map(|face| Integrals::of(&face, DVec3::new(0.3, 0.1, 0.7)));
@@ -234,7 +242,7 @@ mod tests {
     #[test]
     fn domes_begin_along_the_tube() {
         let strips = tube();
-        let dome = cap(&strips[1], true, Cap::Rounded { height: 0.4 }).unwrap();
+        let dome = cap(&strips[1], TubeEnd::End, Cap::Rounded { height: 0.4 }).unwrap();
         for k in 0..=100 {
             let u = f64::from(k) / 100.0;
             let side = strips[1].derivatives(DVec2::new(u, 2.0));
@@ -260,12 +268,12 @@ mod tests {
                 .collect()
         };
         let strips = loft(&[ring(0.0), ring(1.0)]).unwrap();
-        let dome = cap(&strips[0], true, Cap::Rounded { height: 1.0 });
+        let dome = cap(&strips[0], TubeEnd::End, Cap::Rounded { height: 1.0 });
         assert_eq!(dome, Err(Error::NotStarShaped));
-        let flat = cap(&strips[0], true, Cap::Flat).unwrap();
+        let flat = cap(&strips[0], TubeEnd::End, Cap::Flat).unwrap();
         let area = Integrals::of(&flat, DVec3::ZERO).area();
         let expected = 2.0 * (1.0 - 0.64);
         assert!((area / expected - 1.0).abs() < 0.02, "{area}");
-        assert!(cap(&strips[0], true, Cap::Rounded { height: 0.0 }).is_err());
+        assert!(cap(&strips[0], TubeEnd::End, Cap::Rounded { height: 0.0 }).is_err());
     }
 }

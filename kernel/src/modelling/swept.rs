@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{DQuat, DVec2, DVec3, DVec4};
 
+use super::banded::inverse;
 use crate::{Curve, Error, KnotVector, Surface};
 
 /// A swept surface, and how far it may be from what it stands for.
@@ -63,7 +64,7 @@ pub fn swept(
     }
     let reach = section.points().map(DVec2::length).fold(0.0, f64::max);
     let breaks = trajectory.knots().breaks();
-    let mut fit = Fit {
+    let mut fit = Followed {
         trajectory,
         reach,
         tolerance,
@@ -224,7 +225,7 @@ fn part(a: f64, b: f64, i: usize, n: usize) -> f64 {
 type Frame = [DVec3; 3];
 
 /// A spline of degree 5 that follows the frames of a trajectory.
-struct Fit<'a> {
+struct Followed<'a> {
     trajectory: &'a Curve<DVec3>,
     /// The largest distance of the section from its origin.
     reach: f64,
@@ -237,7 +238,7 @@ struct Fit<'a> {
     from_values: [[f64; DEGREE + 1]; DEGREE + 1],
 }
 
-impl Fit<'_> {
+impl Followed<'_> {
     /// The frame at `t`, with z on the side of `near`. Curves are taken from the inside of
     /// `range`, so that derivatives at its ends are those of this part.
     fn frame(&self, t: f64, range: &Range<f64>, near: DVec3) -> Frame {
@@ -346,32 +347,11 @@ fn bernstein(s: f64) -> [f64; DEGREE + 1] {
 }
 
 /// The matrix from values at the nodes to control points: the inverse of that of the
-/// polynomials there, by elimination with exchange of rows.
+/// polynomials there.
 fn from_values() -> [[f64; DEGREE + 1]; DEGREE + 1] {
-    const N: usize = DEGREE + 1;
-    let mut rows: [[f64; N]; N] = std::array::from_fn(|k| bernstein(node(k)));
-    let mut inverse: [[f64; N]; N] =
-        std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }));
-    for column in 0..N {
-        let size = |row: &usize| rows[*row][column].abs();
-        let pivot = (column..N)
-            .max_by(|a, b| size(a).total_cmp(&size(b)))
-            .unwrap_or(column);
-        rows.swap(column, pivot);
-        inverse.swap(column, pivot);
-        let scale = 1.0 / rows[column][column];
-        rows[column] = rows[column].map(|x| x * scale);
-        inverse[column] = inverse[column].map(|x| x * scale);
-        let (own, own_inverse) = (rows[column], inverse[column]);
-        for row in (0..N).filter(|&row| row != column) {
-            let factor = rows[row][column];
-            for i in 0..N {
-                rows[row][i] -= factor * own[i];
-                inverse[row][i] -= factor * own_inverse[i];
-            }
-        }
-    }
-    inverse
+    let rows = (0..=DEGREE).map(|k| bernstein(node(k)).to_vec()).collect();
+    let inverse = inverse(rows).expect("the nodes differ");
+    std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j]))
 }
 
 #[cfg(test)]

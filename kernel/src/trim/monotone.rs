@@ -2,6 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::bernstein::binomials;
+
 /// Derivatives below this part of the size of a piece are rounding errors.
 const NOISE: f64 = 1e-14;
 
@@ -199,16 +201,6 @@ impl Segments {
             });
         }
     }
-}
-
-/// The row of Pascal's triangle that belongs to a degree.
-fn binomials(degree: usize) -> Vec<f64> {
-    let step = |value: &mut f64, k: usize| {
-        let now = *value;
-        *value *= (degree - k) as f64 / (k + 1) as f64;
-        Some(now.round())
-    };
-    (0..=degree).scan(1.0, step).collect()
 }
 
 /// The point at `t` from control points times binomial coefficients, by Horner's scheme.

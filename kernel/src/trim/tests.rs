@@ -144,3 +144,22 @@ fn what_is_clipped_is_not_clipped_again() {
     assert!(points.into_iter().all(|p| p.y >= 0.0));
     assert_eq!(trim.clipped(1, -1.0..0.0).unwrap(), None);
 }
+
+#[test]
+fn roots_are_found_also_in_the_middle() {
+    for (polynomial, root) in [
+        (vec![-1.0, 1.0], Some(0.5)),
+        (vec![-1.0, 3.0], Some(0.25)),
+        (vec![-3.0, -1.0, 1.0, 3.0], Some(0.5)),
+        (vec![0.0, 0.0], None),
+    ] {
+        let mut found = Vec::new();
+        monotone::roots(polynomial, &mut found);
+        assert_eq!(found.len(), usize::from(root.is_some()));
+        let mut pairs = found.iter().zip(root);
+        assert!(
+            pairs.all(|(found, root)| (found - root).abs() < 1e-15),
+            "{found:?}"
+        );
+    }
+}
