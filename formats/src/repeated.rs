@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use glam::DVec2;
-use kernel::{Curve, Error, TrimLoop};
+use kernel::{Error, TrimLoop};
 
 use crate::least;
 
@@ -74,9 +74,7 @@ struct Outline<'a> {
 
 impl<'a> Outline<'a> {
     fn of(whole: &'a TrimLoop, size: DVec2) -> Self {
-        let points = || whole.segments().iter().flat_map(Curve::points);
-        let low = points().fold(DVec2::INFINITY, DVec2::min);
-        let high = points().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let (low, high) = whole.hull();
         Self {
             whole,
             size,
@@ -115,6 +113,8 @@ impl<'a> Outline<'a> {
 
 #[cfg(test)]
 mod tests {
+    use kernel::Curve;
+
     use super::*;
 
     fn polygon(corners: &[[f64; 2]]) -> TrimLoop {

@@ -187,6 +187,11 @@ impl TrimLoop {
         close::clipped(self.clone(), axis, range)
     }
 
+    /// The corners of a box around the control points, and so around the loop.
+    pub fn hull(&self) -> (DVec2, DVec2) {
+        close::hull(&self.segments)
+    }
+
     /// The curves of the loop in order.
     pub fn segments(&self) -> &[Curve<DVec2>] {
         &self.segments

@@ -331,3 +331,28 @@ fn curves_that_begin_before_the_end_of_others_do_not_run_back() {
         assert!((around - 2.4).abs() < 1e-12, "{back} {start}: {around}");
     }
 }
+
+#[test]
+fn loops_farther_away_than_digits_tell_are_refused() {
+    let square = |u: f64, size: f64| {
+        path(&[
+            [u, 1.0],
+            [u + size, 1.0],
+            [u + size, 2.0],
+            [u, 2.0],
+            [u, 1.0],
+        ])
+    };
+    let loops = |u: f64, size: f64| close(&cylinder(), &[square(u, size)], Orientation::Unknown);
+    let near = loops(1.0 - 1000.0 * TAU, 1.0).unwrap().loops;
+    assert!((near[0].signed_area() - 1.0).abs() < 1e-9);
+    for (u, size) in [
+        (1.2e19, 1e18),
+        (-1.2e19, 1e18),
+        (1e8, 1.0),
+        (1.0, 9.0 * TAU),
+    ] {
+        let problem = loops(u, size).unwrap_err();
+        assert!(matches!(problem, Error::Parameter { .. }), "{problem}");
+    }
+}

@@ -10,8 +10,8 @@ use crate::least;
 /// Curves in the parameter domain.
 pub(super) type Chain = Vec<Curve<DVec2>>;
 
-/// A curve is looked at for crossings of this many seams.
-const TURNS: f64 = 4.0;
+/// A curve is looked at for crossings of the first seam and this many more.
+const TURNS: u8 = 4;
 
 /// Crossings of a seam are this near to it, as a share of the period.
 const NEAR: f64 = 1e-9;
@@ -82,15 +82,14 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
             let along = || curve.points().map(|p| (p[axis] - start) / period);
             let least = along().fold(f64::INFINITY, f64::min).ceil();
             let most = along().fold(f64::NEG_INFINITY, f64::max).floor();
-            let (mut turns, last) = (least, most.min(least + TURNS));
-            while turns <= last {
+            let seams = (0..=TURNS).map(|k| least + f64::from(k));
+            for turns in seams.take_while(|turns| *turns <= most) {
                 let seam = start + turns * period;
                 for t in curve.crossings(axis, seam, NEAR * period) {
                     let point = (self.point)(curve.evaluate(t));
                     let off = stops.iter().map(|p| p.distance(point));
                     places.push((t, off.fold(f64::INFINITY, f64::min)));
                 }
-                turns += 1.0;
             }
         }
         places

@@ -35,6 +35,12 @@ const SLIVER: f64 = 1e-7;
 /// What lies this share of a domain beside a pole is the pole.
 const POLE: f64 = 1e-6;
 
+/// A loop may lie on this many periods of a closed surface.
+const TILES: u8 = 8;
+
+/// Loops farther away than this many periods are refused: their digits tell no place in a period.
+const FAR: f64 = 1e6;
+
 /// Half a period is a tie between both ways round up to this share of a period: numbers in files
 /// have that many digits at least.
 const TIE: f64 = 1e-5;
@@ -46,7 +52,7 @@ pub enum Orientation {
     Left,
     /// It is not reliable.
     Unknown,
-    /// Nor is it, but parameters are those of the file: a path that arrives at a pole with some
+    /// It is not reliable, but parameters are those of the file: a path that arrives at a pole with some
     /// and leaves it with others goes straight from these to those.
     Literal,
 }
@@ -71,7 +77,8 @@ pub struct ClosedLoops {
 /// poles), or, counted, up to a hundredth of the domain.
 ///
 /// # Errors
-/// If a chain is empty, a gap is wider, or loops run around in both directions.
+/// If a chain is empty, a gap is wider, loops run around in both directions, or one is more than a
+/// million periods away or lies on more than eight.
 pub fn close(
     surface: &Surface,
     closed: [bool; 2],
@@ -113,7 +120,7 @@ pub fn close(
         .collect();
     let loops = loops?;
     if orientation == Orientation::Left && !has_rings && closer.is_boundless() {
-        let areas = loops.iter().map(|l| area(l.segments()));
+        let areas = loops.iter().map(TrimLoop::signed_area);
         let largest = areas.max_by(|a, b| a.abs().total_cmp(&b.abs()));
         let is_alone = around(&loops, closer.size, closed);
         if is_alone && largest.is_some_and(|a| a < 0.0) {
@@ -129,7 +136,7 @@ pub fn close(
 /// Whether no loop spans a whole period.
 fn around(loops: &[TrimLoop], size: DVec2, closed: [bool; 2]) -> bool {
     loops.iter().all(|l| {
-        let (min, max) = hull(l.segments());
+        let (min, max) = l.hull();
         (0..2).all(|axis| !closed[axis] || max[axis] - min[axis] < size[axis] * (1.0 - NEAR))
     })
 }
@@ -382,7 +389,7 @@ impl Closer<'_> {
         nearest::pole(self.surface, axis, side, self.accuracy).is_some()
     }
 
-    /// Adds those parts of a loop that lie in the domain after moving it by whole periods.
+    /// Adds the parts of a loop on each period, moved into the domain.
     fn tile(&self, trim: TrimLoop, loops: &mut Vec<TrimLoop>) -> Result<(), Error> {
         let mut parts = vec![trim];
         for axis in 0..2 {
@@ -392,19 +399,23 @@ impl Closer<'_> {
             let (start, size) = (self.start[axis], self.size[axis]);
             let mut tiled = Vec::new();
             for trim in parts {
-                let (min, max) = hull(trim.segments());
+                let (min, max) = trim.hull();
                 let near = NEAR * size;
                 let first = ((min[axis] + near - start) / size).floor();
                 let last = ((max[axis] - near - start) / size).floor();
-                let mut tile = first;
-                while tile <= last && tile < first + 8.0 {
+                let is_near = first.abs() <= FAR && last < first + f64::from(TILES);
+                if !is_near {
+                    let (found, end) = (max[axis], start + size);
+                    return Err(Error::Parameter { found, start, end });
+                }
+                let tiles = (0..TILES).map(|k| first + f64::from(k));
+                for tile in tiles.take_while(|tile| *tile <= last) {
                     let mut shift = DVec2::ZERO;
                     shift[axis] = -tile * size;
                     let there = TrimLoop {
                         segments: trim.segments.iter().map(|c| moved(c, shift)).collect(),
                     };
                     tiled.extend(clipped(there, axis, start..start + size)?);
-                    tile += 1.0;
                 }
             }
             parts = tiled;
@@ -423,7 +434,7 @@ pub(super) fn clipped(
 ) -> Result<Option<TrimLoop>, Error> {
     let size = range.end - range.start;
     let is_inside = |x: f64| range.start - NEAR * size <= x && x <= range.end + NEAR * size;
-    let (min, max) = hull(&trim.segments);
+    let (min, max) = trim.hull();
     if is_inside(min[axis]) && is_inside(max[axis]) {
         return Ok(Some(trim));
     }
@@ -444,28 +455,10 @@ pub(super) fn clipped(
 }
 
 /// The corners of a box around the control points of curves.
-fn hull(curves: &[Curve<DVec2>]) -> (DVec2, DVec2) {
+pub(super) fn hull(curves: &[Curve<DVec2>]) -> (DVec2, DVec2) {
     let points = || curves.iter().flat_map(Curve::points);
     (
         points().fold(DVec2::INFINITY, DVec2::min),
         points().fold(DVec2::NEG_INFINITY, DVec2::max),
     )
-}
-
-/// The area to the left of a loop, roughly.
-fn area(curves: &[Curve<DVec2>]) -> f64 {
-    let points: Vec<DVec2> = curves
-        .iter()
-        .flat_map(|curve| {
-            let Range { start, end } = curve.domain();
-            let steps = 4 * curve.knots().count().min(100);
-            (0..steps).map(move |k| curve.evaluate(start + (end - start) * k as f64 / steps as f64))
-        })
-        .collect();
-    let next = points.iter().cycle().skip(1);
-    0.5 * points
-        .iter()
-        .zip(next)
-        .map(|(a, b)| a.perp_dot(*b))
-        .sum::<f64>()
 }

@@ -20,7 +20,7 @@ pub struct Nest {
 /// Loops are taken not to cross each other; of loops that do, or that share sides, the one with less
 /// area counts as inside the other if most of its curves are.
 pub fn nesting(loops: &[TrimLoop]) -> Vec<Nest> {
-    let hulls: Vec<_> = loops.iter().map(hull).collect();
+    let hulls: Vec<_> = loops.iter().map(TrimLoop::hull).collect();
     let probes: Vec<_> = loops.iter().map(probes).collect();
     let areas: Vec<_> = loops.iter().map(|l| l.signed_area().abs()).collect();
     // No two hold each other.
@@ -78,13 +78,6 @@ pub fn oriented(loops: &[TrimLoop]) -> Vec<TrimLoop> {
     loops.iter().zip(&is_hole).map(turned).collect()
 }
 
-/// A box around the control points of a loop.
-fn hull(trim: &TrimLoop) -> (DVec2, DVec2) {
-    let points = trim.segments().iter().flat_map(|curve| curve.points());
-    let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    points.fold(start, |(min, max), p| (min.min(p), max.max(p)))
-}
-
 /// How far beside a loop is inside or outside, as a share of a size.
 const ASIDE: f64 = 1e-6;
 
@@ -97,7 +90,7 @@ pub(crate) fn aside(curve: &Curve<DVec2>, t: f64, size: DVec2) -> (DVec2, DVec2)
 
 /// A point beside the middle of every span of a loop, inside of it: loops may share sides.
 fn probes(trim: &TrimLoop) -> Vec<DVec2> {
-    let (min, max) = hull(trim);
+    let (min, max) = trim.hull();
     let size = (max - min).max(DVec2::splat(f64::MIN_POSITIVE));
     let side = trim.signed_area().signum();
     let beside = |curve: &Curve<DVec2>, t: f64| {

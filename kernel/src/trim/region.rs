@@ -342,11 +342,8 @@ pub(crate) fn shifts(trim: &TrimLoop, [min, max]: [DVec2; 2], closed: [bool; 2])
     if closed == [false; 2] {
         return vec![DVec2::ZERO];
     }
-    let points = || trim.segments.iter().flat_map(|curve| curve.points());
-    let hull = Rect {
-        min: points().fold(DVec2::INFINITY, DVec2::min),
-        max: points().fold(DVec2::NEG_INFINITY, DVec2::max),
-    };
+    let (min, max) = trim.hull();
+    let hull = Rect { min, max };
     let along = |axis: usize| -> Vec<f64> {
         let period = domain.max[axis] - domain.min[axis];
         let near = SNAP * period;
