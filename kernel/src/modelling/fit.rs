@@ -8,6 +8,9 @@ use crate::{Curve, Error, KnotVector, Surface};
 /// How often an interval of a fit is halved at most.
 const DEPTH: u32 = 10;
 
+/// Where a fitted piece is compared with its function: between the thirds, where it meets it.
+const BETWEEN: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
+
 /// How many points a fitted curve, and pieces a fitted surface, may have.
 const PIECES: usize = 10_000;
 
@@ -16,11 +19,11 @@ const PIECES: usize = 10_000;
 pub struct Fit<P: Point> {
     /// The curve, of degree 3.
     pub curve: Curve<P>,
-    /// The largest distance that was found at the points of control.
+    /// The largest distance that was found between the points that the fit meets.
     pub deviation: f64,
 }
 
-/// A cubic curve through points of a function over the intervals between `breaks`.
+/// A cubic curve through points of a continuous function over the intervals between `breaks`.
 ///
 /// Each interval is halved until the curve that meets the function at both ends and at both
 /// thirds strays at most `tolerance` between them, as `distance(found, wanted)` tells; after
@@ -42,11 +45,8 @@ pub fn fit<P: Point>(
         let at = |share: f64| start + (end - start) * share;
         let met = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|share| function(at(share)));
         let piece = through(met);
-        let mut strays = 0.0_f64;
-        for share in [1.0 / 6.0, 0.5, 5.0 / 6.0] {
-            let off = distance(bezier(piece, share), function(at(share)));
-            strays = strays.max(if off.is_nan() { f64::INFINITY } else { off });
-        }
+        let strays = BETWEEN.map(|share| distance(bezier(piece, share), function(at(share))));
+        let strays = largest(strays);
         let middle = at(0.5);
         let has_room = points.len() < PIECES + 3 * breaks.len();
         if strays > tolerance && depth < DEPTH && has_room && start < middle && middle < end {
@@ -72,13 +72,16 @@ pub fn fit<P: Point>(
 pub struct FitSurface {
     /// The surface, of degree 3 along both parameters.
     pub surface: Surface,
-    /// The largest distance that was found at the points of control.
+    /// The largest distance that was found between the points that the fit meets.
     pub deviation: f64,
 }
 
-/// A bicubic surface through points of a function over the rectangles between the breaks of
-/// both parameters; rectangles are halved along the parameter that needs it, in whole rows,
-/// until the surface strays at most `tolerance` or there are ten thousand of them.
+/// A bicubic surface through points of a continuous function over the rectangles between the
+/// breaks of both parameters.
+///
+/// Rectangles are halved along the parameter that needs it, in whole rows, until the surface
+/// strays at most `tolerance`; after ten halvings, or with ten thousand rectangles, they are left
+/// as they are, and [`FitSurface::deviation`] tells how far the surface strays.
 ///
 /// # Errors
 /// As [`fit`].
@@ -87,28 +90,39 @@ pub fn fit_surface(
     breaks: &[Vec<f64>; 2],
     tolerance: f64,
 ) -> Result<FitSurface, Error> {
+    if let Some(few) = breaks.iter().find(|breaks| breaks.len() < 2) {
+        let (found, expected) = (few.len(), 2);
+        return Err(Error::KnotCount { found, expected });
+    }
     let mut breaks = breaks.clone();
+    let mut halvings = 0;
     loop {
         let [strays_u, strays_v] = strays(&function, &breaks);
         let halved = [(&breaks[0], &strays_u), (&breaks[1], &strays_v)].map(|(breaks, strays)| {
             let mut halved = vec![breaks[0]];
             for (pair, strays) in breaks.windows(2).zip(strays) {
                 let middle = f64::midpoint(pair[0], pair[1]);
-                halved.extend((*strays > tolerance).then_some(middle));
+                let is_divided = *strays > tolerance && pair[0] < middle && middle < pair[1];
+                halved.extend(is_divided.then_some(middle));
                 halved.push(pair[1]);
             }
             halved
         });
-        let all = strays_u.iter().chain(&strays_v);
-        let deviation = all.fold(0.0_f64, |max, x| max.max(*x));
         let pieces = (halved[0].len() - 1).saturating_mul(halved[1].len() - 1);
-        let is_done = halved == breaks || pieces > PIECES;
-        if is_done {
+        if halved == breaks || pieces > PIECES || halvings == DEPTH {
+            let deviation = largest(strays_u.into_iter().chain(strays_v));
             let surface = bicubic(&function, &breaks)?;
             return Ok(FitSurface { surface, deviation });
         }
         breaks = halved;
+        halvings += 1;
     }
+}
+
+/// The largest of some distances; what is no number is farther than any.
+fn largest(distances: impl IntoIterator<Item = f64>) -> f64 {
+    let far = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
+    distances.into_iter().map(far).fold(0.0, f64::max)
 }
 
 /// How far cubics along u, and along v, stray from a function between neighbouring breaks.
@@ -129,11 +143,9 @@ fn strays(function: &impl Fn(f64, f64) -> DVec3, breaks: &[Vec<f64>; 2]) -> [Vec
             };
             let one = |&other: &f64| {
                 let piece = through([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|s| at(s, other)));
-                let off =
-                    [1.0 / 6.0, 0.5, 5.0 / 6.0].map(|s| bezier(piece, s).distance(at(s, other)));
-                off.into_iter().fold(0.0, f64::max)
+                largest(BETWEEN.map(|s| bezier(piece, s).distance(at(s, other))))
             };
-            across.iter().map(one).fold(0.0, f64::max)
+            largest(across.iter().map(one))
         };
         breaks[axis].windows(2).map(worst).collect()
     })
@@ -243,5 +255,19 @@ mod tests {
         let found = fit(jump, &[0.0, 1.0], 1e-3, DVec2::distance).unwrap();
         assert!(found.deviation > 0.1);
         assert!(fit(jump, &[0.0], 1e-3, DVec2::distance).is_err());
+    }
+
+    #[test]
+    fn surfaces_that_cannot_be_met_end_and_tell() {
+        let breaks = [vec![0.0, 1.0], vec![0.0, 1.0]];
+        let jump = |u: f64, v: f64| DVec3::new(u, v, if u < 0.3 { 0.0 } else { 1.0 });
+        let found = fit_surface(jump, &breaks, 1e-6).unwrap();
+        assert!(found.deviation > 0.1 && found.deviation <= 1.0);
+        assert!(found.surface.knots_u().breaks().len() < 20);
+        let lost = |u: f64, v: f64| DVec3::new(u, v, if v > 0.7 { f64::NAN } else { 0.0 });
+        assert!(fit_surface(lost, &breaks, 1e-6).is_err());
+        for few in [vec![], vec![0.0]] {
+            assert!(fit_surface(jump, &[few, vec![0.0, 1.0]], 1e-6).is_err());
+        }
     }
 }
