@@ -54,6 +54,9 @@ impl Copies {
                 } else {
                     DVec3::splat(x)
                 };
+                if kind == 420 {
+                    skip_connections(parameters);
+                }
                 let place = DAffine3::from_translation(origin) * DAffine3::from_scale(scale);
                 (Layout::One(place), None)
             }
@@ -139,6 +142,14 @@ fn circle(parameters: &mut Parameters<'_>) -> Result<Layout, Problem> {
     })
 }
 
+/// Passes over what a network subfigure has beside its members or place: its type, its name in the
+/// network and how that is displayed, and its points of connection.
+pub(super) fn skip_connections(parameters: &mut Parameters<'_>) {
+    parameters.skip(3);
+    let count = parameters.integer_or(0).unwrap_or(0);
+    parameters.skip(u64::try_from(count).unwrap_or(0));
+}
+
 /// How many copies there are along a direction.
 fn size(parameters: &mut Parameters<'_>) -> Result<u64, Problem> {
     match parameters.count()? {
@@ -161,12 +172,12 @@ fn scale(parameters: &mut Parameters<'_>, default: f64) -> Result<f64, Problem> 
 
 /// The places that are named, and whether these are left out; `None` if there are none.
 fn listed(parameters: &mut Parameters<'_>) -> Result<Option<(HashSet<u64>, bool)>, Problem> {
-    let count = match parameters.integer_or(0)? {
-        0 => return Ok(None),
-        count => u64::try_from(count).unwrap_or(u64::MAX),
-    };
+    let count = parameters.integer_or(0)?;
     let are_left_out = parameters.integer_or(0)? == 1;
-    let count = parameters.expect(count, "places")?;
+    if count == 0 {
+        return Ok(None);
+    }
+    let count = parameters.expect(u64::try_from(count).unwrap_or(u64::MAX), "places")?;
     let number = |_| Ok(u64::try_from(parameters.integer()?).unwrap_or(0));
     let numbers: Result<HashSet<u64>, Problem> = (0..count).map(number).collect();
     Ok(Some((numbers?, are_left_out)))

@@ -4,7 +4,7 @@ use glam::DVec3;
 use kernel::{Material, linear_from_srgb};
 
 use super::boundary::{self, Boundary};
-use super::copies::Copies;
+use super::copies::{self, Copies};
 use super::curves;
 use super::directory::{File, SHORT, WHOLE};
 use super::parameters::Parameters;
@@ -107,7 +107,11 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         308 | 320 => {
             parameters.integer()?;
             name = parameters.text();
-            Content::Members(parameters.pointers("members")?)
+            let members = parameters.pointers("members")?;
+            if entry.kind == 320 {
+                copies::skip_connections(&mut parameters);
+            }
+            Content::Members(members)
         }
         402 if entry.form == PARENT => match holes(file, &mut parameters)? {
             Some(content) => content,

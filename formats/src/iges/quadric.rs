@@ -70,8 +70,9 @@ pub(super) fn read(
             minor: p.real()?,
         },
     };
-    let mut direction = || match p.integer_or(0) {
-        Ok(pointer) if pointer != 0 && entry.form == 1 => vector(file, pointer, 123).map(Some),
+    let has_angles = entry.form == 1;
+    let mut direction = || match has_angles.then(|| p.integer_or(0)) {
+        Some(Ok(pointer)) if pointer != 0 => vector(file, pointer, 123).map(Some),
         _ => Ok(None),
     };
     let axis = match axis {
@@ -85,7 +86,6 @@ pub(super) fn read(
         None => Frame::about(location, axis),
     };
     let frame = frame.map_err(Problem::Geometry)?;
-    let has_angles = entry.form == 1;
     let quadric = Quadric {
         frame,
         shape,
@@ -315,7 +315,8 @@ impl Quadric {
         Some(normal).filter(|_| self.has_angles)
     }
 
-    /// The surface at a distance along its normal.
+    /// The surface at a distance along its normal; of a cone it begins at the apex where the radius
+    /// would be negative.
     pub(super) fn offset(&self, distance: f64) -> Result<Self, Problem> {
         let mut moved = self.clone();
         let check = |length: f64| match length {
@@ -332,7 +333,16 @@ impl Quadric {
             Shape::Cylinder { radius } | Shape::Sphere { radius } => {
                 *radius = check(*radius + distance)?;
             }
-            Shape::Cone { radius, half_angle } => *radius += distance / half_angle.cos(),
+            Shape::Cone { radius, half_angle } => {
+                *radius += distance / half_angle.cos();
+                if *radius < 0.0 {
+                    let frame = &self.frame;
+                    let apex = frame.origin() - frame.z() * (*radius / half_angle.tan());
+                    moved.frame =
+                        Frame::new(apex, frame.z(), frame.x()).map_err(Problem::Geometry)?;
+                    *radius = 0.0;
+                }
+            }
             Shape::Torus { minor, .. } => *minor = check(*minor + distance)?,
         }
         Ok(moved)
