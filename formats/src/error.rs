@@ -50,7 +50,7 @@ pub enum Problem {
     Unsupported(String),
     /// Well formed, but no such geometry exists: the modeller.
     Geometry(kernel::Error),
-    /// Beyond [`crate::Limits`]: the user may raise them.
+    /// Beyond [`crate::Limits`], which the user may raise, or more work than any file needs.
     TooLarge(String),
 }
 

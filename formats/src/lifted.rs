@@ -6,7 +6,7 @@ use kernel::{Curve, Surface, modelling};
 use crate::Problem;
 
 /// How far such a curve may stray from its surface, relative to the size of the surface.
-const ACCURACY: f64 = 1e-9;
+pub(crate) const ACCURACY: f64 = 1e-9;
 
 /// A curve of parameters as a curve of space, within [`ACCURACY`]; `point` is the point of the
 /// surface at parameters, also at those beside its domain.

@@ -291,6 +291,8 @@ impl Curve<DVec2> {
     }
 
     /// The image of the curve under a finite affine map; parameters stay as they are.
+    ///
+    /// Where numbers are so large that their products are not finite, the caller checks the points.
     #[must_use]
     pub fn transformed(&self, target_from_source: &DAffine2) -> Self {
         let image = |h: &DVec3| {
@@ -306,6 +308,8 @@ impl Curve<DVec2> {
 
 impl Curve<DVec3> {
     /// The image of the curve under a finite affine map; parameters stay as they are.
+    ///
+    /// Where numbers are so large that their products are not finite, the caller checks the points.
     #[must_use]
     pub fn transformed(&self, target_from_source: &DAffine3) -> Self {
         let points = transform_all(&self.points, target_from_source);

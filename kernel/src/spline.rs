@@ -300,19 +300,24 @@ pub(crate) fn elevate_once<H: Linear>(knots: &KnotVector, points: &[H]) -> Splin
         }
         refine(&knots, &points, &extra).1
     };
-    let summands: Vec<Vec<H>> = (0..n).map(refined).collect();
-    let elevated = |i: usize| {
-        // The first vector lacks two of the knots at the start, the others one.
-        let point = |j: usize| {
-            let lacking = if i < j { 0 } else { (i - j) / n + 1 };
-            summands[j][i + usize::from(j == 0) - lacking]
-        };
-        let first = point(0);
-        let sum = (1..n).fold(H::default(), |sum, j| sum + (point(j) - first));
-        first + sum * (1.0 / n as f64)
+    // The first vector lacks two of the knots at the start, the others one.
+    let place = |i: usize, j: usize| {
+        let lacking = if i < j { 0 } else { (i - j) / n + 1 };
+        i + usize::from(j == 0) - lacking
     };
     let count = raised.len() - n - 1;
-    let elevated = (0..count).map(elevated).collect();
+    let first = refined(0);
+    let first: Vec<H> = (0..count).map(|i| first[place(i, 0)]).collect();
+    // One summand at a time: all of them would be much larger than what they make.
+    let mut sums = vec![H::default(); count];
+    for j in 1..n {
+        let summand = refined(j);
+        for (i, (sum, first)) in sums.iter_mut().zip(&first).enumerate() {
+            *sum = *sum + (summand[place(i, j)] - *first);
+        }
+    }
+    let mean = |(&first, &sum): (&H, &H)| first + sum * (1.0 / n as f64);
+    let elevated = first.iter().zip(&sums).map(mean).collect();
     (KnotVector::trusted(n, raised), elevated)
 }
 

@@ -9,15 +9,17 @@ use kernel::{Curve, KnotVector, modelling};
 use super::conic;
 use super::directory::{File, WHOLE};
 use super::net::Net;
+use super::offset;
 use super::parameters::Parameters;
-use super::transform::Transforms;
+use super::transform::{Transforms, check_finite};
 use crate::Problem;
 
 /// How deep composite and offset curves may nest.
 const NESTING: usize = 8;
 
-/// How many curves one composite curve may have, counting members of members.
-const MEMBERS: usize = 1_000_000;
+/// How many curves one composite curve may have at least, counting members of members; it may have
+/// as many as the file has entities.
+const MEMBERS: usize = 100_000;
 
 /// Ends of the members of a composite curve no farther apart than this share of the largest meet.
 const MEETS: f64 = 1e-5;
@@ -66,6 +68,8 @@ pub(super) struct Reader<'a, 'b> {
     pub repairs: Vec<(usize, Problem)>,
     /// The bases of offset surfaces.
     pub bases: Vec<usize>,
+    /// How many more control points there may be.
+    pub limit: usize,
 }
 
 impl Reader<'_, '_> {
@@ -103,10 +107,37 @@ impl Reader<'_, '_> {
         self.whole(index, rails)
     }
 
+    /// Refuses curves of which there would be more control points than are left, in so many rows,
+    /// once they have one degree.
+    pub(super) fn check_room<'c>(
+        &self,
+        curves: impl Iterator<Item = &'c Curve<DVec3>>,
+        rows: usize,
+    ) -> Result<(), Problem> {
+        let (mut pieces, mut degree) = (0, 0);
+        for curve in curves {
+            pieces += curve.knots().breaks().len() - 1;
+            degree = degree.max(curve.degree());
+        }
+        let count = pieces.saturating_mul(rows * (degree + 1));
+        if count > self.limit {
+            let text = format!("{count} control points; the limit leaves {}", self.limit);
+            return Err(Problem::TooLarge(text));
+        }
+        Ok(())
+    }
+
     /// The curves of an entity in one; the parameter of a composite curve begins at zero.
-    fn whole(&mut self, index: usize, mut rails: Vec<Rail>) -> Result<Rail, Problem> {
+    pub(super) fn whole(&mut self, index: usize, mut rails: Vec<Rail>) -> Result<Rail, Problem> {
+        self.check_room(rails.iter().map(|rail| &rail.curve), 1)?;
         if turn(&mut rails) {
             let text = "members of a composite curve run backwards; they are turned";
+            self.repaired(index, text);
+        }
+        let near = near(&rails);
+        let is_apart = |pair: &[Rail]| pair[0].curve.end().distance(pair[1].curve.start()) > near;
+        if rails.windows(2).any(is_apart) {
+            let text = "pieces of a curve do not meet; each begins where the one before ends";
             self.repaired(index, text);
         }
         let rail = joined(rails)?;
@@ -137,12 +168,22 @@ impl Reader<'_, '_> {
         Ok(rails.iter().map(|rail| rail.curve.flattened()).collect())
     }
 
-    fn collect(&mut self, index: usize, depth: usize, to: &mut Vec<Rail>) -> Result<(), Problem> {
+    pub(super) fn collect(
+        &mut self,
+        index: usize,
+        depth: usize,
+        to: &mut Vec<Rail>,
+    ) -> Result<(), Problem> {
         let file = self.file;
         let entry = &file.entries[index];
-        if depth > NESTING || to.len() > MEMBERS {
+        if depth > NESTING {
             let text = format!("curves are nested more than {NESTING} deep");
-            return Err(Problem::TooLarge(text));
+            return Err(Problem::Unsupported(text));
+        }
+        let most = MEMBERS.max(file.entries.len());
+        if to.len() >= most {
+            let text = format!("a composite curve has more than {most} members");
+            return Err(Problem::Unsupported(text));
         }
         let map = self.transforms.follow(file, entry.transform)?;
         let first = to.len();
@@ -164,6 +205,7 @@ impl Reader<'_, '_> {
         if map != DAffine3::IDENTITY {
             for rail in &mut to[first..] {
                 rail.curve = rail.curve.transformed(&map);
+                check_finite(rail.curve.points())?;
             }
         }
         Ok(())
@@ -198,7 +240,10 @@ impl Reader<'_, '_> {
                 to.extend(curves.into_iter().map(Rail::from));
                 return Ok(());
             }
-            130 => self.offset(index, depth)?,
+            130 => {
+                to.extend(offset::curves(self, index, depth)?);
+                return Ok(());
+            }
             _ => {
                 let text = format!("{} is no curve", file.source(index));
                 return Err(Problem::Unsupported(text));
@@ -207,83 +252,26 @@ impl Reader<'_, '_> {
         to.push(rail);
         Ok(())
     }
+}
 
-    /// An offset curve (type 130), fitted to [`OFFSET_ACCURACY`].
-    fn offset(&mut self, index: usize, depth: usize) -> Result<Rail, Problem> {
-        let file = self.file;
-        let mut buffer = Vec::new();
-        let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-        let base = file.follow(parameters.integer()?, "the base of an offset curve")?;
-        let kind = parameters.integer_or(1)?;
-        let _function = [parameters.integer_or(0)?, parameters.integer_or(0)?];
-        let by_length = parameters.integer_or(0)? == 1;
-        let mut real = || parameters.real_or(0.0);
-        let [(near, from), (far, to)] = [(real()?, real()?), (real()?, real()?)];
-        let normal = DVec3::new(real()?, real()?, real()?);
-        let wanted = real()?..real()?;
-        let mut rails = Vec::new();
-        self.collect(base, depth + 1, &mut rails)?;
-        let base = self.whole(base, rails)?;
-        let domain = base.curve.domain();
-        let is_even = base.curve.degree() == 1 && base.curve.points().count() == 2
-            || base.arcs == [domain.clone()];
-        let slope = (far - near) / (to - from);
-        let (slope, from) = match (kind, by_length) {
-            (1, _) => (0.0, domain.start),
-            (2, false) if slope.is_finite() => (slope, from),
-            (2, true) if slope.is_finite() && is_even => {
-                let length: f64 = length(&base.curve) / (domain.end - domain.start);
-                (slope * length, domain.start + from / length)
-            }
-            _ => {
-                let text = "the distance of the offset curve is neither constant nor linear";
-                return Err(Problem::Unsupported(text.to_owned()));
-            }
-        };
-        let normal = normal.try_normalize();
-        let normal = normal.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
-        let is_part = domain.start <= wanted.start && wanted.end <= domain.end;
-        let range = if is_part && wanted.start < wanted.end {
-            wanted
-        } else {
-            domain
-        };
-        let at = |t: f64| {
-            let d = base.curve.derivatives(t);
-            let out = normal.cross(d.first).try_normalize().unwrap_or_default();
-            d.point + out * (near + slope * (t - from))
-        };
-        let mut breaks = vec![range.start];
-        let inner = base.curve.knots().breaks().into_iter();
-        breaks.extend(inner.filter(|t| range.start < *t && *t < range.end));
-        breaks.push(range.end);
-        let size = base.curve.hull_bounds().diagonal() + near.abs();
-        let fit = modelling::fit(at, &breaks, size * OFFSET_ACCURACY, DVec3::distance);
-        let curve = fit.map_err(Problem::Geometry)?.curve;
-        Ok(Rail {
-            curve,
-            arcs: base.arcs,
-        })
+/// What to tell of something that was fitted and strays by a share of its size.
+pub(super) fn fitted(what: &str, deviation: f64, accuracy: f64) -> String {
+    if deviation <= accuracy {
+        return format!("{what} is fitted to {accuracy:e} of its size");
     }
+    format!("{what} is fitted, but strays by {deviation:.1e} of its size")
 }
 
-/// The length of a line or arc.
-fn length(curve: &Curve<DVec3>) -> f64 {
-    let Range { start, end } = curve.domain();
-    let points: Vec<_> = (0..=256)
-        .map(|k| curve.evaluate(start + (end - start) * f64::from(k) / 256.0))
-        .collect();
-    points.windows(2).map(|w| w[0].distance(w[1])).sum()
+/// How far ends of curves may be apart to meet.
+fn near(rails: &[Rail]) -> f64 {
+    let sizes = rails.iter().map(|r| r.curve.hull_bounds().diagonal());
+    sizes.fold(0.0, f64::max) * MEETS
 }
-
-/// How far a fitted offset may stray, relative to its size.
-pub(super) const OFFSET_ACCURACY: f64 = 1e-7;
 
 /// Turns curves round, each only where that clearly lets it begin where the one before ends;
 /// whether any was.
 fn turn(rails: &mut [Rail]) -> bool {
-    let sizes = rails.iter().map(|r| r.curve.hull_bounds().diagonal());
-    let near = sizes.fold(0.0, f64::max) * MEETS;
+    let near = near(rails);
     let better = |turned: f64, straight: f64| straight > near && turned < 0.5 * straight;
     let mut is_any = false;
     if let [first, second, ..] = rails {
@@ -361,20 +349,7 @@ fn spline(
 ) -> Result<Vec<Curve<DVec3>>, Problem> {
     let net = Net::curve(parameters)?;
     let range = parameters.real_or(0.0)?..parameters.real_or(0.0)?;
-    let curves = net.into_curves(repairs)?;
-    match <[Curve<DVec3>; 1]>::try_from(curves) {
-        Ok([curve]) => {
-            let domain = curve.domain();
-            let is_part =
-                domain.start <= range.start && range.start < range.end && range.end <= domain.end;
-            if is_part && range != domain {
-                let part = curve.restricted(range).map_err(Problem::Geometry)?;
-                return Ok(vec![part]);
-            }
-            Ok(vec![curve])
-        }
-        Err(pieces) => Ok(pieces),
-    }
+    net.into_curves(range, repairs)
 }
 
 /// A circular arc (type 100), counter-clockwise, over its angles.

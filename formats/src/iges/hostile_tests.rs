@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::testing::{Made, file, made, square};
+use super::testing::{self, Made, file, made, square};
 use crate::{Error, Import, Limits, NoFiles, ReadOptions};
 
 /// Longest time for one file.
@@ -122,4 +122,63 @@ fn wild_numbers_make_no_wild_surfaces() {
             let _ = read(&[point(), axis(), surface, square(1.0), line]);
         }
     }
+}
+
+#[test]
+fn what_passes_a_fixed_bound_is_refused_and_all_else_read() {
+    let nested = |count: usize, depth: usize| {
+        let mut entities = vec![square(0.0), made(110, "0.,0.,0.,1.,0.,0.")];
+        for _ in 0..depth {
+            let inner = 2 * entities.len() - 1;
+            let members = vec![inner.to_string(); count].join(",");
+            entities.push(made(102, &format!("{count},{members}")));
+        }
+        entities
+    };
+    let array = "1,1.,0.,0.,0.,2000,2000,1.,1.,0.,0,0";
+    for (entities, text) in [
+        (nested(1, 10), "nested more than 8 deep"),
+        (nested(50, 3), "more than 100000 members"),
+        (
+            vec![square(0.0), square(1.0), made(412, array)],
+            "more than 1000000 places",
+        ),
+    ] {
+        let (scene, warnings) = testing::read(&entities);
+        assert_eq!(scene.placement_count(), 1);
+        assert!(warnings[0].ends_with(text), "{warnings:?}");
+    }
+}
+
+#[test]
+fn joined_curves_are_held_against_the_limit() {
+    // A polyline raised to degree 30.
+    let line: String = (0..100).map(|k| format!(",{k}.,0.,0.")).collect();
+    let zeros = ",0.".repeat(31);
+    let ones = ",1.".repeat(31);
+    let points: String = (0..31).map(|k| format!(",99.,{k}.,0.")).collect();
+    let entities = [
+        made(106, &format!("2,100{line}")),
+        made(
+            126,
+            &format!("30,30,0,0,1,0{zeros}{ones}{ones}{points},0.,1."),
+        ),
+        made(102, "2,1,3"),
+        made(122, "5,0.,0.,1."),
+    ];
+    let problem = |points: usize| {
+        let limits = Limits {
+            points,
+            ..Limits::default()
+        };
+        let options = ReadOptions {
+            limits: &limits,
+            resolver: &NoFiles,
+        };
+        let text = file(&entities);
+        crate::read(text.as_bytes(), None, &options).map_err(|e| e.problem.to_string())
+    };
+    let text = "3100 control points; the limit leaves 1000";
+    assert_eq!(problem(1000).unwrap_err(), text);
+    assert!(problem(10_000).is_ok());
 }

@@ -18,8 +18,17 @@ const KNOT_ROUNDING: f64 = 1e-12;
 /// Largest distance of two parameters that are taken for equal, relative to the domain.
 const PARAMETER_SLACK: f64 = 1e-9;
 
+/// A range that leaves the domain by no more than this share of that ends where the domain does.
+const BEYOND: f64 = 1e-4;
+
+/// Ends of a curve no farther apart than this share of its size meet.
+const MEETS: f64 = 1e-9;
+
+/// The range of a parameter that a file leaves empty.
+const ALL: Range<f64> = 0.0..0.0;
+
 /// How many control points may be copied to cut a surface.
-const TEARING: usize = 20_000_000;
+pub(super) const TEARING: usize = 20_000_000;
 
 /// The numbers of one surface, or of a curve as its row, while they are put in order.
 #[derive(Clone, Debug)]
@@ -44,16 +53,13 @@ pub(super) fn read(
     };
     let wanted = [domain()?, domain()?];
     net.repair(&[0, 1], repairs)?;
-    let mut surfaces = Vec::new();
+    let mut strips = Vec::new();
     for strip in net.untorn(0, repairs) {
-        for piece in strip.untorn(1, repairs) {
-            surfaces.push(piece.into_surface()?);
-        }
+        let pieces = strip.untorn(1, repairs).into_iter();
+        let pieces: Result<Vec<_>, _> = pieces.map(Net::into_surface).collect();
+        strips.push(pieces?);
     }
-    match <[Surface; 1]>::try_from(surfaces) {
-        Ok([surface]) => Ok(vec![restricted(surface, &wanted, repairs)?]),
-        Err(pieces) => Ok(pieces),
-    }
+    restricted(strips, wanted, repairs)
 }
 
 impl Net {
@@ -149,9 +155,10 @@ impl Net {
         })
     }
 
-    /// The curves, if they can exist: several where the knots tear them.
+    /// The part over a range of the curves, if they can exist: several where the knots tear them.
     pub(super) fn into_curves(
         mut self,
+        mut wanted: Range<f64>,
         repairs: &mut Vec<Problem>,
     ) -> Result<Vec<Curve<DVec3>>, Problem> {
         self.repair(&[0], repairs)?;
@@ -161,10 +168,21 @@ impl Net {
             Curve::new(knots, &net.points, Some(&net.weights))
         };
         let pieces = self.untorn(0, repairs).into_iter();
-        pieces
-            .map(curve)
-            .collect::<Result<_, _>>()
-            .map_err(Problem::Geometry)
+        let curves: Result<Vec<_>, _> = pieces.map(curve).collect();
+        let curves = curves.map_err(Problem::Geometry)?;
+        if let [curve] = curves.as_slice()
+            && curve.start().distance(curve.end()) <= curve.hull_bounds().diagonal() * MEETS
+            && is_period(&wanted, curve.knots())
+        {
+            wanted = ALL;
+        }
+        let ranges = parts("t", &wanted, curves.iter().map(Curve::knots), repairs);
+        let pairs = curves.into_iter().zip(ranges);
+        let part = |(curve, range): (Curve<DVec3>, Option<Range<f64>>)| match range? {
+            range if range == curve.domain() => Some(Ok(curve)),
+            range => Some(curve.restricted(range).map_err(Problem::Geometry)),
+        };
+        pairs.filter_map(part).collect()
     }
 
     /// Levels knots, drops surplus ones and makes weights positive.
@@ -387,60 +405,86 @@ fn straighten(knots: &mut [f64], direction: usize, repairs: &mut Vec<Problem>) {
     )));
 }
 
-/// The part of a surface that a file asks for; all of it if that part is not a part.
+/// The part of a surface in strips of pieces that a file asks for; all of it if that part is not a
+/// part.
 fn restricted(
-    surface: Surface,
-    wanted: &[Range<f64>; 2],
+    strips: Vec<Vec<Surface>>,
+    mut wanted: [Range<f64>; 2],
     repairs: &mut Vec<Problem>,
-) -> Result<Surface, Problem> {
-    // Where the surface is closed, a period of it is all of it, wherever that begins.
-    let is_period = |axis: usize, knots: &KnotVector| {
-        let [domain, wanted] = [knots.domain(), wanted[axis].clone()].map(|r| r.end - r.start);
-        (wanted - domain).abs() <= domain * PARAMETER_SLACK && nearest::closed(&surface)[axis]
-    };
-    let [u, v] = [0, 1].map(|axis| {
-        let (name, knots) = match axis {
-            0 => ("u", surface.knots_u()),
-            _ => ("v", surface.knots_v()),
-        };
-        let wanted = Some(wanted[axis].clone()).filter(|_| !is_period(axis, knots));
-        wanted.and_then(|wanted| part(name, wanted, knots, repairs))
-    });
-    let surface = match u {
-        Some(range) => surface.restricted_u(range).map_err(Problem::Geometry)?,
-        None => surface,
-    };
-    match v {
-        Some(range) => surface.restricted_v(range).map_err(Problem::Geometry),
-        None => Ok(surface),
+) -> Result<Vec<Surface>, Problem> {
+    if let [strip] = strips.as_slice()
+        && let [surface] = strip.as_slice()
+    {
+        let closed = nearest::closed(surface);
+        for (axis, knots) in [surface.knots_u(), surface.knots_v()].iter().enumerate() {
+            if closed[axis] && is_period(&wanted[axis], knots) {
+                wanted[axis] = ALL;
+            }
+        }
     }
+    let [wanted_u, wanted_v] = wanted;
+    let mut surfaces = Vec::new();
+    let ranges = parts(
+        "u",
+        &wanted_u,
+        strips.iter().map(|s| s[0].knots_u()),
+        repairs,
+    );
+    for (strip, u) in strips.into_iter().zip(ranges) {
+        let Some(u) = u else { continue };
+        let ranges = parts("v", &wanted_v, strip.iter().map(Surface::knots_v), repairs);
+        for (mut surface, v) in strip.into_iter().zip(ranges) {
+            let Some(v) = v else { continue };
+            if u != surface.knots_u().domain() {
+                surface = surface.restricted_u(u.clone()).map_err(Problem::Geometry)?;
+            }
+            if v != surface.knots_v().domain() {
+                surface = surface.restricted_v(v).map_err(Problem::Geometry)?;
+            }
+            surfaces.push(surface);
+        }
+    }
+    Ok(surfaces)
 }
 
-/// The wanted range if it is a real part of the domain.
-fn part(
+/// Whether a range is as long as a domain: where that is closed, it is all of it, wherever it
+/// begins.
+fn is_period(wanted: &Range<f64>, knots: &KnotVector) -> bool {
+    let [domain, wanted] = [&knots.domain(), wanted].map(|r| r.end - r.start);
+    (wanted - domain).abs() <= domain * PARAMETER_SLACK
+}
+
+/// What lies in a wanted range of each of the domains that follow each other; all of them if the
+/// range is no part of these.
+fn parts<'k>(
     name: &str,
-    wanted: Range<f64>,
-    knots: &KnotVector,
+    wanted: &Range<f64>,
+    knots: impl Iterator<Item = &'k KnotVector>,
     repairs: &mut Vec<Problem>,
-) -> Option<Range<f64>> {
-    if wanted == (0.0..0.0) {
-        // Left empty.
-        return None;
+) -> Vec<Option<Range<f64>>> {
+    let (mut domains, mut found) = (Vec::new(), Vec::new());
+    for knots in knots {
+        let domain = knots.domain();
+        let common = wanted.start.max(domain.start)..wanted.end.min(domain.end);
+        let common = knots.snapped(common, PARAMETER_SLACK);
+        found.push(Some(common).filter(|common| common.start < common.end));
+        domains.push(domain);
     }
-    let domain = knots.domain();
-    let Range { start, end } = knots.snapped(wanted.clone(), PARAMETER_SLACK);
-    if (start..end) == domain {
-        return None;
+    let ends = domains.first().zip(domains.last());
+    let Range { start, end } = ends.map_or(ALL, |(first, last)| first.start..last.end);
+    let slack = (end - start) * BEYOND;
+    let is_part = start - slack <= wanted.start && wanted.end <= end + slack;
+    if is_part && found.iter().any(Option::is_some) {
+        return found;
     }
-    if domain.start <= start && start < end && end <= domain.end {
-        return Some(start..end);
+    if *wanted != ALL {
+        repairs.push(Problem::Invalid(format!(
+            "the wanted range of {name} from {} to {} is no part of the domain from {start} to \
+             {end}; the whole domain is used",
+            wanted.start, wanted.end
+        )));
     }
-    repairs.push(Problem::Invalid(format!(
-        "the wanted range of {name} from {} to {} is no part of the domain from {} to {}; \
-         the whole domain is used",
-        wanted.start, wanted.end, domain.start, domain.end
-    )));
-    None
+    domains.into_iter().map(Some).collect()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use kernel::{Integrals, Scene, WireShape};
 
-use super::testing::{Made, made, part, read, square};
+use super::testing::{Made, formed, made, part, read, square};
 
 const NONE: [&str; 0] = [];
 
@@ -256,4 +256,125 @@ fn planes_have_their_holes() {
     let text = "line 9, plane D7 (type 108): a hole without the plane that it belongs to is not \
                 shown";
     assert_eq!(warnings, [text]);
+}
+
+#[test]
+fn records_are_read_to_their_names() {
+    let name = |text: &str| part(406, 15, &format!("1,{}H{text}", text.len()));
+    let line = |z: f64| part(110, 0, &format!("0.,0.,{z:?},1.,0.,{z:?}"));
+    let (scene, warnings) = read(&[
+        line(0.0),
+        line(1.0),
+        formed(118, 1, "1,3,0,0,0,1,7"),
+        name("ruled"),
+        part(116, 0, "5.,0.,0."),
+        made(196, "9,1.,0,1,13"),
+        name("sphere"),
+        made(412, "5,1.,0.,0.,0.,2,1,4.,0.,0.,0,0,0,1,17"),
+        name("array"),
+        made(320, "0,3Hnet,1,5,0,2HU1,0,1,9,0,1,21"),
+        name("network"),
+        made(420, "19,0.,0.,9.,1.,1.,1.,0,2HU2,0,1,9,0,1,25"),
+        name("instance"),
+    ]);
+    let mut names: Vec<_> = scene.patches().iter().map(|p| p.name.as_str()).collect();
+    names.extend(scene.nodes().iter().map(|node| node.name.as_str()));
+    for name in ["ruled", "sphere", "array", "network", "instance"] {
+        assert!(names.contains(&name), "{name}: {names:?}");
+    }
+    assert_eq!(warnings, NONE);
+}
+
+#[test]
+fn directrices_end_where_the_file_says() {
+    // The second half of a line, or a little more than there is of it.
+    let knots = "1,1,0,0,1,0,0.,0.,1.,1.,1.,1.,0.,0.,0.,10.,0.,0.";
+    for (end, found) in [(1.0, 10.0), (1.000_000_01, 10.0), (0.75, 7.5)] {
+        let line = part(126, 0, &format!("{knots},0.5,{end:?}"));
+        let (scene, warnings) = read(&[line, made(122, "1,5.,0.,1.")]);
+        let bounds = scene.patches()[0].bounds();
+        assert!((bounds.min.x - 5.0).abs() < 1e-9, "{bounds:?}");
+        assert!((bounds.max.x - found).abs() < 1e-9, "{bounds:?}");
+        assert_eq!(warnings, NONE);
+    }
+    let beyond = part(126, 0, &format!("{knots},0.5,1.5"));
+    let (_, warnings) = read(&[beyond, made(122, "1,5.,0.,1.")]);
+    assert!(warnings[0].contains("the wanted range of t from 0.5 to 1.5"));
+    // Torn in the middle, with a part of either side.
+    let torn = "3,1,0,0,1,0,0.,0.,1.,1.,2.,2.,1.,1.,1.,1.,0.,0.,0.,1.,0.,0.,2.,0.,0.,3.,0.,0.";
+    let (scene, _) = read(&[made(126, &format!("{torn},0.5,1.25"))]);
+    let at = |x: f64| DVec3::X * x;
+    assert_eq!(ends(&scene), [[at(0.5), at(1.0)], [at(2.0), at(2.25)]]);
+    let (scene, _) = read(&[made(126, &format!("{torn},1.,1.25"))]);
+    assert_eq!(ends(&scene), [[at(2.0), at(2.25)]]);
+}
+
+#[test]
+fn turns_that_are_none_or_too_many_are_told() {
+    let turned = |angles: &str| {
+        let axis = part(110, 0, "0.,0.,0.,0.,0.,1.");
+        let line = part(110, 0, "1.,0.,0.,1.,0.,1.");
+        let (scene, warnings) = read(&[axis, line, made(120, &format!("1,3,{angles}"))]);
+        (area(&scene), warnings)
+    };
+    let whole = std::f64::consts::TAU;
+    for (angles, text) in [
+        ("0.,6.2831853072", ""),
+        ("0.,0.", "whole turns are added"),
+        ("0.,7.", "one turn is shown"),
+    ] {
+        let (area, warnings) = turned(angles);
+        assert!((area - whole).abs() < 1e-9, "{area}");
+        let is_told = warnings.len() == 1 && warnings[0].ends_with(text);
+        assert!(
+            is_told || text.is_empty() && warnings.is_empty(),
+            "{warnings:?}"
+        );
+    }
+}
+
+#[test]
+fn offsets_of_cones_pass_their_apex() {
+    // The normal looks away from the axis at the side where angles begin, the offset inside.
+    let (scene, warnings) = read(&[
+        part(116, 0, "0.,0.,0."),
+        part(123, 0, "0.,0.,1."),
+        part(123, 0, "1.,0.,0."),
+        part(194, 1, "1,3,0.,45.,5"),
+        part(140, 0, "1.,0.,0.,0.2,7"),
+        part(100, 0, "4.28284271247,0.,0.,4.,0.,4.,0."),
+        part(142, 0, "0,9,0,11,2"),
+        part(100, 0, "2.,0.,0.,1.71715728753,0.,1.71715728753,0."),
+        part(142, 0, "0,9,0,15,2"),
+        made(144, "9,1,1,13,17"),
+    ]);
+    assert_eq!(warnings, NONE);
+    let bounds = scene.patches()[0].bounds();
+    let apex = 0.2 * 2.0_f64.sqrt();
+    assert!((bounds.min.z - 2.0).abs() < 1e-6, "{bounds:?}");
+    let rim = bounds.max.distance(DVec3::new(4.0, 4.0, 4.0 + apex));
+    assert!(rim < 1e-6, "{bounds:?}");
+}
+
+#[test]
+fn what_is_moved_beyond_all_numbers_is_refused() {
+    let far = square(0.0)
+        .parameters
+        .replace("1.0,1.,0.,0.,1.,0.,1.", "1e250,1.,0.,0.,1.,0.,1.");
+    let moved = |kind, parameters: &str| Made {
+        transform: 1,
+        ..made(kind, parameters)
+    };
+    let (scene, warnings) = read(&[
+        part(124, 0, "1.E100,0.,0.,0.,0.,1.E100,0.,0.,0.,0.,1.E100,0."),
+        moved(128, &far),
+        moved(110, "0.,0.,0.,1.E250,0.,0."),
+        square(0.0),
+    ]);
+    assert_eq!((scene.patches().len(), scene.wires().len()), (1, 0));
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+    assert!(
+        warnings.iter().all(|text| text.ends_with("is not finite")),
+        "{warnings:?}"
+    );
 }

@@ -1,29 +1,150 @@
-//! Offset surfaces (type 140).
+//! Offset curves (type 130) and surfaces (type 140).
+//!
+//! Where a base has a corner or a crease, its normal jumps, and so does its offset: that is cut
+//! there, and each part is fitted for itself.
+
+use std::ops::Range;
 
 use glam::{DMat3, DVec2, DVec3};
-use kernel::{Surface, modelling};
+use kernel::{Curve, Surface, modelling};
 
+use super::curves::{Rail, Reader, fitted};
+use super::directory::WHOLE;
+use super::net::TEARING;
 use super::sheets::{Sheet, SheetShape};
 use crate::Problem;
+
+/// How far a fitted offset curve may stray, relative to its size.
+const CURVE_ACCURACY: f64 = 1e-7;
 
 /// How far a fitted offset surface may stray, relative to its size.
 pub(super) const ACCURACY: f64 = 1e-6;
 
 /// A fitted surface that strays no more than this share of its size is exact.
-const EXACT: f64 = 1e-12;
+pub(super) const EXACT: f64 = 1e-12;
+
+/// Where the direction of a curve or the normal of a surface turns by more, in radians, there is a
+/// corner or crease.
+const CORNER: f64 = 1e-6;
 
 /// How far axes may be from being at right angles and equally long.
 const SKEW: f64 = 1e-9;
 
+/// The offset of a curve (type 130), in pieces where that has corners.
+pub(super) fn curves(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    depth: usize,
+) -> Result<Vec<Rail>, Problem> {
+    let file = reader.file;
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    let base = file.follow(parameters.integer()?, "the base of an offset curve")?;
+    let kind = parameters.integer_or(1)?;
+    let _function = [parameters.integer_or(0)?, parameters.integer_or(0)?];
+    let by_length = parameters.integer_or(0)? == 1;
+    let mut real = || parameters.real_or(0.0);
+    let [(near, from), (far, to)] = [(real()?, real()?), (real()?, real()?)];
+    let normal = DVec3::new(real()?, real()?, real()?);
+    let wanted = real()?..real()?;
+    let mut rails = Vec::new();
+    reader.collect(base, depth + 1, &mut rails)?;
+    let base = reader.whole(base, rails)?;
+    let domain = base.curve.domain();
+    let is_even = base.curve.degree() == 1 && base.curve.points().count() == 2
+        || base.arcs == [domain.clone()];
+    let slope = (far - near) / (to - from);
+    let (slope, from) = match (kind, by_length) {
+        (1, _) => (0.0, domain.start),
+        (2, false) if slope.is_finite() => (slope, from),
+        (2, true) if slope.is_finite() && is_even => {
+            let length: f64 = length(&base.curve) / (domain.end - domain.start);
+            (slope * length, domain.start + from / length)
+        }
+        _ => {
+            let text = "the distance of the offset curve is neither constant nor linear";
+            return Err(Problem::Unsupported(text.to_owned()));
+        }
+    };
+    let normal = normal.try_normalize();
+    let normal = normal.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
+    let is_part = domain.start <= wanted.start && wanted.end <= domain.end;
+    let range = if is_part && wanted.start < wanted.end {
+        wanted
+    } else {
+        domain
+    };
+    let size = base.curve.hull_bounds().diagonal() + near.abs();
+    let parts = base.curve.restricted(range).map_err(Problem::Geometry)?;
+    let parts = parts.parts(is_corner);
+    let mut tell = |text| reader.repairs.push((index, Problem::Unsupported(text)));
+    if parts.len() > 1 {
+        tell("the offset of a curve with corners is in pieces".to_owned());
+    }
+    let (mut made, mut strays) = (Vec::new(), 0.0_f64);
+    for part in parts {
+        let at = |t: f64| {
+            let (point, along) = part.tangent(t);
+            let out = normal.cross(along).try_normalize().unwrap_or_default();
+            point + out * (near + slope * (t - from))
+        };
+        let breaks = part.knots().breaks();
+        let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
+        let fit = fit.map_err(Problem::Geometry)?;
+        strays = strays.max(fit.deviation / size);
+        let arcs = base.arcs.iter().map(|arc| within(arc, &part.domain()));
+        made.push(Rail {
+            curve: fit.curve,
+            arcs: arcs.filter(|arc| !arc.is_empty()).collect(),
+        });
+    }
+    if strays > CURVE_ACCURACY {
+        tell(fitted("it", strays, CURVE_ACCURACY));
+    }
+    Ok(made)
+}
+
+/// Whether the direction jumps from a piece of a curve to the next one.
+fn is_corner(before: &Curve<DVec3>, after: &Curve<DVec3>) -> bool {
+    let (_, before) = before.tangent(before.domain().end);
+    let (_, after) = after.tangent(after.domain().start);
+    before.angle_between(after) > CORNER
+}
+
+/// What two ranges have in common.
+fn within(range: &Range<f64>, domain: &Range<f64>) -> Range<f64> {
+    range.start.max(domain.start)..range.end.min(domain.end)
+}
+
+/// The length of a line or arc.
+fn length(curve: &Curve<DVec3>) -> f64 {
+    let Range { start, end } = curve.domain();
+    let points: Vec<_> = (0..=256)
+        .map(|k| curve.evaluate(start + (end - start) * f64::from(k) / 256.0))
+        .collect();
+    points.windows(2).map(|w| w[0].distance(w[1])).sum()
+}
+
+/// The offset of a surface.
+#[derive(Debug)]
+pub(super) struct Offset {
+    pub(super) shape: SheetShape,
+    /// Whether it is in pieces, because the surface has creases.
+    pub(super) is_cut: bool,
+    /// How far it strays from what it stands for, as a share of its size.
+    pub(super) deviation: f64,
+}
+
 /// The surface at `distance` from a base, on the side that `side` tells at the middle of its
-/// parameters, and whether it is exact: planes, cylinders, cones, spheres and tori give exact ones,
-/// others are fitted. Those of the former stand where their base does.
-pub(super) fn surface(
-    base: &Sheet,
-    side: DVec3,
-    distance: f64,
-) -> Result<(SheetShape, bool), Problem> {
-    match &base.shape {
+/// parameters: planes, cylinders, cones, spheres and tori give exact ones, others are fitted. Those
+/// of the former stand where their base does.
+pub(super) fn surface(base: &Sheet, side: DVec3, distance: f64) -> Result<Offset, Problem> {
+    let mut offset = Offset {
+        shape: base.shape.clone(),
+        is_cut: false,
+        deviation: 0.0,
+    };
+    match &mut offset.shape {
         SheetShape::Quadric(quadric) => {
             let map = base.place.matrix3;
             let Some(scale) = even_scale(map) else {
@@ -33,19 +154,81 @@ pub(super) fn surface(
             let side = map.transpose() * side;
             let is_behind = quadric.normal().is_some_and(|n| n.dot(side) < 0.0);
             let distance = if is_behind { -distance } else { distance };
-            Ok((SheetShape::Quadric(quadric.offset(distance / scale)?), true))
+            *quadric = quadric.offset(distance / scale)?;
         }
-        SheetShape::Splines(pieces, warps) => {
-            let mut is_exact = true;
+        SheetShape::Splines(pieces, _) => {
             let mut made = Vec::new();
-            for piece in pieces {
-                let (surface, exact) = fitted(piece, side, distance)?;
-                made.push(surface);
-                is_exact &= exact;
+            for piece in &*pieces {
+                let is_behind = middle_normal(piece).dot(side) < 0.0;
+                let distance = if is_behind { -distance } else { distance };
+                let size = piece.hull_bounds().diagonal() + distance.abs();
+                for part in smooth_parts(piece)? {
+                    let fit = moved(&part, distance, size * ACCURACY)?;
+                    offset.deviation = offset.deviation.max(fit.deviation / size);
+                    made.push(fit.surface);
+                }
             }
-            Ok((SheetShape::Splines(made, warps.clone()), is_exact))
+            offset.is_cut = made.len() > pieces.len();
+            *pieces = made;
         }
     }
+    Ok(offset)
+}
+
+/// The normal at the middle of the parameters; nothing if there is none.
+fn middle_normal(surface: &Surface) -> DVec3 {
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let middle = DVec2::new(f64::midpoint(u.start, u.end), f64::midpoint(v.start, v.end));
+    surface.normal(middle).unwrap_or_default()
+}
+
+/// A surface in parts without creases.
+fn smooth_parts(surface: &Surface) -> Result<Vec<Surface>, Problem> {
+    let [u, v] = [0, 1].map(|axis| creases(surface, axis));
+    let count = (u.len() - 1) * (v.len() - 1);
+    if count == 1 {
+        return Ok(vec![surface.clone()]);
+    }
+    if count.saturating_mul(surface.homogeneous().len()) > TEARING {
+        let text = format!("the offset of a surface in {count} parts between creases is not read");
+        return Err(Problem::Unsupported(text));
+    }
+    let mut parts = Vec::new();
+    for u in u.windows(2) {
+        let strip = surface.restricted_u(u[0]..u[1]);
+        let strip = strip.map_err(Problem::Geometry)?;
+        for v in v.windows(2) {
+            let part = strip.restricted_v(v[0]..v[1]);
+            parts.push(part.map_err(Problem::Geometry)?);
+        }
+    }
+    Ok(parts)
+}
+
+/// The parameters along an axis at which a surface has creases across, and both ends.
+fn creases(surface: &Surface, axis: usize) -> Vec<f64> {
+    let mut knots = [surface.knots_u(), surface.knots_v()];
+    knots.rotate_left(axis);
+    let [along, across] = knots;
+    let normal = |at: f64, beside: f64| {
+        let mut uv = [at, beside];
+        uv.rotate_right(axis);
+        surface.normal(uv.into())
+    };
+    let beside = across.breaks();
+    let beside = beside.windows(2).map(|w| f64::midpoint(w[0], w[1]));
+    let beside: Vec<f64> = beside.collect();
+    let turns = |knot: f64| {
+        let normals = |&beside| normal(knot.next_down(), beside).zip(normal(knot, beside));
+        let mut pairs = beside.iter().filter_map(normals);
+        pairs.any(|(before, after)| before.angle_between(after) > CORNER)
+    };
+    let Range { start, end } = along.domain();
+    let is_crease = |&knot: &f64| {
+        let is_inside = start < knot && knot < end;
+        !is_inside || along.multiplicity(knot) >= along.degree() && turns(knot)
+    };
+    along.breaks().into_iter().filter(is_crease).collect()
 }
 
 /// How much a map makes all lengths longer; `None` if it does not treat them alike.
@@ -59,22 +242,19 @@ fn even_scale(map: DMat3) -> Option<f64> {
     is_even.then_some(scale)
 }
 
-/// The offset of one surface, and whether it is exact.
-fn fitted(surface: &Surface, side: DVec3, distance: f64) -> Result<(Surface, bool), Problem> {
-    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    let middle = DVec2::new(f64::midpoint(u.start, u.end), f64::midpoint(v.start, v.end));
-    let normal = surface.normal(middle).unwrap_or_default();
-    let distance = if normal.dot(side) < 0.0 {
-        -distance
-    } else {
-        distance
-    };
+/// The offset of a surface without creases.
+fn moved(
+    surface: &Surface,
+    distance: f64,
+    tolerance: f64,
+) -> Result<modelling::FitSurface, Problem> {
     let at = |u: f64, v: f64| {
         let (point, normal) = surface.point_and_normal(DVec2::new(u, v));
         point + normal.unwrap_or_default() * distance
     };
-    let size = surface.hull_bounds().diagonal() + distance.abs();
     let breaks = [surface.knots_u().breaks(), surface.knots_v().breaks()];
-    let fit = modelling::fit_surface(at, &breaks, size * ACCURACY).map_err(Problem::Geometry)?;
-    Ok((fit.surface, fit.deviation <= size * EXACT))
+    modelling::fit_surface(at, &breaks, tolerance).map_err(Problem::Geometry)
 }
+
+#[cfg(test)]
+mod tests;

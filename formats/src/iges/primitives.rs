@@ -11,6 +11,7 @@ use super::curves::Reader;
 use super::directory::WHOLE;
 use super::parameters::Parameters;
 use super::sheets::in_parallelogram;
+use super::transform::check_finite;
 use super::trims::Parts;
 use crate::Problem;
 
@@ -81,6 +82,7 @@ pub(super) fn read(reader: &mut Reader<'_, '_>, index: usize) -> Result<(String,
     if place != DAffine3::IDENTITY {
         for (surface, _) in &mut parts {
             *surface = surface.transformed(&place);
+            check_finite(surface.points())?;
         }
     }
     let name = super::entities::trailing_name(file, &mut parameters);

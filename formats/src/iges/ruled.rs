@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 use kernel::{Curve, modelling};
 
-use super::curves::{Rail, Reader};
+use super::curves::{Rail, Reader, fitted};
 use super::parameters::Parameters;
 use super::sheets::{SheetShape, Warp};
 use crate::Problem;
@@ -32,6 +32,8 @@ pub(super) fn surface(
 ) -> Result<SheetShape, Problem> {
     let [first, second] = [parameters.integer()?, parameters.integer()?];
     let reversed = parameters.integer_or(0)? == 1;
+    // Whether it is developable.
+    parameters.skip(1);
     let (first, mut second) = (reader.rail(first)?, reader.rail(second)?);
     let mut tell = |text: &str| {
         let problem = Problem::Unsupported(text.to_owned());
@@ -60,24 +62,25 @@ pub(super) fn surface(
     };
     let has_length = rails[1 - kept].hull_bounds().diagonal() > 0.0;
     if has_length && !(0..=64).all(is_same) {
-        rails[1 - kept] = beside(&rails[kept], of_kept, &rails[1 - kept], of_other)?;
-        tell(&format!(
-            "the rail beside an arc is fitted to {ACCURACY:e} of its size"
-        ));
+        let (curve, deviation) = beside(&rails[kept], of_kept, &rails[1 - kept], of_other)?;
+        rails[1 - kept] = curve;
+        tell(&fitted("the rail beside an arc", deviation, ACCURACY));
     }
+    reader.check_room(rails.iter(), 2)?;
     let [first, second] = &rails;
     let surface = modelling::ruled(first, second).map_err(geometry)?;
     let warps = [of_kept.clone(), Warp::default()];
     Ok(SheetShape::Splines(vec![surface], warps))
 }
 
-/// A rail with the points of `other` where those of `kept` have the same parameter in the file.
+/// A rail with the points of `other` where those of `kept` have the same parameter in the file, and
+/// how far it strays, as a share of its size.
 fn beside(
     kept: &Curve<DVec3>,
     of_kept: &Warp,
     other: &Curve<DVec3>,
     of_other: &Warp,
-) -> Result<Curve<DVec3>, Problem> {
+) -> Result<(Curve<DVec3>, f64), Problem> {
     let at = |parameter: f64| {
         let share = inverse(|share| of_kept.apply(share, &UNIT), parameter);
         other.evaluate(of_other.apply(share, &UNIT).clamp(0.0, 1.0))
@@ -90,9 +93,10 @@ fn beside(
     breaks.extend(inner.filter(|own| (SAME..1.0 - SAME).contains(own)));
     breaks.sort_by(f64::total_cmp);
     breaks.dedup_by(|a, b| (*a - *b).abs() <= SAME);
-    let tolerance = other.hull_bounds().diagonal() * ACCURACY;
-    let fit = modelling::fit(at, &breaks, tolerance, DVec3::distance);
-    Ok(fit.map_err(Problem::Geometry)?.curve)
+    let size = other.hull_bounds().diagonal();
+    let fit = modelling::fit(at, &breaks, size * ACCURACY, DVec3::distance);
+    let fit = fit.map_err(Problem::Geometry)?;
+    Ok((fit.curve, fit.deviation / size))
 }
 
 /// Where a rising function from 0..1 to 0..1 has a value.

@@ -10,11 +10,15 @@ use super::curves::{self, Rail, Reader};
 use super::directory::WHOLE;
 use super::parameters::Parameters;
 use super::quadric::{self, Quadric, wound};
+use super::transform::check_finite;
 use super::{net, offset, ruled};
 use crate::Problem;
 
 /// How deep offset surfaces may nest.
 const NESTING: usize = 8;
+
+/// Angles up to this share above a whole turn are one: they are written with few digits.
+const TURN_SLACK: f64 = 1e-6;
 
 /// A surface before it is trimmed.
 #[derive(Clone, Debug)]
@@ -106,21 +110,12 @@ pub(super) fn is_sheet(kind: i64) -> bool {
     )
 }
 
-/// Reads a surface; `limit` bounds its control points.
-pub(super) fn read(
-    reader: &mut Reader<'_, '_>,
-    index: usize,
-    limit: usize,
-) -> Result<Sheet, Problem> {
-    nested(reader, index, limit, 0)
+/// Reads a surface.
+pub(super) fn read(reader: &mut Reader<'_, '_>, index: usize) -> Result<Sheet, Problem> {
+    nested(reader, index, 0)
 }
 
-fn nested(
-    reader: &mut Reader<'_, '_>,
-    index: usize,
-    limit: usize,
-    depth: usize,
-) -> Result<Sheet, Problem> {
+fn nested(reader: &mut Reader<'_, '_>, index: usize, depth: usize) -> Result<Sheet, Problem> {
     let file = reader.file;
     let entry = &file.entries[index];
     let mut place = reader.transforms.follow(file, entry.transform)?;
@@ -141,9 +136,9 @@ fn nested(
             SheetShape::Quadric(plane)
         }
         190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(reader, entry, p)?),
-        114 => one(cubics(p, limit)?, Default::default()),
+        114 => one(cubics(p, reader.limit)?, Default::default()),
         118 => ruled::surface(reader, index, p, entry.form)?,
-        120 => revolved(reader, p)?,
+        120 => revolved(reader, index, p)?,
         122 => {
             let rail = reader.rail(p.integer()?)?;
             let end = DVec3::new(p.real()?, p.real()?, p.real_or(0.0)?);
@@ -154,14 +149,14 @@ fn nested(
         }
         128 => {
             let mut repairs = Vec::new();
-            let pieces = net::read(p, limit, &mut repairs)?;
+            let pieces = net::read(p, reader.limit, &mut repairs)?;
             reader
                 .repairs
                 .extend(repairs.into_iter().map(|r| (index, r)));
             SheetShape::Splines(pieces, Default::default())
         }
         140 => {
-            let (shape, of_base) = offset(reader, index, p, limit, depth)?;
+            let (shape, of_base) = offset(reader, index, p, depth)?;
             place *= of_base;
             shape
         }
@@ -172,7 +167,8 @@ fn nested(
     };
     let shape = match shape {
         SheetShape::Splines(pieces, warps) if place != DAffine3::IDENTITY => {
-            let pieces = pieces.iter().map(|s| s.transformed(&place)).collect();
+            let pieces: Vec<_> = pieces.iter().map(|s| s.transformed(&place)).collect();
+            check_finite(pieces.iter().flat_map(Surface::points))?;
             SheetShape::Splines(pieces, warps)
         }
         shape => shape,
@@ -191,7 +187,6 @@ fn offset(
     reader: &mut Reader<'_, '_>,
     index: usize,
     parameters: &mut Parameters<'_>,
-    limit: usize,
     depth: usize,
 ) -> Result<(SheetShape, DAffine3), Problem> {
     let mut real = || parameters.real();
@@ -205,22 +200,26 @@ fn offset(
         return Err(Problem::Unsupported(text));
     }
     reader.bases.push(base);
-    let base = nested(reader, base, limit, depth + 1)?;
-    let (shape, is_exact) = offset::surface(&base, side, distance)?;
-    if !is_exact {
-        let text = format!("it is fitted to {:e} of its size", offset::ACCURACY);
-        reader.repairs.push((index, Problem::Unsupported(text)));
+    let base = nested(reader, base, depth + 1)?;
+    let made = offset::surface(&base, side, distance)?;
+    let mut tell = |text| reader.repairs.push((index, Problem::Unsupported(text)));
+    if made.is_cut {
+        tell("the offset of a surface with creases is in pieces".to_owned());
     }
-    let place = match shape {
+    if made.deviation > offset::EXACT {
+        tell(curves::fitted("it", made.deviation, offset::ACCURACY));
+    }
+    let place = match made.shape {
         SheetShape::Quadric(_) => base.place,
         SheetShape::Splines(..) => DAffine3::IDENTITY,
     };
-    Ok((shape, place))
+    Ok((made.shape, place))
 }
 
 /// A surface of revolution (type 120).
 fn revolved(
     reader: &mut Reader<'_, '_>,
+    index: usize,
     parameters: &mut Parameters<'_>,
 ) -> Result<SheetShape, Problem> {
     let axis = reader.rail(parameters.integer()?)?.curve;
@@ -229,6 +228,10 @@ fn revolved(
     let mut end = parameters.real()?;
     if end <= start {
         end += TAU * ((start - end) / TAU).floor() + TAU;
+        let text = "it ends at no larger angle than where it begins; whole turns are added";
+        reader.repaired(index, text);
+    } else if end - start > TAU * (1.0 + TURN_SLACK) {
+        reader.repaired(index, "it turns more than once; one turn is shown");
     }
     let origin = axis.start();
     let direction = axis.end() - origin;

@@ -7,6 +7,14 @@ use glam::{DAffine3, DMat3, DVec3};
 use super::directory::{File, SHORT};
 use crate::Problem;
 
+/// Refuses points that a transformation moved beyond the range of numbers.
+pub(super) fn check_finite(mut points: impl Iterator<Item = DVec3>) -> Result<(), Problem> {
+    match points.position(|p| !p.is_finite()) {
+        Some(index) => Err(Problem::Geometry(kernel::Error::NotFinite { index })),
+        None => Ok(()),
+    }
+}
+
 /// Composed transformations by the entry they begin with.
 #[derive(Debug, Default)]
 pub(super) struct Transforms {

@@ -270,6 +270,9 @@ impl<'a, 'b> Tree<'a, 'b> {
                 }
             }
             Content::Copies(copies) => {
+                if copies.count() > 1 {
+                    self.take_places(copies.count())?;
+                }
                 let member = self.member(index, copies.base, color, depth);
                 let mut places = copies.places();
                 if copies.count() > 1 {
@@ -291,15 +294,17 @@ impl<'a, 'b> Tree<'a, 'b> {
         Ok(Some(Child::Node(node)))
     }
 
+    /// Counts the places of an array.
+    fn take_places(&mut self, count: u64) -> Result<(), Problem> {
+        self.places_left = self.places_left.checked_sub(count).ok_or_else(|| {
+            let text = format!("the arrays have more than {MOST_PLACES} places");
+            Problem::Unsupported(text)
+        })?;
+        Ok(())
+    }
+
     /// A node for every place of an array.
     fn copies(&mut self, copies: &Copies, member: Option<Child>) -> Result<Vec<Child>, Problem> {
-        self.places_left = self
-            .places_left
-            .checked_sub(copies.count())
-            .ok_or_else(|| {
-                let text = format!("the arrays have more than {MOST_PLACES} places");
-                Problem::TooLarge(text)
-            })?;
         let mut nodes = Vec::new();
         for place in copies.places() {
             nodes.extend(self.placed(place, member)?);
@@ -369,11 +374,10 @@ impl<'a, 'b> Tree<'a, 'b> {
         let shapes = match &entity.content {
             Content::Points(points) => vec![WireShape::Points(points.clone())],
             _ => {
-                let (limit, is_on_surface) =
-                    (self.points_left, self.file.entries[index].kind == 142);
+                let is_on_surface = self.file.entries[index].kind == 142;
                 let (curves, repairs) = self.reading(|reader, _| {
                     if is_on_surface {
-                        return trims::on_surface(reader, index, limit);
+                        return trims::on_surface(reader, index);
                     }
                     let rails = reader.rails(index)?.into_iter();
                     Ok(rails.map(|rail| rail.curve).collect())
@@ -410,6 +414,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             transforms: &mut self.transforms,
             repairs: Vec::new(),
             bases: Vec::new(),
+            limit: self.points_left,
         };
         let result = read(&mut reader, &mut self.edges);
         for base in reader.bases {
@@ -469,12 +474,11 @@ impl<'a, 'b> Tree<'a, 'b> {
             return Ok(patches.clone());
         }
         let file = self.file;
-        let limit = self.points_left;
         let (read, repairs) = self.reading(|reader, edges| {
             if primitives::is_primitive(file.entries[base].kind) {
                 return primitives::read(reader, base);
             }
-            let sheet = sheets::read(reader, base, limit)?;
+            let sheet = sheets::read(reader, base)?;
             let name = sheet.name.clone();
             Ok::<_, Problem>((name, trims::faces(reader, edges, index, sheet, boundary)?))
         });

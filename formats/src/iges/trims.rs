@@ -15,7 +15,7 @@ use kernel::nearest::{self, Nearby};
 use kernel::{Curve, Orientation, Surface, TrimLoop, modelling};
 
 use super::boundary::{self, Boundary, Edges, Loop, Use};
-use super::curves::{Rail, Reader};
+use super::curves::{Rail, Reader, fitted};
 use super::directory::SHORT;
 use super::order::{Chain, Order};
 use super::quadric::Quadric;
@@ -136,11 +136,10 @@ fn no_plane(reader: &mut Reader<'_, '_>, face: usize, problem: Problem) -> Resul
 }
 
 /// The curves of a curve on a surface (type 142) for its own sake: those of space, or else those
-/// of the parameter domain, fitted to the surface. `limit` bounds the control points of that.
+/// of the parameter domain, fitted to the surface.
 pub(super) fn on_surface(
     reader: &mut Reader<'_, '_>,
     index: usize,
-    limit: usize,
 ) -> Result<Vec<Curve<DVec3>>, Problem> {
     let file = reader.file;
     let pointer = i64::try_from(file.entries[index].number).unwrap_or_default();
@@ -157,7 +156,7 @@ pub(super) fn on_surface(
     let mut parameters = file.parameters(index, SHORT, &mut buffer)?;
     parameters.integer()?;
     let base = file.follow(parameters.integer()?, "the surface")?;
-    let sheet = sheets::read(reader, base, limit)?;
+    let sheet = sheets::read(reader, base)?;
     let SheetShape::Splines(pieces, _) = &sheet.shape else {
         let text = "curves in the parameters of planes and quadrics are not shown";
         return Err(Problem::Unsupported(text.to_owned()));
@@ -165,8 +164,17 @@ pub(super) fn on_surface(
     let surface = pieces.first().ok_or(kernel::Error::NothingInside);
     let trimmer = Trimmer::new(surface.map_err(Problem::Geometry)?, &sheet, 0.0);
     let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere)?;
-    let lifted = |curve| lifted::onto(trimmer.surface, curve, |uv| trimmer.point(uv));
-    flat.iter().map(|c| Ok(lifted(c)?.curve)).collect()
+    let (mut curves, mut strays) = (Vec::new(), 0.0_f64);
+    for curve in &flat {
+        let lifted = lifted::onto(trimmer.surface, curve, |uv| trimmer.point(uv))?;
+        strays = strays.max(lifted.deviation / trimmer.size);
+        curves.push(lifted.curve);
+    }
+    if strays > lifted::ACCURACY {
+        let text = fitted("it", strays, lifted::ACCURACY);
+        reader.repairs.push((index, Problem::Unsupported(text)));
+    }
+    Ok(curves)
 }
 
 /// Notes that the loops of a face cannot be used.
@@ -224,6 +232,8 @@ struct Trimmer<'a> {
     surface: &'a Surface,
     sheet: &'a Sheet,
     domain: [Range<f64>; 2],
+    /// The domain of all pieces of the sheet together.
+    whole: [Range<f64>; 2],
     closed: [bool; 2],
     size: f64,
     /// Points no farther apart are one.
@@ -237,10 +247,16 @@ impl<'a> Trimmer<'a> {
     fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64) -> Self {
         let size = surface.hull_bounds().diagonal();
         let most = size * COARSE;
+        let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
+        let whole = match &sheet.shape {
+            SheetShape::Splines(pieces, _) => pieces.iter().fold(domain.clone(), around),
+            SheetShape::Quadric(_) => domain.clone(),
+        };
         Self {
             surface,
             sheet,
-            domain: [surface.knots_u().domain(), surface.knots_v().domain()],
+            domain,
+            whole,
             closed: nearest::closed(surface),
             size,
             accuracy: (size * MEETS).max(resolution.min(most)),
@@ -484,7 +500,7 @@ impl<'a> Trimmer<'a> {
     /// Moves curves by whole turns into the domain, along parameters that are angles.
     fn wind(&self, curves: &mut Chain, warps: &[Warp; 2]) {
         for (axis, warp) in warps.iter().enumerate() {
-            let domain = &self.domain[axis];
+            let domain = &self.whole[axis];
             let Some(turn) = warp.turn(domain) else {
                 continue;
             };
@@ -520,8 +536,8 @@ impl<'a> Trimmer<'a> {
     fn warped(&self, curve: &Curve<DVec2>, warps: &[Warp; 2]) -> Result<Curve<DVec2>, Problem> {
         let image = |uv: DVec2| {
             DVec2::new(
-                warps[0].apply(uv.x, &self.domain[0]),
-                warps[1].apply(uv.y, &self.domain[1]),
+                warps[0].apply(uv.x, &self.whole[0]),
+                warps[1].apply(uv.y, &self.whole[1]),
             )
         };
         let at = |t: f64| image(curve.evaluate(t));
@@ -551,6 +567,12 @@ impl<'a> Trimmer<'a> {
         }
         self.surface.evaluate(inside)
     }
+}
+
+/// A domain, made larger by that of a surface.
+fn around([u, v]: [Range<f64>; 2], surface: &Surface) -> [Range<f64>; 2] {
+    let (own_u, own_v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    [(u, own_u), (v, own_v)].map(|(a, b)| a.start.min(b.start)..a.end.max(b.end))
 }
 
 /// The image of a curve in a parameter domain: a straight segment where that strays no more

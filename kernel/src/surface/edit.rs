@@ -153,6 +153,8 @@ impl Surface {
     }
 
     /// The image of the surface under a finite affine map; parameters stay as they are.
+    ///
+    /// Where numbers are so large that their products are not finite, the caller checks the points.
     #[must_use]
     pub fn transformed(&self, target_from_source: &DAffine3) -> Self {
         let points = transform_all(&self.points, target_from_source);

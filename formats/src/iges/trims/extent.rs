@@ -7,6 +7,7 @@ use crate::Problem;
 use crate::iges::boundary::Loop;
 use crate::iges::curves::Reader;
 use crate::iges::sheets::{Sheet, SheetShape};
+use crate::iges::transform::check_finite;
 
 /// The surfaces of a sheet, as large as the curves of space around it need; none if it has no end.
 pub(super) fn surfaces(
@@ -23,6 +24,7 @@ pub(super) fn surfaces(
     let surface = quadric.surface(&hull)?;
     sheet.shape = SheetShape::Quadric(quadric);
     let placed = surface.map(|surface| surface.transformed(&sheet.place));
+    check_finite(placed.iter().flat_map(Surface::points))?;
     Ok(placed.into_iter().collect())
 }
 

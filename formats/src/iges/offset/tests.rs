@@ -1,0 +1,78 @@
+use glam::{DVec2, DVec3};
+use kernel::{Aabb, WireShape};
+
+use super::super::testing::{Made, made, part, read};
+
+/// Two sides of a square, as a polyline, and its offset inwards.
+fn corner() -> [Made; 2] {
+    [
+        part(106, 12, "2,3,0.,0.,0.,1.,0.,0.,1.,1.,0."),
+        made(130, "1,1,0,0,0,0.25,0.,0.,0.,0.,0.,1.,0.,2."),
+    ]
+}
+
+#[test]
+fn offsets_of_curves_are_cut_at_corners() {
+    let (scene, warnings) = read(&corner());
+    let ends = scene.wires().iter().map(|wire| match &wire.shape {
+        WireShape::Curve(curve) => {
+            let bounds = curve.hull_bounds();
+            assert!((bounds.diagonal() - 1.0).abs() < 1e-12, "{bounds:?}");
+            [curve.start(), curve.end()]
+        }
+        WireShape::Points(_) => panic!("points"),
+    });
+    let expected = [[[0.0, 0.25], [1.0, 0.25]], [[0.75, 0.0], [0.75, 1.0]]];
+    let expected = expected.map(|ends| ends.map(|[x, y]| DVec3::new(x, y, 0.0)));
+    for (ends, expected) in ends.zip(expected) {
+        for (end, expected) in ends.into_iter().zip(expected) {
+            assert!(end.distance(expected) < 1e-12, "{end}");
+        }
+    }
+    assert_eq!(scene.wires().len(), 2);
+    let text =
+        "line 5, offset curve D3 (type 130): the offset of a curve with corners is in pieces";
+    assert_eq!(warnings[0], text);
+}
+
+#[test]
+fn what_is_made_of_pieces_that_do_not_meet_is_told() {
+    let [base, mut offset] = corner();
+    offset.status = "00010000";
+    let (scene, warnings) = read(&[base, offset, made(122, "3,0.,0.25,1.")]);
+    let bounds = scene.patches()[0].bounds();
+    let expected = Aabb {
+        min: DVec3::new(0.0, 0.25, 0.0),
+        max: DVec3::ONE,
+    };
+    let off = bounds.min.distance(expected.min) + bounds.max.distance(expected.max);
+    assert!(off < 1e-9, "{bounds:?}");
+    let is_told = |text: &String| text.contains("do not meet; each begins where the one before");
+    assert!(warnings.iter().any(is_told), "{warnings:?}");
+}
+
+#[test]
+fn offsets_of_surfaces_are_cut_at_creases() {
+    // A roof: two squares that meet at a right angle.
+    let points = "0.,0.,0.,1.,0.,1.,2.,0.,0.,0.,1.,0.,1.,1.,1.,2.,1.,0.";
+    let roof = format!(
+        "2,1,1,1,0,0,1,0,0,0.,0.,1.,2.,2.,0.,0.,1.,1.,1.,1.,1.,1.,1.,1.,{points},0.,2.,0.,1."
+    );
+    let (scene, warnings) = read(&[part(128, 0, &roof), made(140, "0.,0.,1.,0.5,1")]);
+    let patches = scene.patches();
+    assert_eq!(patches.len(), 2);
+    let up = 0.5 * 0.5_f64.sqrt();
+    for (patch, x) in patches.iter().zip([-up, up]) {
+        let surface = &patch.surface;
+        for k in 0..=10 {
+            let share = f64::from(k) * 0.1;
+            let (u, v) = (surface.knots_u().domain().start + share, share);
+            let base = DVec3::new(u, v, 1.0 - (u - 1.0).abs());
+            let off = surface.evaluate(DVec2::new(u, v)) - base;
+            assert!(off.distance(DVec3::new(x, 0.0, up)) < 1e-12, "{off}");
+        }
+    }
+    let text =
+        "line 5, offset surface D3 (type 140): the offset of a surface with creases is in pieces";
+    assert_eq!(warnings, [text]);
+}
