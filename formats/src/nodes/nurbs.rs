@@ -54,8 +54,12 @@ impl<'a> Converter<'a> {
             ..Patch::from(surface)
         };
         // Only VRML 97 has this field; its front turns around.
-        let turned = !node.flag("ccw", true, &mut self.warnings) && patch.loops.is_empty();
-        Ok(if turned {
+        let turned = !node.flag("ccw", true, &mut self.warnings);
+        if turned && !patch.loops.is_empty() {
+            let text = "ccw FALSE has no effect on a surface with contours";
+            self.warnings.unsupported(node.place(), text);
+        }
+        Ok(if turned && patch.loops.is_empty() {
             self.reversed(patch)
         } else {
             Ok(patch)
