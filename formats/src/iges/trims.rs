@@ -6,13 +6,13 @@ mod laid;
 #[cfg(test)]
 mod tests;
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::collections::HashSet;
 use std::ops::Range;
 
 use glam::{DAffine2, DVec2, DVec3};
 use kernel::nearest::{self, Nearby};
-use kernel::{Curve, Orientation, Surface, TrimLoop, modelling};
+use kernel::{Curve, Orientation, Surface, TrimLoop};
 
 use super::boundary::{self, Boundary, Edges, Loop, Use};
 use super::curves::{Rail, Reader, fitted};
@@ -241,6 +241,8 @@ struct Trimmer<'a> {
     /// Points of space that take a whole side of the domain.
     poles: Vec<DVec3>,
     nearby: OnceCell<Nearby<'a>>,
+    /// How far curves of the loops stray from what they were fitted to, as a share of the size.
+    strays: Cell<f64>,
 }
 
 impl<'a> Trimmer<'a> {
@@ -264,6 +266,7 @@ impl<'a> Trimmer<'a> {
                 .filter_map(|side| nearest::pole(surface, side / 2, side % 2, size * ACCURACY))
                 .collect(),
             nearby: OnceCell::new(),
+            strays: Cell::new(0.0),
         }
     }
 
@@ -276,6 +279,10 @@ impl<'a> Trimmer<'a> {
         border: bool,
     ) -> Result<Vec<TrimLoop>, Problem> {
         let mut trims = self.best_closed(reader, face, loops)?;
+        if self.strays.get() > ACCURACY {
+            let text = fitted("a trim curve", self.strays.get(), ACCURACY);
+            reader.repairs.push((face, Problem::Unsupported(text)));
+        }
         if border {
             if repeated::surrounded(&mut trims, &self.domain).map_err(Problem::Geometry)? {
                 let text = "a hole is the border of its surface; it counts as that";
@@ -358,6 +365,7 @@ impl<'a> Trimmer<'a> {
         accuracy: f64,
     ) -> Result<Vec<TrimLoop>, Problem> {
         let mut chains = Vec::new();
+        self.strays.set(0.0);
         for one in loops {
             chains.push(self.chain(reader, face, one, source(one), accuracy)?);
         }
@@ -544,7 +552,7 @@ impl<'a> Trimmer<'a> {
         let [size_u, size_v] = self.domain.clone().map(|d| d.end - d.start);
         let size = DVec2::new(size_u, size_v);
         let off = |a: DVec2, b: DVec2| ((a - b) / size).length();
-        straight_or_fitted(curve, at, ACCURACY, off)
+        self.straight_or_fitted(curve, at, ACCURACY, off)
     }
 
     fn quadric(&self) -> Option<&'a Quadric> {
@@ -573,27 +581,4 @@ impl<'a> Trimmer<'a> {
 fn around([u, v]: [Range<f64>; 2], surface: &Surface) -> [Range<f64>; 2] {
     let (own_u, own_v) = (surface.knots_u().domain(), surface.knots_v().domain());
     [(u, own_u), (v, own_v)].map(|(a, b)| a.start.min(b.start)..a.end.max(b.end))
-}
-
-/// The image of a curve in a parameter domain: a straight segment where that strays no more
-/// than `tolerance`, else a fitted curve.
-fn straight_or_fitted<P: kernel::Point>(
-    curve: &Curve<P>,
-    at: impl Fn(f64) -> DVec2,
-    tolerance: f64,
-    off: impl Fn(DVec2, DVec2) -> f64,
-) -> Result<Curve<DVec2>, Problem> {
-    let Range { start, end } = curve.domain();
-    let points: Vec<DVec2> = (0..=12)
-        .map(|k| at(start + (end - start) * f64::from(k) / 12.0))
-        .collect();
-    let (first, along) = (points[0], points[12] - points[0]);
-    let square = along.length_squared();
-    let on_line = |p: DVec2| first + along * ((p - first).dot(along) / square).clamp(0.0, 1.0);
-    if square > 0.0 && points.iter().all(|&p| off(on_line(p), p) <= tolerance) {
-        return Curve::line(first, first + along, 0.0..1.0).map_err(Problem::Geometry);
-    }
-    let breaks = curve.knots().breaks();
-    let fit = modelling::fit(at, &breaks, tolerance, off).map_err(Problem::Geometry)?;
-    Ok(fit.curve)
 }

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
-use kernel::Curve;
 use kernel::nearest::Nearby;
+use kernel::{Curve, modelling};
 
-use super::{ACCURACY, Trimmer, straight_or_fitted};
+use super::{ACCURACY, Trimmer};
 use crate::iges::boundary::Use;
 use crate::iges::curves::Reader;
 use crate::iges::order::Chain;
@@ -107,7 +107,33 @@ impl Trimmer<'_> {
             self.locate(curve.evaluate(t), Some(guess))
         };
         let off = |a: DVec2, b: DVec2| self.point(a).distance(self.point(b));
-        straight_or_fitted(curve, at, self.size * ACCURACY, off)
+        self.straight_or_fitted(curve, at, self.size * ACCURACY, off)
+    }
+
+    /// The image of a curve in a parameter domain: a straight segment where that strays no more
+    /// than `tolerance`, else a fitted curve.
+    pub(super) fn straight_or_fitted<P: kernel::Point>(
+        &self,
+        curve: &Curve<P>,
+        at: impl Fn(f64) -> DVec2,
+        tolerance: f64,
+        off: impl Fn(DVec2, DVec2) -> f64,
+    ) -> Result<Curve<DVec2>, Problem> {
+        let Range { start, end } = curve.domain();
+        let points: Vec<DVec2> = (0..=12)
+            .map(|k| at(start + (end - start) * f64::from(k) / 12.0))
+            .collect();
+        let (first, along) = (points[0], points[12] - points[0]);
+        let square = along.length_squared();
+        let on_line = |p: DVec2| first + along * ((p - first).dot(along) / square).clamp(0.0, 1.0);
+        if square > 0.0 && points.iter().all(|&p| off(on_line(p), p) <= tolerance) {
+            return Curve::line(first, first + along, 0.0..1.0).map_err(Problem::Geometry);
+        }
+        let breaks = curve.knots().breaks();
+        let fit = modelling::fit(at, &breaks, tolerance, off).map_err(Problem::Geometry)?;
+        let strays = fit.deviation / tolerance * ACCURACY;
+        self.strays.set(self.strays.get().max(strays));
+        Ok(fit.curve)
     }
 
     /// A straight segment on a border of the domain, or on its seam, where that is nowhere farther
