@@ -268,7 +268,7 @@ impl<'a> File<'a> {
         let end = end.min(start.saturating_add(most));
         let Some(left) = self.budget.get().checked_sub(end - start) else {
             let text = "too many entities share the same parameters";
-            return Err(Problem::TooLarge(text.to_owned()));
+            return Err(Problem::Unsupported(text.to_owned()));
         };
         self.budget.set(left);
         buffer.clear();
