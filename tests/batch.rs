@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
 use std::fs;
+use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
@@ -21,11 +22,11 @@ fn values(text: &str, key: &str) -> Vec<String> {
 
 #[cfg(unix)]
 mod signals {
-    use std::process::{Child, Command, Stdio};
+    use std::process::Child;
     use std::thread::sleep;
     use std::time::{Duration, Instant};
 
-    use super::{Place, fs, values};
+    use super::{Command, Place, Stdio, fs, values};
 
     /// Starts the program with an open standard input.
     fn start(place: &Place, line: &str) -> Child {
@@ -255,4 +256,54 @@ fn failed_files_have_their_warnings() {
     assert_eq!(row["status"], "failed");
     let warning = row["warnings"][0]["text"].as_str().unwrap();
     assert!(warning.contains("missing.wrl"), "{row}");
+}
+
+#[test]
+fn files_are_written_although_nobody_reads_about_them() {
+    let place = Place::new();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_nurbray"))
+        .args(["convert", "samples/teapot.obj", "samples/goblet.x3d"])
+        .args(["-o", "{stem}.igs", "--json"])
+        .current_dir(place.path(""))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(place.files(), ["goblet.igs", "teapot.igs"]);
+}
+
+#[test]
+fn unfinished_files_of_others_are_left_alone() {
+    let place = Place::new();
+    fs::copy(place.path("samples/teapot.obj"), place.path("a.obj")).unwrap();
+    let own = ["a.gltf.1.part", "a.bin.1.part", "a.gltf.done.1.part"];
+    let others = ["a.b.gltf.1.part", "a.b.bin.1.part"];
+    for name in own.iter().chain(&others) {
+        fs::write(place.path(name), "half").unwrap();
+    }
+    let run = place.run("convert a.obj -o {stem}.gltf --tolerance 1% --resume");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let expected = [
+        "a.b.bin.1.part",
+        "a.b.gltf.1.part",
+        "a.bin",
+        "a.gltf",
+        "a.gltf.done",
+        "a.obj",
+    ];
+    assert_eq!(place.files(), expected);
+}
+
+#[test]
+fn a_file_given_twice_is_converted_once() {
+    let place = Place::new();
+    fs::create_dir_all(place.path("a")).unwrap();
+    fs::copy(place.path("samples/goblet.x3d"), place.path("a/goblet.x3d")).unwrap();
+    for files in ["a/goblet.x3d a", "a/goblet.x3d a/../a/goblet.x3d"] {
+        let run = place.run(&format!("convert {files} -o {{stem}}.igs --json"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert_eq!(values(&run.stdout, "status"), ["ok"]);
+    }
 }

@@ -26,6 +26,10 @@ fn options_without_effect_are_named() {
              nurbray: warning: --quantize is for triangles",
         ),
         (
+            "convert samples/teapot.obj -o t.igs --most-points 7",
+            "--most-points is for triangles",
+        ),
+        (
             "model samples/phantom.dcm -o p.x3d --angle 3",
             "--angle is for triangles",
         ),

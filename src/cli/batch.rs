@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
-use std::{fs, io, process, thread};
+use std::{fs, io, panic, process, thread};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use nurbray::formats::{Export, Resolver as _};
 use nurbray::output;
-use rayon::prelude::*;
 use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -115,7 +114,7 @@ pub(super) struct Ending {
     pub(super) left: usize,
 }
 
-/// Works on all jobs, `threads` at the same time.
+/// Works on all jobs, `threads` at the same time, each of which shares the cores with the others.
 pub(super) fn run<J: Sync>(
     jobs: &[J],
     threads: usize,
@@ -130,21 +129,40 @@ pub(super) fn run<J: Sync>(
         }
         Ok(())
     };
-    if threads == 1 {
-        // One file after the other, each with all cores.
-        jobs.iter().try_for_each(one)?;
-    } else {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()?;
-        // Single jobs: the next file is begun when one is finished.
-        pool.install(|| jobs.par_iter().with_max_len(1).try_for_each(one))?;
-    }
+    let next = AtomicUsize::new(0);
+    // The next file is begun when one is finished.
+    let some = || -> anyhow::Result<()> {
+        while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            one(job)?;
+        }
+        Ok(())
+    };
+    let threads = match threads {
+        0 => rayon::current_num_threads(),
+        threads => threads.min(jobs.len()),
+    };
+    // Threads of their own: one of the pool that waits for a part of its file would begin another.
+    thread::scope(|scope| {
+        let others: Vec<_> = (1..threads).map(|_| scope.spawn(some)).collect();
+        let join = |other: thread::ScopedJoinHandle<'_, _>| {
+            other
+                .join()
+                .unwrap_or_else(|panic| panic::resume_unwind(panic))
+        };
+        let own = some();
+        others.into_iter().map(join).fold(own, Result::and)
+    })?;
     Ok(Ending {
         failed: failed.into_inner(),
         left: left.into_inner(),
     })
 }
+
+/// The ending of records.
+const DONE: &str = "done";
+
+/// The endings of what formats have beside a file.
+const BESIDE: [&str; 2] = ["bin", "mtl"];
 
 /// Stands for the hash of a file that is not there.
 const NO_FILE: &str = "-";
@@ -162,7 +180,8 @@ impl Record {
     /// The record of an output made from a source with this hash and these options.
     pub(super) fn new(output: &Path, sha256: &str, options: &str) -> Self {
         let mut name = output.file_name().unwrap_or_default().to_owned();
-        name.push(".done");
+        name.push(".");
+        name.push(DONE);
         let version = env!("CARGO_PKG_VERSION");
         Self {
             output: output.to_owned(),
@@ -229,11 +248,13 @@ impl Record {
 
 /// Removes unfinished files that a killed run left beside an output.
 pub(super) fn remove_leftovers(output: &Path) -> anyhow::Result<()> {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-    let is_left = |name: &str, by: u32| {
-        let end = name.strip_prefix(&*stem);
-        by != process::id() && end.is_some_and(|end| end.starts_with('.'))
-    };
+    let beside = BESIDE.map(|ending| format!("{stem}.{ending}"));
+    let record = format!("{name}.{DONE}");
+    let is_own =
+        |found: &str| found == name || found == record || beside.iter().any(|b| b == found);
+    let is_left = |found: &str, by: u32| by != process::id() && is_own(found);
     remove_parts(output::folder(output), is_left)
 }
 
@@ -256,4 +277,85 @@ fn remove_parts(folder: &Path, fits: impl Fn(&str, u32) -> bool) -> anyhow::Resu
         }
     }
     Ok(())
+}
+
+/// A part of a batch: every `count`-th file from number `index` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Shard {
+    pub(super) index: usize,
+    pub(super) count: usize,
+}
+
+/// `I/N`, or `slurm` for the variables that Slurm sets in a job array.
+pub(super) fn shard(text: &str) -> Result<Shard, String> {
+    let found = if text == "slurm" {
+        slurm().map_err(|error| format!("{error:#}"))?
+    } else {
+        let wrong = || format!("'{text}' is not I/N with I from 0 to N - 1, nor slurm");
+        let (index, count) = text.split_once('/').ok_or_else(wrong)?;
+        let (index, count) = (index.parse(), count.parse());
+        let (Ok(index), Ok(count)) = (index, count) else {
+            return Err(wrong());
+        };
+        Shard { index, count }
+    };
+    if found.index < found.count {
+        Ok(found)
+    } else {
+        Err(format!(
+            "there is no part {} of {}",
+            found.index, found.count
+        ))
+    }
+}
+
+fn slurm() -> anyhow::Result<Shard> {
+    let number = |name: &str| -> anyhow::Result<usize> {
+        let value = std::env::var(name).with_context(|| format!("{name} is not set"))?;
+        value
+            .parse()
+            .with_context(|| format!("{name} is '{value}'"))
+    };
+    let (id, least) = (
+        number("SLURM_ARRAY_TASK_ID")?,
+        number("SLURM_ARRAY_TASK_MIN")?,
+    );
+    let Some(index) = id.checked_sub(least) else {
+        bail!("SLURM_ARRAY_TASK_ID is {id}, less than SLURM_ARRAY_TASK_MIN");
+    };
+    Ok(Shard {
+        index,
+        count: number("SLURM_ARRAY_TASK_COUNT")?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rayon::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn no_more_files_are_begun_than_asked_for() {
+        let (begun, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let work = |_: &()| {
+            let now = begun.fetch_add(1, Ordering::Relaxed) + 1;
+            most.fetch_max(now, Ordering::Relaxed);
+            let pause = |_| thread::sleep(Duration::from_millis(1));
+            (0..16).into_par_iter().for_each(pause);
+            begun.fetch_sub(1, Ordering::Relaxed);
+            Ok(Fate::Done)
+        };
+        let ending = run(&[(); 12], 3, work).unwrap();
+        assert_eq!((ending.failed, ending.left), (0, 0));
+        assert!(most.into_inner() <= 3);
+    }
+
+    #[test]
+    fn shards() {
+        assert_eq!(shard("1/3"), Ok(Shard { index: 1, count: 3 }));
+        for wrong in ["3/3", "1", "a/b", "-1/2", "0/0"] {
+            assert!(shard(wrong).is_err(), "{wrong}");
+        }
+    }
 }

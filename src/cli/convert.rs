@@ -1,7 +1,8 @@
 //! `nurbray convert`.
 
+use std::collections::HashSet;
 use std::fs;
-use std::io::{BufWriter, Write as _};
+use std::io::{BufWriter, ErrorKind, Write as _};
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
 
@@ -14,10 +15,10 @@ use nurbray::kernel::Scene;
 use nurbray::{output, tessellate};
 use serde_json::{Map, Value, json};
 
-use super::batch::{self, Fate, Stop};
+use super::batch::{self, Fate, Shard, Stop};
 use super::claims::Claims;
 use super::input::{self, Beside, Loaded, ReadArgs};
-use super::mesh::{self, MeshArgs, Shard};
+use super::mesh::{self, MeshArgs};
 use super::parse;
 use super::say::say;
 use super::{FAILED, Failures, PARTLY};
@@ -70,7 +71,7 @@ struct BatchArgs {
     resume: bool,
     /// Convert only part I of N, counted from 0, or with slurm the part of this task of a job
     /// array
-    #[arg(long, value_name = "I/N|slurm", value_parser = mesh::shard)]
+    #[arg(long, value_name = "I/N|slurm", value_parser = batch::shard)]
     shard: Option<Shard>,
 }
 
@@ -135,7 +136,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
             let status = row.entry("status");
             status.or_insert_with(|| fate.name().into());
             row.insert("file".to_owned(), input::display(&job.source).into());
-            writeln!(std::io::stdout().lock(), "{}", Value::Object(row))?;
+            let written = writeln!(std::io::stdout().lock(), "{}", Value::Object(row));
+            // Files are made also where nobody reads about them any more.
+            written.or_else(|error| match error.kind() {
+                ErrorKind::BrokenPipe => Ok(()),
+                _ => Err(error),
+            })?;
         }
         Ok(fate)
     };
@@ -157,7 +163,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
 /// Every file with its target, and their places; those that would be written to one place, or over
 /// an input, are refused.
 fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
-    let mut jobs = Vec::new();
+    let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for given in &args.files {
         let sources = if given.is_dir() {
             let mut found = Vec::new();
@@ -183,6 +189,11 @@ fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
                     endings()
                 );
             };
+            // A file that is given several times is converted once.
+            let real = source.canonicalize();
+            if real.is_ok_and(|real| !known.insert((real, path.clone()))) {
+                continue;
+            }
             jobs.push(Job {
                 number: jobs.len(),
                 source,

@@ -90,6 +90,7 @@ fn pixels(text: &str) -> Result<f64, String> {
 }
 
 impl Distance {
+    /// As a tolerance in a scene.
     pub(super) fn tolerance(self, scene: &Scene) -> anyhow::Result<Tolerance> {
         Ok(match self {
             Self::Units(length) => Tolerance::Length(length),
@@ -101,9 +102,7 @@ impl Distance {
             }
         })
     }
-}
 
-impl Distance {
     /// The length in units of the scene.
     pub(super) fn length(self, scene: &Scene) -> anyhow::Result<f64> {
         Ok(self
@@ -115,11 +114,13 @@ impl Distance {
 impl MeshArgs {
     /// Says which of them were given for an output without triangles.
     pub(super) fn warn_unused(&self, output: &str) {
+        let most_points = TessellateOptions::default().most_points;
         for (name, given) in [
             ("--tolerance", self.tolerance.is_some()),
             ("--angle", self.angle.is_some()),
             ("--max-edge", self.max_edge.is_some()),
             ("--screen", self.screen.is_some()),
+            ("--most-points", self.most_points != most_points),
             ("--quantize", self.quantize),
             ("--meshopt", self.meshopt),
         ] {
@@ -255,56 +256,6 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
     }
 }
 
-/// A part of a batch: every `count`-th file from number `index` on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shard {
-    pub(super) index: usize,
-    pub(super) count: usize,
-}
-
-/// `I/N`, or `slurm` for the variables that Slurm sets in a job array.
-pub(super) fn shard(text: &str) -> Result<Shard, String> {
-    let found = if text == "slurm" {
-        slurm().map_err(|error| format!("{error:#}"))?
-    } else {
-        let wrong = || format!("'{text}' is not I/N with I from 0 to N - 1, nor slurm");
-        let (index, count) = text.split_once('/').ok_or_else(wrong)?;
-        let (index, count) = (index.parse(), count.parse());
-        let (Ok(index), Ok(count)) = (index, count) else {
-            return Err(wrong());
-        };
-        Shard { index, count }
-    };
-    if found.index < found.count {
-        Ok(found)
-    } else {
-        Err(format!(
-            "there is no part {} of {}",
-            found.index, found.count
-        ))
-    }
-}
-
-fn slurm() -> anyhow::Result<Shard> {
-    let number = |name: &str| -> anyhow::Result<usize> {
-        let value = std::env::var(name).with_context(|| format!("{name} is not set"))?;
-        value
-            .parse()
-            .with_context(|| format!("{name} is '{value}'"))
-    };
-    let (id, least) = (
-        number("SLURM_ARRAY_TASK_ID")?,
-        number("SLURM_ARRAY_TASK_MIN")?,
-    );
-    let Some(index) = id.checked_sub(least) else {
-        bail!("SLURM_ARRAY_TASK_ID is {id}, less than SLURM_ARRAY_TASK_MIN");
-    };
-    Ok(Shard {
-        index,
-        count: number("SLURM_ARRAY_TASK_COUNT")?,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -317,14 +268,6 @@ mod tests {
         assert_eq!(distance("3"), Ok(Distance::Units(3.0)));
         for wrong in ["", "mm", "-1", "0", "1px", "inf", "nan%"] {
             assert!(distance(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn shards() {
-        assert_eq!(shard("1/3"), Ok(Shard { index: 1, count: 3 }));
-        for wrong in ["3/3", "1", "a/b", "-1/2", "0/0"] {
-            assert!(shard(wrong).is_err(), "{wrong}");
         }
     }
 }
