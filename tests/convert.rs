@@ -322,6 +322,28 @@ fn small_files_keep_the_tolerance() {
 }
 
 #[test]
+fn curves_alone_are_converted_where_they_can_be() {
+    let place = Place::new();
+    let text = "v 0 0 0\nv 1 2 0\nv 2 0 0\ncstype bezier\ndeg 2\ncurv 0 1 1 2 3\nparm u 0 1\nend\n";
+    fs::write(place.path("curve.obj"), text).unwrap();
+    for out in ["out.obj", "out.x3d", "out.wrl"] {
+        let run = place.run(&format!("convert curve.obj -o {out}"));
+        assert_eq!(run.code, Some(0), "{out}: {}", run.stderr);
+        let scene = open(place.path(out), &Limits::default()).unwrap().scene;
+        assert_eq!(scene.wires().len(), 1, "{out}");
+    }
+    for out in ["out.igs", "out.stl"] {
+        let run = place.run(&format!("convert curve.obj -o {out}"));
+        assert_eq!(run.code, Some(2), "{out}");
+        assert!(
+            run.stderr.contains("there is nothing to convert"),
+            "{}",
+            run.stderr
+        );
+    }
+}
+
+#[test]
 fn a_batch_is_taken_up_again_and_divided() {
     let place = Place::new();
     let files = "convert samples/teapot.obj samples/two_surfaces.igs samples/goblet.x3d";

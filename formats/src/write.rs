@@ -15,6 +15,8 @@ pub struct Writer {
     pub name: &'static str,
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],
+    /// Whether it holds curves and points that stand for themselves.
+    pub has_curves: bool,
     /// Scene to bytes.
     pub write: Write,
 }

@@ -333,7 +333,12 @@ fn write(
         input::warnings_json(&import.warnings),
     );
     let scene = &import.scene;
-    if scene.placement_count() == 0 {
+    let curves = if target.has_curves() {
+        scene.wire_placement_count()
+    } else {
+        0
+    };
+    if scene.placement_count() == 0 && curves == 0 {
         bail!("{}: there is nothing to convert", input::display(source));
     }
     let started = Instant::now();

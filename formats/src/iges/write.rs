@@ -22,6 +22,7 @@ use crate::{Error, Place};
 pub(crate) const WRITER: Writer = Writer {
     name: "IGES",
     extensions: &["igs", "iges"],
+    has_curves: false,
     write,
 };
 
