@@ -8,6 +8,7 @@ use kernel::Scene;
 
 use crate::gltf::{self, Container, Packing, Source};
 use crate::polygons;
+pub use crate::polygons::Amount;
 use crate::tessellate::Tessellation;
 
 /// A kind of file that scenes are written to.
@@ -26,10 +27,13 @@ pub struct MeshWriter {
     pub name: &'static str,
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],
-    /// Scene and triangles to bytes; the name is that of the file without its ending.
-    pub write: fn(&Scene, &Tessellation, &Source, Packing, &str) -> io::Result<Export>,
     /// Whether [`Packing`] makes its files smaller.
     pub packs: bool,
+    /// Whether a mesh is stored once, wherever it stands.
+    pub has_places: bool,
+    /// Scene and triangles to bytes; the name is that of the file without its ending.
+    write: fn(&Scene, &Tessellation, &Source, Packing, &str) -> io::Result<Export>,
+    rounding: fn(&Scene, Packing) -> f64,
 }
 
 /// All formats of triangles.
@@ -37,38 +41,71 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
     MeshWriter {
         name: "glTF binary",
         extensions: &["glb"],
+        packs: true,
+        has_places: true,
         write: |scene, mesh, source, packing, stem| {
             gltf::write(scene, mesh, source, (Container::Binary, packing), stem)
         },
-        packs: true,
+        rounding: gltf::rounding,
     },
     MeshWriter {
         name: "glTF",
         extensions: &["gltf"],
+        packs: true,
+        has_places: true,
         write: |scene, mesh, source, packing, stem| {
             gltf::write(scene, mesh, source, (Container::Separate, packing), stem)
         },
-        packs: true,
+        rounding: gltf::rounding,
     },
     MeshWriter {
         name: "STL",
         extensions: &["stl"],
-        write: |scene, mesh, _, _, _| Ok(polygons::stl(scene, mesh)),
         packs: false,
+        has_places: false,
+        write: |scene, mesh, _, _, _| polygons::stl(scene, mesh),
+        rounding: |scene, _| polygons::rounding(scene),
     },
     MeshWriter {
         name: "PLY",
         extensions: &["ply"],
-        write: |scene, mesh, _, _, _| Ok(polygons::ply(scene, mesh)),
         packs: false,
+        has_places: false,
+        write: |scene, mesh, _, _, _| polygons::ply(scene, mesh),
+        rounding: |scene, _| polygons::rounding(scene),
     },
     MeshWriter {
         name: "OBJ polygons",
         extensions: &["obj"],
-        write: |scene, mesh, _, _, _| Ok(polygons::obj(scene, mesh)),
         packs: false,
+        has_places: false,
+        write: |scene, mesh, _, _, _| Ok(polygons::obj(scene, mesh)),
+        // Its numbers are those of the triangles, to the last digit.
+        rounding: |_, _| 0.0,
     },
 ];
+
+impl MeshWriter {
+    /// The content of a file; `stem` is its name without its ending.
+    ///
+    /// # Errors
+    /// If there is nothing to write, or more than the format can hold.
+    pub fn write(
+        &self,
+        scene: &Scene,
+        triangles: &Tessellation,
+        source: &Source,
+        packing: Packing,
+        stem: &str,
+    ) -> io::Result<Export> {
+        (self.write)(scene, triangles, source, packing, stem)
+    }
+
+    /// How far points move at most when they are written, in units of the scene.
+    pub fn rounding(&self, scene: &Scene, packing: Packing) -> f64 {
+        (self.rounding)(scene, packing)
+    }
+}
 
 impl Target {
     /// All kinds; of those with the same file name ending the first one is meant.

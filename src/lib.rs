@@ -41,6 +41,7 @@ mod model;
 pub mod output;
 mod polygons;
 mod random;
+mod reach;
 mod render;
 mod simd;
 mod tessellate;
@@ -55,6 +56,7 @@ pub use intersect::{Hit, METHODS, Method};
 pub use measure::{Body, Measure, Side, measure};
 pub use model::{Caps, ModelMethod, ModelOptions, Modelled, Synthetic, model, synthetic};
 pub use output::OutputOptions;
+pub use reach::Reach;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
 pub use tessellate::{

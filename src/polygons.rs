@@ -1,20 +1,73 @@
 //! Plain triangle formats: STL, PLY and OBJ. Everything stands where the scene shows it, in
 //! the units of the scene.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
+use std::io;
 
 use formats::Export;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use kernel::{Mesh, Placement, Scene, Shape};
+use kernel::{Mesh, Scene, Shape};
 
+use crate::reach::SINGLE;
 use crate::tessellate::Tessellation;
 
-/// The triangles of a placement.
-fn mesh<'a>(scene: &'a Scene, triangles: &'a Tessellation, at: &Placement) -> Option<&'a Mesh> {
-    match at.shape {
-        Shape::Patch(id) => triangles.faces[id.index()].as_ref().map(|face| &face.mesh),
-        Shape::Mesh(id) => Some(scene.mesh(id)),
+/// Triangles, once for each place.
+fn placed<'a>(
+    scene: &'a Scene,
+    triangles: &'a Tessellation,
+) -> impl Iterator<Item = (Shape, &'a Mesh, DAffine3)> {
+    let meshes = scene.placements().into_iter().map(|at| {
+        let mesh = match at.shape {
+            Shape::Patch(id) => &triangles.faces[id.index()].as_ref()?.mesh,
+            Shape::Mesh(id) => scene.mesh(id),
+        };
+        Some((at.shape, mesh, at.world_from_object))
+    });
+    meshes.flatten()
+}
+
+/// How much there is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Amount {
+    /// Corners of triangles, each once in its mesh.
+    pub points: u64,
+    /// Triangles.
+    pub triangles: u64,
+}
+
+impl Amount {
+    /// All that a scene shows: each mesh once, and once for each place.
+    pub fn of(scene: &Scene, triangles: &Tessellation) -> [Self; 2] {
+        let [mut stored, mut shown] = [Self::default(); 2];
+        let mut known = HashSet::new();
+        for (shape, mesh, _) in placed(scene, triangles) {
+            shown.add(mesh);
+            if known.insert(shape) {
+                stored.add(mesh);
+            }
+        }
+        [stored, shown]
     }
+
+    fn add(&mut self, mesh: &Mesh) {
+        self.points += mesh.positions().len() as u64;
+        self.triangles += mesh.triangles().len() as u64;
+    }
+}
+
+/// How far single precision moves a point of a scene at most.
+pub(crate) fn rounding(scene: &Scene) -> f64 {
+    let bounds = scene.hull_bounds();
+    SINGLE * bounds.min.abs().max(bounds.max.abs()).length()
+}
+
+/// A number as binary files count.
+fn count(number: u64, what: &str) -> io::Result<u32> {
+    u32::try_from(number).map_err(|_| {
+        let text = format!("{number} {what} are more than the format can count");
+        io::Error::new(io::ErrorKind::FileTooLarge, text)
+    })
 }
 
 /// The corners of a triangle in the order that a map leaves counter-clockwise.
@@ -32,17 +85,18 @@ fn of_normals(map: &DAffine3) -> DMat3 {
 }
 
 /// Binary STL.
-pub(crate) fn stl(scene: &Scene, triangles: &Tessellation) -> Export {
-    let mut body = Vec::new();
-    let mut count: u32 = 0;
-    for at in scene.placements() {
-        let Some(mesh) = mesh(scene, triangles, &at) else {
-            continue;
-        };
-        let map = &at.world_from_object;
+///
+/// # Errors
+/// If there are too many triangles.
+pub(crate) fn stl(scene: &Scene, triangles: &Tessellation) -> io::Result<Export> {
+    let [_, shown] = Amount::of(scene, triangles);
+    let mut bytes = vec![b' '; 80];
+    bytes[..7].copy_from_slice(b"nurbray");
+    bytes.extend(count(shown.triangles, "triangles")?.to_le_bytes());
+    for (_, mesh, map) in placed(scene, triangles) {
         for &triangle in mesh.triangles() {
             let point = |k: u32| map.transform_point3(mesh.positions()[k as usize]);
-            let corners = turned(triangle, map).map(point);
+            let corners = turned(triangle, &map).map(point);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let vectors = [
                 normal.normalize_or_zero(),
@@ -51,79 +105,73 @@ pub(crate) fn stl(scene: &Scene, triangles: &Tessellation) -> Export {
                 corners[2],
             ];
             for number in vectors.iter().flat_map(|v| v.as_vec3().to_array()) {
-                body.extend(number.to_le_bytes());
+                bytes.extend(number.to_le_bytes());
             }
-            body.extend([0; 2]);
-            count = count.saturating_add(1);
+            bytes.extend([0; 2]);
         }
     }
-    let mut bytes = vec![b' '; 80];
-    bytes[..7].copy_from_slice(b"nurbray");
-    bytes.extend(count.to_le_bytes());
-    bytes.extend(body);
-    Export {
+    Ok(Export {
         bytes,
         ..Export::default()
-    }
+    })
 }
 
 /// Binary PLY with normals and texture coordinates, zero where there are none.
+///
+/// # Errors
+/// If there are too many points.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "files hold single precision"
 )]
-pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> Export {
-    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
-    let (mut first, mut count): (u32, u32) = (0, 0);
-    for at in scene.placements() {
-        let Some(mesh) = mesh(scene, triangles, &at) else {
-            continue;
-        };
-        let map = &at.world_from_object;
-        let normals = of_normals(map);
+pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> io::Result<Export> {
+    let [_, shown] = Amount::of(scene, triangles);
+    let (points, faces) = (
+        count(shown.points, "points")?,
+        count(shown.triangles, "triangles")?,
+    );
+    let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {points}\n");
+    for name in ["x", "y", "z", "nx", "ny", "nz", "s", "t"] {
+        let _ = writeln!(header, "property float {name}");
+    }
+    let _ = writeln!(header, "element face {faces}");
+    header += "property list uchar uint vertex_indices\nend_header\n";
+    let mut bytes = header.into_bytes();
+    for (_, mesh, map) in placed(scene, triangles) {
+        let normals = of_normals(&map);
         for (k, &p) in mesh.positions().iter().enumerate() {
             let normal = mesh.normals().get(k).map_or(DVec3::ZERO, |n| normals * *n);
             let uv = mesh.uvs().get(k).copied().unwrap_or(DVec2::ZERO);
             let vectors = [map.transform_point3(p), normal.normalize_or_zero()];
             let numbers = vectors.iter().flat_map(|v| v.as_vec3().to_array());
             for number in numbers.chain([uv.x as f32, uv.y as f32]) {
-                vertices.extend(number.to_le_bytes());
+                bytes.extend(number.to_le_bytes());
             }
         }
+    }
+    let mut first: u32 = 0;
+    for (_, mesh, map) in placed(scene, triangles) {
         for &triangle in mesh.triangles() {
-            faces.push(3);
-            for k in turned(triangle, map) {
-                faces.extend((first + k).to_le_bytes());
+            bytes.push(3);
+            for k in turned(triangle, &map) {
+                bytes.extend((first + k).to_le_bytes());
             }
-            count += 1;
         }
-        first += u32::try_from(mesh.positions().len()).unwrap_or(u32::MAX);
+        // All together fit: they have been counted.
+        first += mesh.positions().len() as u32;
     }
-    let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {first}\n");
-    for name in ["x", "y", "z", "nx", "ny", "nz", "s", "t"] {
-        let _ = writeln!(header, "property float {name}");
-    }
-    let _ = writeln!(header, "element face {count}");
-    header += "property list uchar uint vertex_indices\nend_header\n";
-    let mut bytes = header.into_bytes();
-    bytes.extend(vertices);
-    bytes.extend(faces);
-    Export {
+    Ok(Export {
         bytes,
         ..Export::default()
-    }
+    })
 }
 
 /// OBJ with a group for each placement.
 pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
     let mut text = String::from("# triangles by nurbray\n");
     let (mut point, mut normal, mut texture) = (1_usize, 1_usize, 1_usize);
-    for (number, at) in scene.placements().iter().enumerate() {
-        let Some(mesh) = mesh(scene, triangles, at) else {
-            continue;
-        };
-        let map = &at.world_from_object;
-        let normals = of_normals(map);
+    for (number, (_, mesh, map)) in placed(scene, triangles).enumerate() {
+        let normals = of_normals(&map);
         let name: String = mesh.name.split_whitespace().collect::<Vec<_>>().join("_");
         // Writing into a string cannot fail.
         let _ = writeln!(text, "g {name}#{number}");
@@ -140,7 +188,7 @@ pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
         }
         for &triangle in mesh.triangles() {
             text.push('f');
-            for k in turned(triangle, map).map(|k| k as usize) {
+            for k in turned(triangle, &map).map(|k| k as usize) {
                 let _ = match (mesh.uvs().is_empty(), mesh.normals().is_empty()) {
                     (true, true) => write!(text, " {}", point + k),
                     (false, true) => write!(text, " {}/{}", point + k, texture + k),

@@ -303,9 +303,17 @@ fn small_files_keep_the_tolerance() {
     let (coarse, coarse_bytes) = parts(&small);
     let extras = &coarse["asset"]["extras"];
     assert!(extras["proven_deviation_m"].as_f64().unwrap() <= 0.05e-3);
-    // The same triangles in single precision: of the tolerance that the grid leaves.
+    // The same triangles in single precision: of the tolerance that the grid leaves, and what
+    // single precision takes of that.
     let left = extras["tolerance_m"].as_f64().unwrap() / 1e-3;
-    let (_, large) = run(&format!("--tolerance {left}"), "large.glb");
+    let (_, first) = run(&format!("--tolerance {left}"), "first.glb");
+    let first = &parts(&first).0["asset"]["extras"]["tolerance_m"];
+    let taken = left - first.as_f64().unwrap() / 1e-3;
+    assert!(
+        taken > 0.0 && taken < 0.01 * left,
+        "{taken}, {left} are left"
+    );
+    let (_, large) = run(&format!("--tolerance {}", left + taken), "large.glb");
     let (fine, fine_bytes) = parts(&large);
     let most = moved((&coarse, coarse_bytes), (&fine, fine_bytes));
     assert!(most > 0.0 && most <= 0.05 - left, "{most}, {left} are left");
@@ -319,6 +327,123 @@ fn small_files_keep_the_tolerance() {
     assert!(refused.stderr.contains("for glTF"), "{}", refused.stderr);
     let refused = place.run("convert samples/can.igs -o can.glb --quantize --tolerance 0.0001%");
     assert!(refused.stderr.contains("too much"), "{}", refused.stderr);
+}
+
+/// A bent patch ten units long, far away along x.
+fn far_away(place: &Place) {
+    let points = (0..6).map(|k| {
+        let (along, across) = (f64::from(k % 3), f64::from(k / 3));
+        let x = 5_000_000.3 + 5.0 * along;
+        let y = if k % 3 == 1 { 5.0 } else { 0.0 };
+        format!("v {x} {y} {}\n", 10.0 * across)
+    });
+    let text = format!(
+        "cstype bezier\ndeg 2 1\n{}surf 0 1 0 1 1 2 3 4 5 6\nparm u 0 1\nparm v 0 1\nend\n",
+        points.collect::<String>()
+    );
+    fs::write(place.path("far.obj"), text).unwrap();
+}
+
+#[test]
+fn rounding_counts_in_the_tolerance() {
+    let place = Place::new();
+    far_away(&place);
+    for format in ["STL", "PLY"] {
+        let out = format!("far.{}", format.to_lowercase());
+        let run = place.run(&format!("convert far.obj -o {out} --tolerance 0.005"));
+        assert_eq!(run.code, Some(2), "{}", run.stderr);
+        let why = format!("the 32-bit precision of {format} moves points by up to 2.980e-1");
+        assert!(run.stderr.contains(&why), "{}", run.stderr);
+        let run = place.run(&format!("convert far.obj -o {out} --tolerance 1 --json"));
+        let line = &lines(&run.stdout)[0];
+        let proven = line["proven_deviation"].as_f64().unwrap();
+        assert!((0.298..=1.0).contains(&proven), "{line}");
+        assert_eq!(line["tolerance"], 1.0);
+    }
+    // All digits, and digits near a point that single precision holds.
+    for out in ["far_out.obj --triangles", "far.glb"] {
+        let run = place.run(&format!(
+            "convert far.obj -o {out} --tolerance 0.005 --json"
+        ));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let proven = lines(&run.stdout)[0]["proven_deviation"].as_f64().unwrap();
+        assert!(proven <= 0.005, "{proven}");
+    }
+    let bytes = fs::read(place.path("far.glb")).unwrap();
+    let (json, _) = parts(&bytes);
+    let nodes = json["nodes"].as_array().unwrap();
+    let node = nodes.iter().find(|node| node["mesh"] == 0).unwrap();
+    let at = &json["meshes"][0]["primitives"][0]["attributes"]["POSITION"];
+    let least = &json["accessors"][usize::try_from(at.as_u64().unwrap()).unwrap()]["min"][0];
+    let x = node["translation"][0].as_f64().unwrap() + least.as_f64().unwrap();
+    assert!((x - 5_000_000.3).abs() < 1e-6, "{x}");
+    // A place of the file is what it is.
+    let text = "#VRML V2.0 utf8\nTransform { translation 5000000.3 0 0 \
+                children Shape { geometry Sphere { radius 5 } } }\n";
+    fs::write(place.path("far.wrl"), text).unwrap();
+    let run = place.run("convert far.wrl -o far.glb --tolerance 0.005");
+    assert!(
+        run.stderr.contains("32-bit precision of glTF"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[test]
+fn a_grid_counts_as_it_is_stretched() {
+    let place = Place::new();
+    let text = "#VRML V2.0 utf8\nTransform { scale 0.001 1 1 \
+                children Shape { geometry Box { size 1000 1 1 } } }\n";
+    fs::write(place.path("flat.wrl"), text).unwrap();
+    let line = "convert flat.wrl -o flat.glb --quantize --json --tolerance";
+    let run = place.run(&format!("{line} 0.01"));
+    assert!(run.stderr.contains("too much"), "{}", run.stderr);
+    let run = place.run(&format!("{line} 0.1"));
+    let proven = lines(&run.stdout)[0]["proven_deviation"].as_f64().unwrap();
+    let half = 0.5 * 1000.0 / 65535.0;
+    assert!((half..0.1).contains(&proven), "{proven}");
+    let bytes = fs::read(place.path("flat.glb")).unwrap();
+    let said = &parts(&bytes).0["asset"]["extras"]["proven_deviation_m"];
+    assert_eq!(said.as_f64(), Some(proven));
+}
+
+#[test]
+fn places_are_counted_before_they_are_written() {
+    let place = Place::new();
+    let mut text =
+        "#VRML V2.0 utf8\nDEF BALL Shape { geometry Sphere { radius 0.4 } }\n".to_owned();
+    text.extend(
+        (1..100).map(|k| format!("Transform {{ translation {k} 0 0 children USE BALL }}\n")),
+    );
+    fs::write(place.path("row.wrl"), text).unwrap();
+    let triangles = |line: &str| {
+        let run = place.run(&format!(
+            "convert row.wrl --tolerance 0.01 --json -o {line}"
+        ));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        lines(&run.stdout)[0]["triangles"].as_u64().unwrap()
+    };
+    let one = triangles("row.glb --most-points 2000");
+    assert_eq!(triangles("row.stl"), 100 * one);
+    let bytes = fs::read(place.path("row.stl")).unwrap();
+    let counted = u32::from_le_bytes(bytes[80..84].try_into().unwrap());
+    assert_eq!(u64::from(counted), 100 * one);
+    assert_eq!(bytes.len(), 84 + 50 * counted as usize);
+    assert_eq!(triangles("row.ply"), 100 * one);
+    let bytes = fs::read(place.path("row.ply")).unwrap();
+    let header = String::from_utf8_lossy(&bytes[..400]).into_owned();
+    assert!(
+        header.contains(&format!("element face {}\n", 100 * one)),
+        "{header}"
+    );
+    for out in ["few.stl", "few.ply", "few.obj --triangles"] {
+        let run = place.run(&format!(
+            "convert row.wrl --tolerance 0.01 --most-points 2000 -o {out}"
+        ));
+        assert_eq!(run.code, Some(2), "{}", run.stderr);
+        let why = "has every part again at each place";
+        assert!(run.stderr.contains(why), "{}", run.stderr);
+    }
 }
 
 #[test]

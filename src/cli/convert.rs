@@ -403,11 +403,16 @@ pub(super) fn export(
                 );
             }
             let started = Instant::now();
-            let triangles = tessellate(scene, &mesh.options(scene)?).with_context(written)?;
-            let mut report = mesh::report(&triangles, mesh.rounding(scene));
-            report["tessellate_s"] = started.elapsed().as_secs_f64().into();
-            let mut export =
-                (writer.write)(scene, &triangles, origin, packing, &stem).with_context(written)?;
+            let rounding = writer.rounding(scene, packing);
+            let options = mesh.options(scene, writer.name, rounding)?;
+            let triangles = tessellate(scene, &options).with_context(written)?;
+            let took = started.elapsed();
+            let count = mesh::count(scene, &triangles, writer, options.most_points);
+            let mut report = mesh::report(&triangles, count.with_context(written)?, rounding);
+            report["tessellate_s"] = took.as_secs_f64().into();
+            let mut export = writer
+                .write(scene, &triangles, origin, packing, &stem)
+                .with_context(written)?;
             mesh::note_flaws(scene, &triangles, &mut export.warnings);
             Ok((export, report))
         }

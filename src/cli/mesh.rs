@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
+use nurbray::convert::{Amount, MeshWriter};
 use nurbray::formats::{Place, Warnings};
-use nurbray::gltf::{self, Packing, Source};
+use nurbray::gltf::{Packing, Source};
 use nurbray::kernel::{Camera, Scene};
-use nurbray::{FaceMesh, Screen, TessellateOptions, Tessellation, Tolerance};
+use nurbray::{Reach, Screen, TessellateOptions, Tessellation, Tolerance};
 use serde_json::{Value, json};
 
 use super::say::say;
@@ -31,7 +32,8 @@ pub(super) struct MeshArgs {
     /// the file, but not finer than --tolerance
     #[arg(long, value_name = "PX", value_parser = pixels)]
     screen: Option<f64>,
-    /// Most points of all triangles together; they take about 500 bytes each while they are made
+    /// Most points of all triangles together; they take about 500 bytes each while they are made.
+    /// For formats without places (STL, PLY, OBJ) also the most that further places add
     #[arg(long, value_name = "N", default_value_t = TessellateOptions::default().most_points)]
     most_points: usize,
     /// Smaller glTF: positions on a grid of 16 bits, normals within half a degree
@@ -138,17 +140,13 @@ impl MeshArgs {
         }
     }
 
-    /// How far points are moved after they were made into triangles.
-    pub(super) fn rounding(&self, scene: &Scene) -> f64 {
-        if self.quantize {
-            gltf::quantization_error(scene)
-        } else {
-            0.0
-        }
-    }
-
-    /// What they ask for in a scene.
-    pub(super) fn options(&self, scene: &Scene) -> anyhow::Result<TessellateOptions> {
+    /// What they ask for in a scene whose points are moved by up to `rounding` afterwards.
+    pub(super) fn options(
+        &self,
+        scene: &Scene,
+        format: &str,
+        rounding: f64,
+    ) -> anyhow::Result<TessellateOptions> {
         let bounds = scene.hull_bounds();
         let diagonal = bounds.diagonal();
         let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
@@ -170,21 +168,23 @@ impl MeshArgs {
         });
         let defaults = TessellateOptions::default();
         let wanted = self.tolerance.map(|wanted| wanted.tolerance(scene));
-        let mut tolerance = wanted.unwrap_or(Ok(defaults.tolerance))?;
-        let error = self.rounding(scene);
-        if error > 0.0 {
-            // What is left when positions have been moved to their grid.
-            let most = tolerance.length(diagonal);
-            if error > 0.5 * most {
-                bail!(
-                    "--quantize moves points by up to {error:.3e}, too much for a tolerance of \
-                     {most:.3e}; leave it out or allow more"
-                );
-            }
-            tolerance = Tolerance::Length(most - error);
+        let tolerance = wanted.unwrap_or(Ok(defaults.tolerance))?;
+        let most = tolerance.length(diagonal);
+        if diagonal > 0.0 && rounding > 0.5 * most {
+            let (what, advice) = if self.quantize {
+                ("--quantize".to_owned(), "leave it out or allow more")
+            } else {
+                let what = format!("the 32-bit precision of {format}");
+                (what, "allow more, or write .obj with --triangles")
+            };
+            bail!(
+                "{what} moves points by up to {rounding:.3e}, too much for a tolerance of \
+                 {most:.3e}; {advice}"
+            );
         }
         Ok(TessellateOptions {
-            tolerance,
+            // What is left when points have been moved.
+            tolerance: Tolerance::Length(most - rounding),
             angle: self.angle.map_or(defaults.angle, f64::to_radians),
             max_edge,
             screen,
@@ -205,22 +205,44 @@ pub(super) fn source(path: &Path, sha256: String) -> Source {
     }
 }
 
+/// How many triangles are in a file.
+///
+/// # Errors
+/// If the places of its parts make more points than are allowed.
+pub(super) fn count(
+    scene: &Scene,
+    triangles: &Tessellation,
+    writer: &MeshWriter,
+    most: usize,
+) -> anyhow::Result<u64> {
+    let [stored, shown] = Amount::of(scene, triangles);
+    if writer.has_places {
+        return Ok(stored.triangles);
+    }
+    if shown.points - stored.points > most as u64 {
+        bail!(
+            "{} has every part again at each place: {} points instead of {}, and --most-points is \
+             {most}; allow more, or write glTF, which has each part once",
+            writer.name,
+            shown.points,
+            stored.points
+        );
+    }
+    Ok(shown.triangles)
+}
+
 /// What there is to say about triangles whose points are moved by up to `rounding` afterwards.
-pub(super) fn report(triangles: &Tessellation, rounding: f64) -> Value {
-    let faces = || triangles.faces.iter().flatten();
-    let most = |get: fn(&FaceMesh) -> f64| {
-        faces()
-            .map(|face| get(face) * face.scale)
-            .fold(0.0, f64::max)
-    };
+pub(super) fn report(triangles: &Tessellation, count: u64, rounding: f64) -> Value {
+    let faces = triangles.faces.iter().flatten();
+    let reach = Reach::of(triangles, rounding);
     let shells = &triangles.shells;
     json!({
-        "triangles": faces().map(|face| face.mesh.triangles().len()).sum::<usize>(),
+        "triangles": count,
         "tolerance": triangles.tolerance + rounding,
-        "proven_deviation": most(|face| face.proven) + rounding,
-        "sampled_deviation": most(|face| face.sampled) + rounding,
-        "largest_gap": most(|face| face.gap),
-        "unproven_triangles": faces().map(|face| face.unproven).sum::<usize>(),
+        "proven_deviation": reach.proven,
+        "sampled_deviation": reach.sampled,
+        "largest_gap": reach.gap,
+        "unproven_triangles": faces.map(|face| face.unproven).sum::<usize>(),
         "shells": shells.len(),
         "closed_shells": shells.iter().filter(|shell| shell.is_closed()).count(),
         "naked_sides": shells.iter().map(|shell| shell.naked).sum::<usize>(),

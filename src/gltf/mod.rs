@@ -8,6 +8,7 @@ mod look;
 mod meshopt;
 mod pictures;
 mod place;
+mod rounding;
 mod shapes;
 mod tree;
 
@@ -18,10 +19,12 @@ use gltf::json::{Buffer, Index, Node};
 use kernel::{Scene, UpAxis};
 use serde_json::{Map, Value, json};
 
+use crate::reach::Reach;
 use crate::tessellate::Tessellation;
 use buffer::{Contents, extras, number};
 use meshopt::COMPRESSION;
 use place::Place;
+pub use rounding::rounding;
 use shapes::Shapes;
 
 /// How the parts of a file are stored.
@@ -41,12 +44,6 @@ pub struct Packing {
     pub quantize: bool,
     /// Compressed views (`EXT_meshopt_compression`).
     pub meshopt: bool,
-}
-
-/// How far [`Packing::quantize`] moves a point at most, in units of the scene, where nodes keep
-/// angles.
-pub fn quantization_error(scene: &Scene) -> f64 {
-    0.5 * 3.0_f64.sqrt() * scene.hull_bounds().diagonal() / f64::from(u16::MAX)
 }
 
 /// Where a scene comes from, as files tell it.
@@ -94,7 +91,7 @@ pub fn write(
     }
     let world = DAffine3::from_mat3(DMat3::from_quat(rotation) * metres);
     add_views(scene, &world, metres, &mut root, &mut roots);
-    let (reach, data) = (shapes.reach, shapes.data);
+    let reach = Reach::of(triangles, rounding(scene, packing));
     root.asset.extras = extras(&json!({
         "source": source.name,
         "sha256": source.sha256,
@@ -110,7 +107,7 @@ pub fn write(
         nodes: roots,
     });
     root.scene = Some(Index::new(0));
-    let Contents { buffer, unpacked } = data.finish(&mut root, packing.meshopt)?;
+    let Contents { buffer, unpacked } = shapes.data.finish(&mut root, packing.meshopt)?;
     let uri = format!("{stem}.bin");
     // There is no buffer without content.
     if !buffer.is_empty() {
@@ -192,7 +189,8 @@ fn add_views(
     }
 }
 
-/// The same without empty lists and objects, which files may not have, except as extensions.
+/// The same without empty lists and objects, which files may not have; no extension that is
+/// written is an empty object.
 fn compact(value: Value) -> Value {
     match value {
         Value::Object(map) => {

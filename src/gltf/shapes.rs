@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use super::buffer::{Data, extras, number};
 use super::look::{Materials, Sides};
 use super::pictures;
+use crate::reach::SINGLE;
 use crate::tessellate::Tessellation;
 
 /// Coordinates this many times larger than the box around a mesh are measured from its middle.
@@ -28,17 +29,28 @@ pub(super) struct Placed {
 
 /// Where positions are measured from.
 #[derive(Clone, Copy, Debug)]
-struct Grid {
+pub(super) struct Grid {
     origin: DVec3,
     /// The distance from one position to the next; `None` if they are in single precision.
     step: Option<f64>,
 }
 
 impl Grid {
-    /// For positions in single precision: from the middle of what is far away.
+    /// For what is in a box.
+    pub(super) fn of(bounds: &Aabb, quantize: bool) -> Self {
+        if quantize {
+            Self::coarse(bounds)
+        } else {
+            Self::fine(bounds)
+        }
+    }
+
+    /// For positions in single precision: from about the middle of what is far away, a point that
+    /// single precision holds, too.
     fn fine(bounds: &Aabb) -> Self {
         let far = bounds.center().abs().max_element() > FAR * bounds.diagonal();
-        let origin = if far { bounds.center() } else { DVec3::ZERO };
+        let center = bounds.center().as_vec3().as_dvec3();
+        let origin = if far { center } else { DVec3::ZERO };
         Self { origin, step: None }
     }
 
@@ -56,17 +68,27 @@ impl Grid {
         Self { origin, step }
     }
 
-    /// A position as the file has it, and how far that is from where it was.
-    fn place(&self, p: DVec3) -> ([f32; 3], f64) {
+    /// A position as the file has it.
+    fn place(&self, p: DVec3) -> [f32; 3] {
         let near = p - self.origin;
-        let Some(step) = self.step else {
-            let stored = near.as_vec3();
-            return (stored.to_array(), near.distance(stored.as_dvec3()));
+        let stored = match self.step {
+            None => near,
+            Some(step) => (near / step)
+                .round()
+                .clamp(DVec3::ZERO, DVec3::splat(65535.0)),
         };
-        let steps = (near / step)
-            .round()
-            .clamp(DVec3::ZERO, DVec3::splat(65535.0));
-        (steps.as_vec3().to_array(), near.distance(steps * step))
+        stored.as_vec3().to_array()
+    }
+
+    /// How far a position in a box, or in one within it, is from where it was.
+    pub(super) fn rounding(&self, bounds: &Aabb) -> f64 {
+        match self.step {
+            None => {
+                let reach = bounds.min.abs().max(bounds.max.abs()).length();
+                SINGLE * reach.min(2.0 * FAR * bounds.diagonal())
+            }
+            Some(step) => 0.5 * 3.0_f64.sqrt() * step,
+        }
     }
 }
 
@@ -92,15 +114,6 @@ struct Batch {
     faces: Vec<Value>,
 }
 
-/// How far what has been written is from the surfaces, in metres.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reach {
-    /// At most.
-    pub(super) proven: f64,
-    /// Found at sample points.
-    pub(super) sampled: f64,
-}
-
 /// The meshes written so far, each once.
 #[derive(Debug)]
 pub(super) struct Shapes<'a> {
@@ -112,7 +125,6 @@ pub(super) struct Shapes<'a> {
     known: HashMap<Vec<(Shape, Option<MaterialId>)>, Option<Placed>>,
     materials: Materials,
     pub(super) data: Data,
-    pub(super) reach: Reach,
 }
 
 impl<'a> Shapes<'a> {
@@ -131,7 +143,6 @@ impl<'a> Shapes<'a> {
             known: HashMap::new(),
             materials: Materials::default(),
             data: Data::default(),
-            reach: Reach::default(),
         }
     }
 
@@ -174,11 +185,7 @@ impl<'a> Shapes<'a> {
         if bounds.is_empty() {
             return Ok(None);
         }
-        let grid = if self.quantize {
-            Grid::coarse(&bounds)
-        } else {
-            Grid::fine(&bounds)
-        };
+        let grid = Grid::of(&bounds, self.quantize);
         let mut batches: BTreeMap<Look, Batch> = BTreeMap::new();
         for &(shape, material) in items {
             let Some(mesh) = self.mesh(shape) else {
@@ -195,16 +202,7 @@ impl<'a> Shapes<'a> {
             batch.material = material;
             let maps = material.map(|id| &self.scene.material(id).maps);
             let picture_from_shape = maps.map_or(DAffine2::IDENTITY, pictures::placement);
-            let rounding = batch.extend(mesh, shape, &grid, &picture_from_shape);
-            if let Shape::Patch(id) = shape
-                && let Some(face) = &self.triangles.faces[id.index()]
-            {
-                self.reach.proven = self.reach.proven.max((face.proven + rounding) * face.scale);
-                self.reach.sampled = self
-                    .reach
-                    .sampled
-                    .max((face.sampled + rounding) * face.scale);
-            }
+            batch.extend(mesh, shape, &grid, &picture_from_shape);
         }
         let mut primitives = Vec::new();
         for (look, batch) in batches {
@@ -305,7 +303,7 @@ impl Batch {
         positions.map(|p| p.map(|x| x as u16)).collect()
     }
 
-    /// Appends a mesh; the result is how far rounding moves a point at most.
+    /// Appends a mesh.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "files hold single precision"
@@ -316,14 +314,10 @@ impl Batch {
         shape: Shape,
         grid: &Grid,
         picture_from_shape: &DAffine2,
-    ) -> f64 {
+    ) {
         let first = number(self.positions.len());
-        let mut rounding: f64 = 0.0;
-        for &p in mesh.positions() {
-            let (stored, moved) = grid.place(p);
-            rounding = rounding.max(moved);
-            self.positions.push(stored);
-        }
+        let positions = mesh.positions().iter();
+        self.positions.extend(positions.map(|&p| grid.place(p)));
         let unit = |n: &DVec3| n.normalize_or(DVec3::Z).as_vec3().normalize().to_array();
         self.normals.extend(mesh.normals().iter().map(unit));
         // Ours run upwards, those of the format downwards.
@@ -351,6 +345,5 @@ impl Batch {
             "firstIndex": from,
             "indexCount": self.indices.len() - from,
         }));
-        rounding
     }
 }

@@ -13,7 +13,7 @@ use super::place::Place;
 use super::shapes::{Placed, Shapes};
 
 /// Equal parts below one node that become places of one node, from this number on.
-const MANY: usize = 64;
+pub(super) const MANY: usize = 64;
 
 /// The extension for many places of one mesh.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
