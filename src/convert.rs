@@ -7,6 +7,7 @@ use formats::Export;
 use kernel::Scene;
 
 use crate::gltf::{self, Container, Packing, Source};
+use crate::losses::{self, LACKED_BY_GLTF, LACKED_BY_GROUPS, LACKED_BY_SHAPES, Part};
 use crate::polygons;
 pub use crate::polygons::Amount;
 use crate::tessellate::Tessellation;
@@ -34,6 +35,8 @@ pub struct MeshWriter {
     /// Scene and triangles to bytes; the name is that of the file without its ending.
     write: fn(&Scene, &Tessellation, &Source, Packing, &str) -> io::Result<Export>,
     rounding: fn(&Scene, Packing) -> f64,
+    /// What it does not hold.
+    lacks: &'static [Part],
 }
 
 /// All formats of triangles.
@@ -47,6 +50,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
             gltf::write(scene, mesh, source, (Container::Binary, packing), stem)
         },
         rounding: gltf::rounding,
+        lacks: LACKED_BY_GLTF,
     },
     MeshWriter {
         name: "glTF",
@@ -57,6 +61,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
             gltf::write(scene, mesh, source, (Container::Separate, packing), stem)
         },
         rounding: gltf::rounding,
+        lacks: LACKED_BY_GLTF,
     },
     MeshWriter {
         name: "STL",
@@ -65,6 +70,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         has_places: false,
         write: |scene, mesh, _, _, _| polygons::stl(scene, mesh),
         rounding: |scene, _| polygons::rounding(scene),
+        lacks: LACKED_BY_SHAPES,
     },
     MeshWriter {
         name: "PLY",
@@ -73,6 +79,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         has_places: false,
         write: |scene, mesh, _, _, _| polygons::ply(scene, mesh),
         rounding: |scene, _| polygons::rounding(scene),
+        lacks: LACKED_BY_SHAPES,
     },
     MeshWriter {
         name: "OBJ polygons",
@@ -82,6 +89,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         write: |scene, mesh, _, _, _| Ok(polygons::obj(scene, mesh)),
         // Its numbers are those of the triangles, to the last digit.
         rounding: |_, _| 0.0,
+        lacks: LACKED_BY_GROUPS,
     },
 ];
 
@@ -98,7 +106,9 @@ impl MeshWriter {
         packing: Packing,
         stem: &str,
     ) -> io::Result<Export> {
-        (self.write)(scene, triangles, source, packing, stem)
+        let mut export = (self.write)(scene, triangles, source, packing, stem)?;
+        losses::tell(self.lacks, scene, &mut export.warnings);
+        Ok(export)
     }
 
     /// How far points move at most when they are written, in units of the scene.

@@ -35,6 +35,7 @@ pub mod html;
 mod integrator;
 mod intersect;
 mod look;
+mod losses;
 mod measure;
 pub mod methods;
 mod model;

@@ -447,6 +447,49 @@ fn places_are_counted_before_they_are_written() {
 }
 
 #[test]
+fn what_triangles_leave_out_is_named() {
+    let place = Place::new();
+    far_away(&place);
+    let left_out = |line: &str| -> Vec<(String, u64)> {
+        let run = place.run(&format!("convert {line} --tolerance 1% --json"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let lines = lines(&run.stdout);
+        let list = lines[0]["left_out"].as_array().unwrap().iter();
+        list.map(|left| {
+            let text = left["text"].as_str().unwrap();
+            let what = text.strip_suffix(" are not written").unwrap();
+            (what.to_owned(), left["count"].as_u64().unwrap())
+        })
+        .collect()
+    };
+    let names =
+        |line: &str| -> Vec<String> { left_out(line).into_iter().map(|(what, _)| what).collect() };
+    let wires = "curves and points without a surface";
+    assert_eq!(names("samples/mixed.obj -o m.glb"), [wires]);
+    let plain = [wires, "materials", "pictures on surfaces", "names"];
+    assert_eq!(names("samples/mixed.obj -o m.stl"), plain);
+    assert_eq!(names("samples/mixed.obj -o m.ply"), plain);
+    let groups = names("samples/mixed.obj -o m.obj --triangles");
+    assert_eq!(
+        groups,
+        [wires, "materials", "pictures on surfaces", "names of nodes"]
+    );
+    // What a file does not have is not missed.
+    let near = fs::read_to_string(place.path("far.obj")).unwrap();
+    fs::write(place.path("near.obj"), near.replace("5000", "")).unwrap();
+    assert_eq!(left_out("near.obj -o near.stl"), []);
+    let goblet = left_out("samples/goblet.x3d -o g.stl");
+    let count = |what: &str| {
+        goblet
+            .iter()
+            .find(|(name, _)| name == what)
+            .map(|found| found.1)
+    };
+    assert_eq!(count("cameras"), Some(2), "{goblet:?}");
+    assert_eq!(count(wires), None);
+}
+
+#[test]
 fn curves_alone_are_converted_where_they_can_be() {
     let place = Place::new();
     let text = "v 0 0 0\nv 1 2 0\nv 2 0 0\ncstype bezier\ndeg 2\ncurv 0 1 1 2 3\nparm u 0 1\nend\n";
