@@ -17,7 +17,7 @@ use serde_json::{Map, Value, json};
 
 use super::batch::{self, Fate, Shard, Stop};
 use super::claims::Claims;
-use super::input::{self, Beside, Loaded, ReadArgs};
+use super::input::{self, Loaded, ReadArgs};
 use super::mesh::{self, MeshArgs};
 use super::parse;
 use super::say::say;
@@ -322,9 +322,7 @@ fn write(
         ..
     } = job;
     let Loaded {
-        import,
-        took: read,
-        beside,
+        import, took: read, ..
     } = loaded;
     input::report_warnings(source, import.format, &import.warnings);
     row.insert("from".to_owned(), import.format.into());
@@ -346,9 +344,8 @@ fn write(
         .map_err(|error| error.context(input::display(source)))?;
     import.tell_unwritten(&mut export.warnings);
     input::report_warnings(path, target.name(), &export.warnings);
-    let named = beside.keys().map(|name| Beside::place(source, name));
     let outputs = outputs(path, &export);
-    input::check_apart(&outputs, &named.collect::<Vec<_>>())?;
+    loaded.check_beside(source, &outputs)?;
     claims.claim(job.number, &outputs)?;
     store(path, &export)?;
     let took = started.elapsed();
