@@ -175,11 +175,7 @@ impl Picture {
 
     /// The colours of a film; what is behind it is black where nothing was put there.
     pub fn of(film: &Film) -> Self {
-        let encode = |&[r, g, b, _]: &[f32; 4]| {
-            let linear = Vec3::new(r, g, b).as_dvec3();
-            let clamped = linear.clamp(DVec3::ZERO, DVec3::ONE);
-            srgb_from_linear(clamped).as_vec3().to_array()
-        };
+        let encode = |&[r, g, b, _]: &[f32; 4]| encoded(Vec3::new(r, g, b)).to_array();
         Self {
             width: film.width() as usize,
             height: film.height() as usize,
@@ -215,6 +211,12 @@ impl Picture {
         };
         self.pixels.iter().map(decode).collect()
     }
+}
+
+/// Light as a picture has it: in sRGB, cut to what that can show.
+pub(crate) fn encoded(linear: Vec3) -> Vec3 {
+    let shown = linear.as_dvec3().clamp(DVec3::ZERO, DVec3::ONE);
+    srgb_from_linear(shown).as_vec3()
 }
 
 /// The rows of pixels cut at each `step`, and the number of the square that each part lies in.

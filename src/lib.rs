@@ -25,6 +25,7 @@ pub use formats;
 pub use kernel;
 
 mod accelerator;
+mod accuracy;
 mod certify;
 pub mod compare;
 pub mod convert;
@@ -42,13 +43,13 @@ mod model;
 pub mod output;
 mod polygons;
 mod random;
-mod reach;
 mod render;
 mod simd;
 mod tessellate;
 mod volume;
 
 pub use accelerator::{Accelerator, Workspace};
+pub use accuracy::Accuracy;
 pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film};
 pub use curves::draw_curves;
 pub use film::{Film, Picture, PixelData};
@@ -57,7 +58,6 @@ pub use intersect::{Hit, METHODS, Method};
 pub use measure::{Body, Measure, Side, measure};
 pub use model::{Caps, ModelMethod, ModelOptions, Modelled, Synthetic, model, synthetic};
 pub use output::OutputOptions;
-pub use reach::Reach;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
 pub use tessellate::{

@@ -16,10 +16,9 @@ use exr::prelude::{
 use glam::Vec3;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
-use kernel::srgb_from_linear;
 use rayon::prelude::*;
 
-use crate::film::{Film, Picture, PixelData};
+use crate::film::{Film, Picture, PixelData, encoded};
 
 /// Blocks of an EXR file that are packed at once, for each thread.
 const PACKED_AT_ONCE: usize = 8;
@@ -257,8 +256,7 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
     // PNG wants colours that are not multiplied by the coverage.
     let values = film.colors().iter().flat_map(|&[r, g, b, a]| {
         let scale = if a > 0.0 { a.recip() } else { 0.0 };
-        let linear = Vec3::new(r, g, b) * scale;
-        let srgb = srgb_from_linear(linear.clamp(Vec3::ZERO, Vec3::ONE).as_dvec3()).as_vec3();
+        let srgb = encoded(Vec3::new(r, g, b) * scale);
         [srgb.x, srgb.y, srgb.z, a.clamp(0.0, 1.0)]
             .into_iter()
             .take(channels)

@@ -9,14 +9,14 @@ use formats::Export;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use kernel::{Mesh, Scene, Shape};
 
-use crate::reach::SINGLE;
+use crate::accuracy::SINGLE;
 use crate::tessellate::Tessellation;
 
+/// Triangles, and where they stand.
+type Placed<'a> = (Shape, &'a Mesh, DAffine3);
+
 /// Triangles, once for each place.
-fn placed<'a>(
-    scene: &'a Scene,
-    triangles: &'a Tessellation,
-) -> impl Iterator<Item = (Shape, &'a Mesh, DAffine3)> {
+fn placed<'a>(scene: &'a Scene, triangles: &'a Tessellation) -> Vec<Placed<'a>> {
     let meshes = scene.placements().into_iter().map(|at| {
         let mesh = match at.shape {
             Shape::Patch(id) => &triangles.faces[id.index()].as_ref()?.mesh,
@@ -24,7 +24,7 @@ fn placed<'a>(
         };
         Some((at.shape, mesh, at.world_from_object))
     });
-    meshes.flatten()
+    meshes.flatten().collect()
 }
 
 /// How much there is.
@@ -39,20 +39,19 @@ pub struct Amount {
 impl Amount {
     /// All that a scene shows: each mesh once, and once for each place.
     pub fn of(scene: &Scene, triangles: &Tessellation) -> [Self; 2] {
-        let [mut stored, mut shown] = [Self::default(); 2];
+        let placed = placed(scene, triangles);
         let mut known = HashSet::new();
-        for (shape, mesh, _) in placed(scene, triangles) {
-            shown.add(mesh);
-            if known.insert(shape) {
-                stored.add(mesh);
-            }
-        }
-        [stored, shown]
+        let stored = placed.iter().filter(|(shape, ..)| known.insert(*shape));
+        [Self::sum(stored), Self::sum(&placed)]
     }
 
-    fn add(&mut self, mesh: &Mesh) {
-        self.points += mesh.positions().len() as u64;
-        self.triangles += mesh.triangles().len() as u64;
+    fn sum<'a>(placed: impl IntoIterator<Item = &'a Placed<'a>>) -> Self {
+        let mut sum = Self::default();
+        for (_, mesh, _) in placed {
+            sum.points += mesh.positions().len() as u64;
+            sum.triangles += mesh.triangles().len() as u64;
+        }
+        sum
     }
 }
 
@@ -89,14 +88,15 @@ fn of_normals(map: &DAffine3) -> DMat3 {
 /// # Errors
 /// If there are too many triangles.
 pub(crate) fn stl(scene: &Scene, triangles: &Tessellation) -> io::Result<Export> {
-    let [_, shown] = Amount::of(scene, triangles);
+    let placed = placed(scene, triangles);
+    let shown = Amount::sum(&placed);
     let mut bytes = vec![b' '; 80];
     bytes[..7].copy_from_slice(b"nurbray");
     bytes.extend(count(shown.triangles, "triangles")?.to_le_bytes());
-    for (_, mesh, map) in placed(scene, triangles) {
+    for (_, mesh, map) in &placed {
         for &triangle in mesh.triangles() {
             let point = |k: u32| map.transform_point3(mesh.positions()[k as usize]);
-            let corners = turned(triangle, &map).map(point);
+            let corners = turned(triangle, map).map(point);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let vectors = [
                 normal.normalize_or_zero(),
@@ -125,7 +125,8 @@ pub(crate) fn stl(scene: &Scene, triangles: &Tessellation) -> io::Result<Export>
     reason = "files hold single precision"
 )]
 pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> io::Result<Export> {
-    let [_, shown] = Amount::of(scene, triangles);
+    let placed = placed(scene, triangles);
+    let shown = Amount::sum(&placed);
     let (points, faces) = (
         count(shown.points, "points")?,
         count(shown.triangles, "triangles")?,
@@ -137,8 +138,8 @@ pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> io::Result<Export>
     let _ = writeln!(header, "element face {faces}");
     header += "property list uchar uint vertex_indices\nend_header\n";
     let mut bytes = header.into_bytes();
-    for (_, mesh, map) in placed(scene, triangles) {
-        let normals = of_normals(&map);
+    for (_, mesh, map) in &placed {
+        let normals = of_normals(map);
         for (k, &p) in mesh.positions().iter().enumerate() {
             let normal = mesh.normals().get(k).map_or(DVec3::ZERO, |n| normals * *n);
             let uv = mesh.uvs().get(k).copied().unwrap_or(DVec2::ZERO);
@@ -150,10 +151,10 @@ pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> io::Result<Export>
         }
     }
     let mut first: u32 = 0;
-    for (_, mesh, map) in placed(scene, triangles) {
+    for (_, mesh, map) in &placed {
         for &triangle in mesh.triangles() {
             bytes.push(3);
-            for k in turned(triangle, &map) {
+            for k in turned(triangle, map) {
                 bytes.extend((first + k).to_le_bytes());
             }
         }
@@ -170,8 +171,8 @@ pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> io::Result<Export>
 pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
     let mut text = String::from("# triangles by nurbray\n");
     let (mut point, mut normal, mut texture) = (1_usize, 1_usize, 1_usize);
-    for (number, (_, mesh, map)) in placed(scene, triangles).enumerate() {
-        let normals = of_normals(&map);
+    for (number, (_, mesh, map)) in placed(scene, triangles).iter().enumerate() {
+        let normals = of_normals(map);
         let name: String = mesh.name.split_whitespace().collect::<Vec<_>>().join("_");
         // Writing into a string cannot fail.
         let _ = writeln!(text, "g {name}#{number}");
@@ -188,7 +189,7 @@ pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
         }
         for &triangle in mesh.triangles() {
             text.push('f');
-            for k in turned(triangle, &map).map(|k| k as usize) {
+            for k in turned(triangle, map).map(|k| k as usize) {
                 let _ = match (mesh.uvs().is_empty(), mesh.normals().is_empty()) {
                     (true, true) => write!(text, " {}", point + k),
                     (false, true) => write!(text, " {}/{}", point + k, texture + k),

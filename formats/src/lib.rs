@@ -18,6 +18,7 @@
 
 use std::borrow::Cow;
 use std::io::{self, Read as _};
+use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 use std::{fmt, fs};
 
@@ -295,6 +296,11 @@ pub fn read_within(source: impl io::Read, limit: usize) -> io::Result<Vec<u8>> {
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
     }
     Ok(bytes)
+}
+
+/// What two ranges have in common; may be empty.
+fn common(a: &Range<f64>, b: &Range<f64>) -> Range<f64> {
+    a.start.max(b.start)..a.end.min(b.end)
 }
 
 /// Resolves names in one folder to files in another one and below.

@@ -52,7 +52,7 @@ pub(crate) fn surrounded(
 }
 
 /// Whether a loop is the border of the domain.
-pub(crate) fn is_border(one: &TrimLoop, domain: &[Range<f64>; 2]) -> bool {
+fn is_border(one: &TrimLoop, domain: &[Range<f64>; 2]) -> bool {
     let start = DVec2::from(domain.each_ref().map(|d| d.start));
     let size = DVec2::from(domain.each_ref().map(|d| d.end - d.start));
     let is_along = |point: DVec2| {

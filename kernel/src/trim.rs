@@ -151,14 +151,9 @@ impl TrimLoop {
             if !loops.iter().all(is_outside) {
                 return Err(Error::NothingInside);
             }
-            let points = || {
-                loops
-                    .iter()
-                    .flat_map(|l| &l.segments)
-                    .flat_map(Curve::points)
-            };
-            let low = points().fold(DVec2::INFINITY, DVec2::min);
-            let high = points().fold(DVec2::NEG_INFINITY, DVec2::max);
+            let nothing = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+            let hulls = loops.iter().map(Self::hull);
+            let (low, high) = hulls.fold(nothing, |(a, b), (c, d)| (a.min(c), b.max(d)));
             return Err(Error::LoopsOutside {
                 found: [low, high].map(Into::into),
                 domain: [min, max].map(Into::into),

@@ -64,13 +64,12 @@ impl Claims {
     /// If one of them is an input, is named by an input, or is where another file is written.
     pub(super) fn claim(&self, number: usize, outputs: &[PathBuf]) -> anyhow::Result<()> {
         for path in outputs {
-            let shown = path.display();
             if self.is_input(path) {
-                bail!("{shown}: an input would be written over");
+                bail!(input::over_input(path));
             }
             if let Some(member) = self.named_by(number, path) {
                 let by = input::display(&member.source);
-                bail!("{shown}: an input would be written over, which {by} names");
+                bail!("{}, which {by} names", input::over_input(path));
             }
         }
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);

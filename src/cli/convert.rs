@@ -209,8 +209,7 @@ fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
     let claims = Claims::new(&pairs, &args.read);
     for (job, clash) in jobs.iter_mut().zip(input::clashes(&pairs)) {
         let is_input = claims.is_input(&job.path);
-        let over = || format!("{}: an input would be written over", job.path.display());
-        job.refused = is_input.then(over).or(clash);
+        job.refused = is_input.then(|| input::over_input(&job.path)).or(clash);
     }
     Ok((jobs, claims))
 }

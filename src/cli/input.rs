@@ -250,9 +250,14 @@ pub(super) fn check_apart(outputs: &[PathBuf], inputs: &[PathBuf]) -> anyhow::Re
     let inputs: Vec<_> = inputs.iter().filter_map(real).collect();
     let over = |path: &&PathBuf| real(path).is_some_and(|path| inputs.contains(&path));
     match outputs.iter().find(over) {
-        Some(path) => bail!("{}: an input would be written over", path.display()),
+        Some(path) => bail!(over_input(path)),
         None => Ok(()),
     }
+}
+
+/// Why nothing is written to a path.
+pub(super) fn over_input(path: &Path) -> String {
+    format!("{}: an input would be written over", path.display())
 }
 
 /// Prints the first warnings about a file, and how many more there are; `format` is what it

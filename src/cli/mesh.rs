@@ -7,9 +7,10 @@ use nurbray::convert::{Amount, MeshWriter};
 use nurbray::formats::{Place, Warnings};
 use nurbray::gltf::{Packing, Source};
 use nurbray::kernel::{Camera, Scene};
-use nurbray::{Reach, Screen, TessellateOptions, Tessellation, Tolerance};
+use nurbray::{Accuracy, Screen, TessellateOptions, Tessellation, Tolerance};
 use serde_json::{Value, json};
 
+use super::input;
 use super::say::say;
 
 /// How surfaces become triangles.
@@ -195,7 +196,7 @@ impl MeshArgs {
 
 /// Name and hash of a file; standard input has neither.
 pub(super) fn source(path: &Path, sha256: String) -> Source {
-    if path == Path::new("-") {
+    if input::is_stdin(path) {
         return Source::default();
     }
     let name = path.file_name().unwrap_or_default();
@@ -234,14 +235,14 @@ pub(super) fn count(
 /// What there is to say about triangles whose points are moved by up to `rounding` afterwards.
 pub(super) fn report(triangles: &Tessellation, count: u64, rounding: f64) -> Value {
     let faces = triangles.faces.iter().flatten();
-    let reach = Reach::of(triangles, rounding);
+    let accuracy = Accuracy::of(triangles, rounding);
     let shells = &triangles.shells;
     json!({
         "triangles": count,
         "tolerance": triangles.tolerance + rounding,
-        "proven_deviation": reach.proven,
-        "sampled_deviation": reach.sampled,
-        "largest_gap": reach.gap,
+        "proven_deviation": accuracy.proven,
+        "sampled_deviation": accuracy.sampled,
+        "largest_gap": accuracy.gap,
         "unproven_triangles": faces.map(|face| face.unproven).sum::<usize>(),
         "shells": shells.len(),
         "closed_shells": shells.iter().filter(|shell| shell.is_closed()).count(),

@@ -19,7 +19,7 @@ use gltf::json::{Buffer, Index, Node};
 use kernel::{Scene, UpAxis};
 use serde_json::{Map, Value, json};
 
-use crate::reach::Reach;
+use crate::accuracy::Accuracy;
 use crate::tessellate::Tessellation;
 use buffer::{Contents, extras, number};
 use meshopt::COMPRESSION;
@@ -91,14 +91,15 @@ pub fn write(
     }
     let world = DAffine3::from_mat3(DMat3::from_quat(rotation) * metres);
     add_views(scene, &world, metres, &mut root, &mut roots);
-    let reach = Reach::of(triangles, rounding(scene, packing));
+    let moved = rounding(scene, packing);
+    let accuracy = Accuracy::of(triangles, moved);
     root.asset.extras = extras(&json!({
         "source": source.name,
         "sha256": source.sha256,
         "unit_m": metres,
-        "tolerance_m": triangles.tolerance * metres,
-        "proven_deviation_m": reach.proven * metres,
-        "sampled_deviation_m": reach.sampled * metres,
+        "tolerance_m": (triangles.tolerance + moved) * metres,
+        "proven_deviation_m": accuracy.proven * metres,
+        "sampled_deviation_m": accuracy.sampled * metres,
     }));
     root.scenes.push(gltf::json::Scene {
         extensions: None,
@@ -111,13 +112,8 @@ pub fn write(
     let uri = format!("{stem}.bin");
     // There is no buffer without content.
     if !buffer.is_empty() {
-        root.buffers.push(Buffer {
-            byte_length: USize64::from(buffer.len()),
-            name: None,
-            uri: (container == Container::Separate).then(|| escaped(&uri)),
-            extensions: None,
-            extras: None,
-        });
+        let uri = (container == Container::Separate).then(|| escaped(&uri));
+        root.buffers.push(of_bytes(buffer.len(), uri));
     }
     if packing.quantize {
         require(&mut root, QUANTIZATION);
@@ -126,13 +122,10 @@ pub fn write(
         require(&mut root, COMPRESSION);
         let content = json!({ "fallback": true });
         root.buffers.push(Buffer {
-            byte_length: USize64::from(unpacked),
-            name: None,
-            uri: None,
             extensions: Some(gltf::json::extensions::buffer::Buffer {
                 others: Map::from_iter([(COMPRESSION.to_owned(), content)]),
             }),
-            extras: None,
+            ..of_bytes(unpacked, None)
         });
     }
     // Through a value: keys in the order of their names.
@@ -148,6 +141,17 @@ pub fn write(
             ..Export::default()
         },
     })
+}
+
+/// A buffer of so many bytes.
+fn of_bytes(count: usize, uri: Option<String>) -> Buffer {
+    Buffer {
+        byte_length: USize64::from(count),
+        name: None,
+        uri,
+        extensions: None,
+        extras: None,
+    }
 }
 
 /// The extension for positions and normals that are not of single precision.

@@ -6,7 +6,7 @@ use kernel::{Aabb, Child, Node, Scene, Shape};
 use super::Packing;
 use super::shapes::Grid;
 use super::tree::MANY;
-use crate::reach::SINGLE;
+use crate::accuracy::SINGLE;
 use crate::tessellate::stretch;
 
 /// Roundings of the scales and turns of a node, of the at most two that stand for it.

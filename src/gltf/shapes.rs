@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::buffer::{Data, extras, number};
 use super::look::{Materials, Sides};
 use super::pictures;
-use crate::reach::SINGLE;
+use crate::accuracy::SINGLE;
 use crate::tessellate::Tessellation;
 
 /// Coordinates this many times larger than the box around a mesh are measured from its middle.

@@ -57,6 +57,12 @@ impl Rail {
             arcs: self.arcs.iter().rev().map(turned).collect(),
         }
     }
+
+    /// Whether its length grows evenly with the parameter, as along a line or an arc.
+    pub(super) fn is_even(&self) -> bool {
+        self.arcs == [self.curve.domain()]
+            || self.curve.degree() == 1 && self.curve.points().count() == 2
+    }
 }
 
 /// Reads curves.
@@ -77,6 +83,12 @@ impl Reader<'_, '_> {
     pub(super) fn repaired(&mut self, index: usize, text: &str) {
         let problem = Problem::Invalid(text.to_owned());
         self.repairs.push((index, problem));
+    }
+
+    /// Notes what of an entity is not as the file means it.
+    pub(super) fn unsupported(&mut self, index: usize, text: impl Into<String>) {
+        self.repairs
+            .push((index, Problem::Unsupported(text.into())));
     }
 
     /// What comes of reading; what had to be repaired counts if that is used.

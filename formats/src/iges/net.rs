@@ -6,7 +6,7 @@ use glam::DVec3;
 use kernel::{Curve, KnotVector, Surface, nearest};
 
 use super::parameters::Parameters;
-use crate::Problem;
+use crate::{Problem, common};
 
 /// Largest step backwards of a knot that is taken for rounding, relative to all knots.
 const KNOT_SLACK: f64 = 1e-3;
@@ -465,9 +465,8 @@ fn parts<'k>(
     let (mut domains, mut found) = (Vec::new(), Vec::new());
     for knots in knots {
         let domain = knots.domain();
-        let common = wanted.start.max(domain.start)..wanted.end.min(domain.end);
-        let common = knots.snapped(common, PARAMETER_SLACK);
-        found.push(Some(common).filter(|common| common.start < common.end));
+        let part = knots.snapped(common(wanted, &domain), PARAMETER_SLACK);
+        found.push(Some(part).filter(|part| part.start < part.end));
         domains.push(domain);
     }
     let ends = domains.first().zip(domains.last());

@@ -12,7 +12,7 @@ use super::curves::{Rail, Reader, fitted};
 use super::directory::WHOLE;
 use super::net::TEARING;
 use super::sheets::{Sheet, SheetShape};
-use crate::Problem;
+use crate::{Problem, common};
 
 /// How far a fitted offset curve may stray, relative to its size.
 const CURVE_ACCURACY: f64 = 1e-7;
@@ -51,13 +51,11 @@ pub(super) fn curves(
     reader.collect(base, depth + 1, &mut rails)?;
     let base = reader.whole(base, rails)?;
     let domain = base.curve.domain();
-    let is_even = base.curve.degree() == 1 && base.curve.points().count() == 2
-        || base.arcs == [domain.clone()];
     let slope = (far - near) / (to - from);
     let (slope, from) = match (kind, by_length) {
         (1, _) => (0.0, domain.start),
         (2, false) if slope.is_finite() => (slope, from),
-        (2, true) if slope.is_finite() && is_even => {
+        (2, true) if slope.is_finite() && base.is_even() => {
             let length: f64 = length(&base.curve) / (domain.end - domain.start);
             (slope * length, domain.start + from / length)
         }
@@ -77,9 +75,8 @@ pub(super) fn curves(
     let size = base.curve.hull_bounds().diagonal() + near.abs();
     let parts = base.curve.restricted(range).map_err(Problem::Geometry)?;
     let parts = parts.parts(is_corner);
-    let mut tell = |text| reader.repairs.push((index, Problem::Unsupported(text)));
     if parts.len() > 1 {
-        tell("the offset of a curve with corners is in pieces".to_owned());
+        reader.unsupported(index, "the offset of a curve with corners is in pieces");
     }
     let (mut made, mut strays) = (Vec::new(), 0.0_f64);
     for part in parts {
@@ -92,14 +89,14 @@ pub(super) fn curves(
         let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
         let fit = fit.map_err(Problem::Geometry)?;
         strays = strays.max(fit.deviation / size);
-        let arcs = base.arcs.iter().map(|arc| within(arc, &part.domain()));
+        let arcs = base.arcs.iter().map(|arc| common(arc, &part.domain()));
         made.push(Rail {
             curve: fit.curve,
             arcs: arcs.filter(|arc| !arc.is_empty()).collect(),
         });
     }
     if strays > CURVE_ACCURACY {
-        tell(fitted("it", strays, CURVE_ACCURACY));
+        reader.unsupported(index, fitted("it", strays, CURVE_ACCURACY));
     }
     Ok(made)
 }
@@ -109,11 +106,6 @@ fn is_corner(before: &Curve<DVec3>, after: &Curve<DVec3>) -> bool {
     let (_, before) = before.tangent(before.domain().end);
     let (_, after) = after.tangent(after.domain().start);
     before.angle_between(after) > CORNER
-}
-
-/// What two ranges have in common.
-fn within(range: &Range<f64>, domain: &Range<f64>) -> Range<f64> {
-    range.start.max(domain.start)..range.end.min(domain.end)
 }
 
 /// The length of a line or arc.

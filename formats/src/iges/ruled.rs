@@ -35,17 +35,9 @@ pub(super) fn surface(
     // Whether it is developable.
     parameters.skip(1);
     let (first, mut second) = (reader.rail(first)?, reader.rail(second)?);
-    let mut tell = |text: &str| {
-        let problem = Problem::Unsupported(text.to_owned());
-        reader.repairs.push((index, problem));
-    };
-    // Along lines and arcs the length grows evenly with the parameter.
-    let is_even = |rail: &Rail| {
-        rail.arcs == [rail.curve.domain()]
-            || rail.curve.degree() == 1 && rail.curve.points().count() == 2
-    };
-    if form == 0 && !(is_even(&first) && is_even(&second)) {
-        tell("points of equal arc length are joined in the file, of equal parameters here");
+    if form == 0 && !(first.is_even() && second.is_even()) {
+        let text = "points of equal arc length are joined in the file, of equal parameters here";
+        reader.unsupported(index, text);
     }
     if reversed {
         second = second.reversed();
@@ -64,7 +56,7 @@ pub(super) fn surface(
     if has_length && !(0..=64).all(is_same) {
         let (curve, deviation) = beside(&rails[kept], of_kept, &rails[1 - kept], of_other)?;
         rails[1 - kept] = curve;
-        tell(&fitted("the rail beside an arc", deviation, ACCURACY));
+        reader.unsupported(index, fitted("the rail beside an arc", deviation, ACCURACY));
     }
     reader.check_room(rails.iter(), 2)?;
     let [first, second] = &rails;

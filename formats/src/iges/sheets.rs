@@ -202,12 +202,12 @@ fn offset(
     reader.bases.push(base);
     let base = nested(reader, base, depth + 1)?;
     let made = offset::surface(&base, side, distance)?;
-    let mut tell = |text| reader.repairs.push((index, Problem::Unsupported(text)));
     if made.is_cut {
-        tell("the offset of a surface with creases is in pieces".to_owned());
+        reader.unsupported(index, "the offset of a surface with creases is in pieces");
     }
     if made.deviation > offset::EXACT {
-        tell(curves::fitted("it", made.deviation, offset::ACCURACY));
+        let text = curves::fitted("it", made.deviation, offset::ACCURACY);
+        reader.unsupported(index, text);
     }
     let place = match made.shape {
         SheetShape::Quadric(_) => base.place,

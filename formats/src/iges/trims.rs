@@ -84,8 +84,7 @@ pub(super) fn faces(
     };
     if surfaces.is_empty() {
         let text = "it has no end, because no curves of space bound it; it is not shown";
-        let problem = Problem::Unsupported(text.to_owned());
-        reader.repairs.push((face, problem));
+        reader.unsupported(face, text);
     }
     let mut parts = Vec::new();
     for surface in surfaces {
@@ -107,8 +106,9 @@ pub(super) fn faces(
     }
     if parts.len() > 1 {
         let problems = parts.iter().map(|(s, trims)| check_inside(s, trims).err());
-        if let Some(Some(problem)) = problems.min_by_key(Option::is_some) {
-            untrimmed(reader, face, &problem);
+        // Nothing of any part is inside.
+        if let Some([problem, ..]) = problems.collect::<Option<Vec<_>>>().as_deref() {
+            untrimmed(reader, face, problem);
             parts.iter_mut().for_each(|(_, trims)| trims.clear());
         }
     }
@@ -171,8 +171,7 @@ pub(super) fn on_surface(
         curves.push(lifted.curve);
     }
     if strays > lifted::ACCURACY {
-        let text = fitted("it", strays, lifted::ACCURACY);
-        reader.repairs.push((index, Problem::Unsupported(text)));
+        reader.unsupported(index, fitted("it", strays, lifted::ACCURACY));
     }
     Ok(curves)
 }
@@ -185,8 +184,7 @@ fn untrimmed(reader: &mut Reader<'_, '_>, face: usize, problem: &Problem) {
         problem => problem.to_string(),
     };
     let noun = super::types::noun(reader.file.entries[face].kind);
-    let text = format!("{noun} is shown untrimmed: {why}");
-    reader.repairs.push((face, Problem::Unsupported(text)));
+    reader.unsupported(face, format!("{noun} is shown untrimmed: {why}"));
 }
 
 /// The loops of a face; `None` if nothing is cut off.
@@ -280,8 +278,7 @@ impl<'a> Trimmer<'a> {
     ) -> Result<Vec<TrimLoop>, Problem> {
         let mut trims = self.best_closed(reader, face, loops)?;
         if self.strays.get() > ACCURACY {
-            let text = fitted("a trim curve", self.strays.get(), ACCURACY);
-            reader.repairs.push((face, Problem::Unsupported(text)));
+            reader.unsupported(face, fitted("a trim curve", self.strays.get(), ACCURACY));
         }
         if border {
             if repeated::surrounded(&mut trims, &self.domain).map_err(Problem::Geometry)? {

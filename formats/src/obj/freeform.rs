@@ -10,7 +10,7 @@ use super::invalid;
 use super::specials::Specials;
 use super::statements::{Statement, numbers, shown};
 use super::trims::LoopText;
-use crate::Problem;
+use crate::{Problem, common};
 
 /// The statements that say how the next elements are meant.
 #[derive(Clone, Debug, Default)]
@@ -280,7 +280,7 @@ impl Element {
             let range = used_range("u", &domain, asked, &mut built.repairs);
             let mut shape = Vec::new();
             for curve in built.shape {
-                let part = common(curve.domain(), &range);
+                let part = common(&curve.domain(), &range);
                 match part {
                     part if part == curve.domain() => shape.push(curve),
                     part if part.start < part.end => shape.push(curve.restricted(part)?),
@@ -399,7 +399,7 @@ fn used_range(
     let near = ROUNDING * (domain.end - domain.start);
     let (mut start, mut end) = (asked.start, asked.end);
     if start < domain.start - near || end > domain.end + near || start >= end {
-        let used = start.max(domain.start)..end.min(domain.end);
+        let used = common(asked, domain);
         let used = if used.start < used.end {
             used
         } else {
@@ -468,11 +468,6 @@ fn surface(knots_u: &KnotVector, run_v: &Run, attributes: &Attributes) -> Result
     Ok(Surface::new(knots_u, knots_v, &points, weights.as_deref())?)
 }
 
-/// What two ranges have in common; may be empty.
-fn common(a: Range<f64>, b: &Range<f64>) -> Range<f64> {
-    a.start.max(b.start)..a.end.min(b.end)
-}
-
 /// The part of a surface inside the ranges; `None` if there is none.
 fn restricted(
     mut surface: Surface,
@@ -480,10 +475,7 @@ fn restricted(
     range_v: &Range<f64>,
 ) -> Result<Option<Surface>, Problem> {
     let (domain_u, domain_v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    let (u, v) = (
-        common(domain_u.clone(), range_u),
-        common(domain_v.clone(), range_v),
-    );
+    let (u, v) = (common(&domain_u, range_u), common(&domain_v, range_v));
     let (u, v) = (
         surface.knots_u().snapped(u, ROUNDING),
         surface.knots_v().snapped(v, ROUNDING),

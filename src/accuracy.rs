@@ -7,7 +7,7 @@ pub(crate) const SINGLE: f64 = 0.5 * f32::EPSILON as f64;
 
 /// How far triangles are from the surfaces where they are shown, in units of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reach {
+pub struct Accuracy {
     /// At most.
     pub proven: f64,
     /// Found at sample points.
@@ -16,7 +16,7 @@ pub struct Reach {
     pub gap: f64,
 }
 
-impl Reach {
+impl Accuracy {
     /// Of triangles whose points are moved by up to `rounding` when they are written.
     pub fn of(triangles: &Tessellation, rounding: f64) -> Self {
         let most = |get: fn(&FaceMesh) -> f64| {
