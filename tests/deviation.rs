@@ -263,3 +263,21 @@ fn a_vertex_that_was_moved_is_found() {
     let half = step * 0.5_f64.sqrt();
     assert_truth(&found.surface_to_mesh, height * half / height.hypot(half));
 }
+
+#[test]
+fn nearest_points_of_flat_bodies_are_the_nearest() {
+    let thin = 0.5;
+    let sphere = modelling::sphere(&Frame::WORLD, 500.0, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2).unwrap();
+    let lens = sphere.transformed(&DAffine3::from_scale(DVec3::new(thin / 500.0, 1.0, 1.0)));
+    let scene = scene_of(vec![lens.clone()]);
+    let options = TessellateOptions {
+        tolerance: Tolerance::Length(0.05),
+        ..TessellateOptions::default()
+    };
+    let triangles = tessellate(&scene, &options).unwrap();
+    let face = triangles.faces[0].as_ref().unwrap();
+    let mesh = mesh_of(face.mesh.positions(), face.mesh.triangles());
+    let found = measured(vec![lens], &mesh, &DAffine3::IDENTITY);
+    let (found, proven) = (found.found(), face.proven);
+    assert!(found <= proven && found > 0.5 * proven, "{found} {proven}");
+}

@@ -61,6 +61,9 @@ const APART: f64 = 0.04;
 /// Places that are told.
 const PLACES: usize = 8;
 
+/// Distances that are looked into, at most, to be sure of the largest.
+const CHECKED: usize = 512;
+
 /// The distance from the surfaces to the nearest triangles.
 pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, budget: usize) -> Reach {
     if exact.triangles.is_empty() {
@@ -128,22 +131,34 @@ pub(crate) fn feet(exact: &Exact<'_>, soup: &Soup) -> Vec<Foot> {
 /// those with the largest values at the end.
 fn reach<F: Distances>(function: &F, cells: Vec<F::Cell>, size: f64, budget: usize) -> Reach {
     let worst = |cell: &F::Cell| function.worst(cell);
+    let farthest = |a: &Worst, b: &Worst| b.distance.total_cmp(&a.distance);
     let mut all: Vec<Worst> = cells.iter().map(worst).collect();
     let top = largest(function, cells, FLOOR * size, budget);
-    all.sort_by(|a, b| b.distance.total_cmp(&a.distance));
+    all.extend(top.cells.iter().map(|(_, cell)| worst(cell)));
+    all.sort_by(farthest);
+    // What was taken for the nearest point may not be it: a distance counts once all have been looked at.
+    let mut found = 0.0;
+    for place in all.iter_mut().take(CHECKED) {
+        if place.distance <= found {
+            break;
+        }
+        *place = function.surest(*place);
+        found = place.distance.max(found);
+    }
+    all.sort_by(farthest);
     let mut places: Vec<Worst> = Vec::new();
-    for place in top.cells.iter().map(|(_, cell)| worst(cell)).chain(all) {
+    for place in all {
         if places.len() == PLACES {
             break;
         }
         let apart = |other: &Worst| other.from.distance(place.from) > APART * size;
         if place.distance > FLOOR * size && places.iter().all(apart) {
-            places.push(place);
+            places.push(function.surest(place));
         }
     }
-    places.sort_by(|a, b| b.distance.total_cmp(&a.distance));
+    places.sort_by(farthest);
     Reach {
-        found: top.found,
+        found,
         bound: top.bound + FLOOR * size,
         worst: places,
     }
@@ -153,6 +168,9 @@ fn reach<F: Distances>(function: &F, cells: Vec<F::Cell>, size: f64, budget: usi
 trait Distances: Function {
     /// The corner of a cell that is farthest away.
     fn worst(&self, cell: &Self::Cell) -> Worst;
+
+    /// The same place with what is nearest to it, looked for everywhere.
+    fn surest(&self, place: Worst) -> Worst;
 }
 
 /// For every triangle of the exact side how far the face may reach beyond it, at sides that
@@ -310,6 +328,11 @@ impl Distances for FromSurface<'_> {
             triangle: spot.triangle,
         }
     }
+
+    /// The nearest of flat triangles is sure.
+    fn surest(&self, place: Worst) -> Worst {
+        place
+    }
 }
 
 impl Function for FromSurface<'_> {
@@ -430,6 +453,24 @@ impl Distances for FromMesh<'_> {
             patch: foot.face,
             uv: foot.uv,
             triangle: cell.triangle,
+        }
+    }
+
+    fn surest(&self, place: Worst) -> Worst {
+        let known = Foot {
+            face: place.patch,
+            uv: place.uv,
+            point: place.to,
+            distance: place.distance,
+            triangle: u32::MAX,
+        };
+        let foot = self.exact.surest(place.from, known);
+        Worst {
+            to: foot.point,
+            distance: foot.distance,
+            patch: foot.face,
+            uv: foot.uv,
+            ..place
         }
     }
 }

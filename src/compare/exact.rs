@@ -8,7 +8,7 @@ use kernel::nearest::{self, Nearby};
 use kernel::{Aabb, Curve, Patch, Scene, Shape, TrimRegion};
 use rayon::prelude::*;
 
-use super::triangles::{BoxTree, Found, TriangleTree};
+use super::triangles::{BoxTree, Found, TriangleTree, closest};
 use crate::tessellate::pieces::{Pieces, Rect};
 use crate::tessellate::{Tessellation, stretch};
 
@@ -33,6 +33,12 @@ const ROUNDING: f64 = 1e-12;
 
 /// Faces on which the nearest point is looked for, at most.
 const FACES_TRIED: usize = 6;
+
+/// Parts of triangles that are looked into for one nearest point, at most.
+const PARTS: usize = 50_000;
+
+/// What is nearer by less than this share is no nearer.
+const SURE: f64 = 1e-4;
 
 /// A point of a face and how far it is from the point asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -248,6 +254,67 @@ impl<'a> Exact<'a> {
             if foot.distance < known {
                 let triangle = first.triangle;
                 best = Some(Foot { triangle, ..foot });
+            }
+        }
+        best
+    }
+
+    /// The point of all faces nearest to `p`, where `known` is one that may not be the nearest.
+    ///
+    /// Every part of a triangle that may come nearer than what is known is divided: the surface over it is
+    /// not farther from the flat part than is proven.
+    pub(crate) fn surest(&self, p: DVec3, known: Foot) -> Foot {
+        let mut best = known;
+        let mut open: Vec<(u32, [DVec2; 3])> = Vec::new();
+        for (face, number) in self.faces.iter().zip(0..) {
+            let reach = known.distance + face.proven.min(known.distance);
+            face.tree.within(p, reach, |found| {
+                let triangle = (face.first + found.triangle) as usize;
+                if found.distance - self.chords[triangle] < known.distance {
+                    let uv = |k: u32| self.vertices[k as usize].uv;
+                    open.push((number, self.triangles[triangle].map(uv)));
+                }
+            });
+        }
+        let mut looked = 0;
+        while !open.is_empty() && looked < PARTS {
+            looked += open.len();
+            let mut parts = Vec::new();
+            for (number, uvs) in open {
+                let face = &self.faces[number as usize];
+                let surface = &face.patch.surface;
+                let [a, b, c] = uvs;
+                let middles = [a.midpoint(b), b.midpoint(c), c.midpoint(a)];
+                for uv in middles {
+                    let point = surface.evaluate(uv);
+                    let (distance, inside) = (point.distance(p), face.region.as_ref());
+                    if distance < best.distance && inside.is_none_or(|r| r.contains(uv)) {
+                        best = Foot {
+                            face: number,
+                            uv,
+                            point,
+                            distance,
+                            ..known
+                        };
+                    }
+                }
+                let [d, e, f] = middles;
+                for part in [[a, d, f], [d, b, e], [f, e, c], [d, e, f]] {
+                    let flat = closest(part.map(|uv| surface.evaluate(uv)), p);
+                    let least = flat.point.distance(p) - face.chord(part);
+                    parts.push((least, (number, part)));
+                }
+            }
+            parts.retain(|(least, _)| *least < best.distance * (1.0 - SURE));
+            open = parts.into_iter().map(|(_, part)| part).collect();
+        }
+        if best.distance < known.distance {
+            let foot = self.foot(best.face, p, best.uv);
+            if foot.distance < best.distance {
+                return Foot {
+                    triangle: known.triangle,
+                    ..foot
+                };
             }
         }
         best
