@@ -480,5 +480,5 @@ fn free_curves_and_points_are_kept() {
     };
     let middle = offset.evaluate(f64::midpoint(offset.domain().start, offset.domain().end));
     let expected = at(0.5, FRAC_PI_2 / 2.0, 1.0);
-    assert!(middle.distance(expected) < 1e-6, "{middle}");
+    assert!(middle.distance(expected) < 1e-15, "{middle}");
 }

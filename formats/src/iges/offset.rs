@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 use kernel::{Curve, Surface, modelling};
 
 use super::curves::{Rail, Reader, fitted};
@@ -20,7 +20,7 @@ const CURVE_ACCURACY: f64 = 1e-7;
 /// How far a fitted offset surface may stray, relative to its size.
 pub(super) const ACCURACY: f64 = 1e-6;
 
-/// A fitted surface that strays no more than this share of its size is exact.
+/// What strays no more than this share of its size is exact.
 pub(super) const EXACT: f64 = 1e-12;
 
 /// Where the direction of a curve or the normal of a surface turns by more, in radians, there is a
@@ -85,13 +85,19 @@ pub(super) fn curves(
             let out = normal.cross(along).try_normalize().unwrap_or_default();
             point + out * (near + slope * (t - from))
         };
-        let breaks = part.knots().breaks();
-        let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
-        let fit = fit.map_err(Problem::Geometry)?;
-        strays = strays.max(fit.deviation / size);
+        let curve = match of_arc(&part, at, size * EXACT) {
+            Some(curve) => curve,
+            None => {
+                let breaks = part.knots().breaks();
+                let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
+                let fit = fit.map_err(Problem::Geometry)?;
+                strays = strays.max(fit.deviation / size);
+                fit.curve
+            }
+        };
         let arcs = base.arcs.iter().map(|arc| common(arc, &part.domain()));
         made.push(Rail {
-            curve: fit.curve,
+            curve,
             arcs: arcs.filter(|arc| !arc.is_empty()).collect(),
         });
     }
@@ -99,6 +105,29 @@ pub(super) fn curves(
         reader.unsupported(index, fitted("it", strays, CURVE_ACCURACY));
     }
     Ok(made)
+}
+
+/// The offset of an arc of a circle: as large a part of the circle beside it; `None` if what is `at` the
+/// parameters of the base is farther than `near` from one.
+fn of_arc(base: &Curve<DVec3>, at: impl Fn(f64) -> DVec3, near: f64) -> Option<Curve<DVec3>> {
+    let Range { start, end } = base.domain();
+    let place = |share: f64| start + (end - start) * share;
+    let [a, b, c] = [0.0, 0.3, 0.6].map(|share| base.evaluate(place(share)));
+    let (ab, ac) = (b - a, c - a);
+    let axis = ab.cross(ac);
+    let out = axis.cross(ab) * ac.length_squared() + ac.cross(axis) * ab.length_squared();
+    let way = out / (2.0 * axis.length_squared());
+    let center = a + way;
+    let scale = (at(start) - center).dot(-way) / way.length_squared();
+    let grown = DAffine3::from_translation(center)
+        * DAffine3::from_scale(DVec3::splat(scale))
+        * DAffine3::from_translation(-center);
+    let offset = base.transformed(&grown);
+    let is_there = |k: u32| {
+        let t = place(f64::from(k) / 32.0);
+        offset.evaluate(t).distance(at(t)) <= near
+    };
+    (0..=32).all(is_there).then_some(offset)
 }
 
 /// Whether the direction jumps from a piece of a curve to the next one.

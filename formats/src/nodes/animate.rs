@@ -11,7 +11,7 @@ use glam::{DQuat, DVec2, DVec3};
 use kernel::Scene;
 
 use super::scene::{Converter, turn};
-use super::{Field, Node, Tree, spline};
+use super::{Field, Node, Tree, spline, text};
 use crate::pictures::Pictures;
 use crate::{Error, Limits, NoFiles, ReadOptions, Warnings};
 
@@ -80,7 +80,8 @@ impl Animation {
         let mut events: VecDeque<(usize, &str, Vec<f64>)> = VecDeque::new();
         for (index, node) in tree.nodes.iter().enumerate() {
             if &*node.kind == "TimeSensor" && routes.contains_key(&(index, "fraction")) {
-                let fraction = fraction(node, seconds).into_iter();
+                let warnings = &mut converter.warnings;
+                let fraction = fraction(node, seconds, warnings).into_iter();
                 events.extend(fraction.map(|f| (index, "fraction", vec![f])));
             }
         }
@@ -124,12 +125,11 @@ pub(super) fn plain_name(field: &str) -> &str {
 }
 
 /// How far the cycle of a sensor has come, from 0 to 1; nothing before it starts.
-fn fraction(sensor: &Node, seconds: f64) -> Option<f64> {
-    let mut warnings = Warnings::default();
-    let mut number = |field, default| sensor.number(field, default, &mut warnings);
+fn fraction(sensor: &Node, seconds: f64, warnings: &mut Warnings) -> Option<f64> {
+    let mut number = |field, default| sensor.number(field, default, warnings);
     let (start, stop) = (number("startTime", 0.0), number("stopTime", 0.0));
     let cycle = number("cycleInterval", 1.0);
-    let enabled = sensor.flag("enabled", true, &mut warnings);
+    let enabled = sensor.flag("enabled", true, warnings);
     let since = if stop > start {
         seconds.min(stop)
     } else {
@@ -139,11 +139,35 @@ fn fraction(sensor: &Node, seconds: f64) -> Option<f64> {
         return None;
     }
     let cycles = since / cycle;
-    match sensor.flag("loop", false, &mut warnings) {
+    match sensor.flag("loop", false, warnings) {
         // A cycle that has just ended is at its end.
         true if cycles > 0.0 && cycles.fract() <= 0.0 => Some(1.0),
         true => Some(cycles.fract()),
         false => Some(cycles.min(1.0)),
+    }
+}
+
+/// Notes what is wrong with a node that acts through routes.
+pub(super) fn check(converter: &mut Converter<'_>, node: &Node) {
+    if &*node.kind == "TimeSensor" {
+        fraction(node, 0.0, &mut converter.warnings);
+        return;
+    }
+    let [keys, values] = ["key", "keyValue"].map(|field| node.text(field).unwrap_or_default());
+    let [keys, values] = [keys, values].map(|text| text::words(text).count());
+    let sent = interpolated(converter, node, &[0.0; 2]);
+    let keyed = KEYED.iter().find(|keyed| keyed.kind == &*node.kind);
+    let fits = keyed.is_none_or(|keyed| {
+        let size = values.checked_div(keys).unwrap_or(0);
+        let is_one = size == keyed.unit || keyed.is_list && size.is_multiple_of(keyed.unit);
+        is_one && size * keys == values
+    });
+    if keys + values > 0 && !fits {
+        let text = format!("{values} numbers of values do not belong to {keys} keys");
+        converter.warnings.invalid(node.place(), text);
+    } else if sent.is_empty() && keyed.is_none() && (values > 0 || !node.children.is_empty()) {
+        let text = "its points make no curve or surface; it moves nothing";
+        converter.warnings.invalid(node.place(), text);
     }
 }
 
@@ -155,16 +179,11 @@ fn interpolated<'n>(
 ) -> Vec<(&'n str, Vec<f64>)> {
     let value = |value| vec![("value", value)];
     let at = |i: usize| fraction.get(i).copied().unwrap_or(0.0);
+    let warnings = &mut converter.warnings;
+    if let Some(keyed) = KEYED.iter().find(|keyed| keyed.kind == &*node.kind) {
+        return (keyed.at)(node, at(0), warnings).map_or_else(Vec::new, value);
+    }
     match &*node.kind {
-        "OrientationInterpolator" => between(node, at(0), turned).map_or_else(Vec::new, value),
-        "SquadOrientationInterpolator" => {
-            let turned = spline::squad(node, at(0)).map(|turn| axis_angle(turn, node));
-            turned.map_or_else(Vec::new, value)
-        }
-        kind if SPLINES.contains(&kind) => {
-            spline::hermite(node, at(0)).map_or_else(Vec::new, value)
-        }
-        kind if LINEAR.contains(&kind) => between(node, at(0), mixed).map_or_else(Vec::new, value),
         "NurbsPositionInterpolator" | "NurbsOrientationInterpolator" => {
             let Ok(Ok(curve)) = converter.curve_3d(node) else {
                 return Vec::new();
@@ -197,35 +216,60 @@ fn interpolated<'n>(
     }
 }
 
-/// Interpolators of which each number changes evenly between its keys.
-const LINEAR: &[&str] = &[
-    "ColorInterpolator",
-    "CoordinateInterpolator",
-    "CoordinateInterpolator2D",
-    "NormalInterpolator",
-    "PositionInterpolator",
-    "PositionInterpolator2D",
-    "ScalarInterpolator",
+/// An interpolator between values at keys.
+struct Keyed {
+    kind: &'static str,
+    /// How many numbers there are for each key, or any number of times as many.
+    unit: usize,
+    is_list: bool,
+    /// Its value for a fraction.
+    at: fn(&Node, f64, &mut Warnings) -> Option<Vec<f64>>,
+}
+
+const KEYED: &[Keyed] = &[
+    keyed("ColorInterpolator", 3, linear),
+    listed("CoordinateInterpolator", 3),
+    listed("CoordinateInterpolator2D", 2),
+    listed("NormalInterpolator", 3),
+    keyed("OrientationInterpolator", 4, turned),
+    keyed("PositionInterpolator", 3, linear),
+    keyed("PositionInterpolator2D", 2, linear),
+    keyed("ScalarInterpolator", 1, linear),
+    keyed("SplinePositionInterpolator", 3, spline::hermite),
+    keyed("SplinePositionInterpolator2D", 2, spline::hermite),
+    keyed("SplineScalarInterpolator", 1, spline::hermite),
+    keyed("SquadOrientationInterpolator", 4, squad),
 ];
 
-/// Interpolators that go smoothly through their keys.
-const SPLINES: &[&str] = &[
-    "SplinePositionInterpolator",
-    "SplinePositionInterpolator2D",
-    "SplineScalarInterpolator",
-];
+const fn keyed(
+    kind: &'static str,
+    unit: usize,
+    at: fn(&Node, f64, &mut Warnings) -> Option<Vec<f64>>,
+) -> Keyed {
+    Keyed {
+        kind,
+        unit,
+        is_list: false,
+        at,
+    }
+}
+
+/// One with a list of values at each key.
+const fn listed(kind: &'static str, unit: usize) -> Keyed {
+    Keyed {
+        is_list: true,
+        ..keyed(kind, unit, linear)
+    }
+}
 
 /// Nodes that act through routes and show nothing.
 pub(super) fn is_driver(kind: &str) -> bool {
-    LINEAR.contains(&kind)
-        || SPLINES.contains(&kind)
+    KEYED.iter().any(|keyed| keyed.kind == kind)
         || matches!(
             kind,
             "NurbsOrientationInterpolator"
                 | "NurbsPositionInterpolator"
                 | "NurbsSurfaceInterpolator"
-                | "OrientationInterpolator"
-                | "SquadOrientationInterpolator"
                 | "TimeSensor"
         )
 }
@@ -234,11 +278,11 @@ pub(super) fn is_driver(kind: &str) -> bool {
 fn between(
     node: &Node,
     fraction: f64,
-    mix: fn(&Node, &[f64], &[f64], f64) -> Vec<f64>,
+    mix: impl Fn(&[f64], &[f64], f64) -> Vec<f64>,
+    warnings: &mut Warnings,
 ) -> Option<Vec<f64>> {
-    let mut warnings = Warnings::default();
-    let keys = node.numbers("key", &mut warnings);
-    let values = node.numbers("keyValue", &mut warnings);
+    let keys = node.numbers("key", warnings);
+    let values = node.numbers("keyValue", warnings);
     let size = values
         .len()
         .checked_div(keys.len())
@@ -252,20 +296,31 @@ fn between(
         return Some(value(before).to_vec());
     }
     let share = (fraction - keys[before]) / (keys[after] - keys[before]);
-    Some(mix(node, value(before), value(after), share))
+    Some(mix(value(before), value(after), share))
 }
 
-fn mixed(_: &Node, a: &[f64], b: &[f64], share: f64) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a + (b - a) * share).collect()
+/// Each number changes evenly.
+fn linear(node: &Node, fraction: f64, warnings: &mut Warnings) -> Option<Vec<f64>> {
+    let mix = |a: &[f64], b: &[f64], share: f64| {
+        let pairs = a.iter().zip(b);
+        pairs.map(|(a, b)| a + (b - a) * share).collect()
+    };
+    between(node, fraction, mix, warnings)
 }
 
 /// The rotation on the shortest way between two.
-fn turned(node: &Node, a: &[f64], b: &[f64], share: f64) -> Vec<f64> {
+fn turned(node: &Node, fraction: f64, warnings: &mut Warnings) -> Option<Vec<f64>> {
     let rotation = |values: &[f64]| {
         let values = <[f64; 4]>::try_from(values);
         values.map_or(DQuat::IDENTITY, |values| turn(values, node))
     };
-    axis_angle(rotation(a).slerp(rotation(b), share), node)
+    let mix = |a: &[f64], b: &[f64], share| axis_angle(rotation(a).slerp(rotation(b), share), node);
+    between(node, fraction, mix, warnings)
+}
+
+/// The rotation that goes smoothly through all.
+fn squad(node: &Node, fraction: f64, warnings: &mut Warnings) -> Option<Vec<f64>> {
+    spline::squad(node, fraction, warnings).map(|turn| axis_angle(turn, node))
 }
 
 /// A rotation as the node's file would write it.

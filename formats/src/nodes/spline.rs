@@ -17,10 +17,9 @@ struct Keys {
 
 impl Keys {
     /// Those of a node, if there is a value for each key.
-    fn of(node: &Node) -> Option<Self> {
-        let mut warnings = Warnings::default();
-        let keys = node.numbers("key", &mut warnings);
-        let values = node.numbers("keyValue", &mut warnings);
+    fn of(node: &Node, warnings: &mut Warnings) -> Option<Self> {
+        let keys = node.numbers("key", warnings);
+        let values = node.numbers("keyValue", warnings);
         let size = values.len().checked_div(keys.len())?;
         let mut found = Self {
             keys,
@@ -29,7 +28,7 @@ impl Keys {
             closed: false,
         };
         let last = found.keys.len() - 1;
-        let closed = node.flag("closed", false, &mut warnings);
+        let closed = node.flag("closed", false, warnings);
         found.closed = closed && last > 1 && size > 0 && found.value(0) == found.value(last);
         (size > 0).then_some(found)
     }
@@ -93,13 +92,13 @@ impl Keys {
 }
 
 /// The value of a spline interpolator for a fraction.
-pub(super) fn hermite(node: &Node, fraction: f64) -> Option<Vec<f64>> {
-    let keys = Keys::of(node)?;
+pub(super) fn hermite(node: &Node, fraction: f64, warnings: &mut Warnings) -> Option<Vec<f64>> {
+    let keys = Keys::of(node, warnings)?;
     let (i, s) = keys.place(fraction);
     if keys.keys.len() < 2 {
         return Some(keys.value(0).to_vec());
     }
-    let slopes = velocities(node, &keys);
+    let slopes = velocities(node, &keys, warnings);
     let ([first, _], [_, second]) = (keys.factors(i), keys.factors(i + 1));
     let (s2, s3) = (s * s, s * s * s);
     let basis = [
@@ -119,9 +118,8 @@ pub(super) fn hermite(node: &Node, fraction: f64) -> Option<Vec<f64>> {
 
 /// The velocities at all keys: those of the file, for the first and the last alone if it has
 /// two, or those that follow from the values.
-fn velocities(node: &Node, keys: &Keys) -> Vec<Vec<f64>> {
-    let mut warnings = Warnings::default();
-    let given = node.numbers("keyVelocity", &mut warnings);
+fn velocities(node: &Node, keys: &Keys, warnings: &mut Warnings) -> Vec<Vec<f64>> {
+    let given = node.numbers("keyVelocity", warnings);
     let given: Vec<&[f64]> = given.chunks_exact(keys.size).collect();
     let count = keys.keys.len();
     let mut slopes: Vec<_> = (0..count).map(|i| keys.slope(i)).collect();
@@ -129,7 +127,7 @@ fn velocities(node: &Node, keys: &Keys) -> Vec<Vec<f64>> {
         (slopes[0], slopes[count - 1]) = (given[0].to_vec(), given[1].to_vec());
     } else if given.len() == count {
         slopes = given.iter().map(|v| v.to_vec()).collect();
-        if node.flag("normalizeVelocity", false, &mut warnings) {
+        if node.flag("normalizeVelocity", false, warnings) {
             let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
             let step = |i: usize| {
                 let pairs = keys.value(i).iter().zip(keys.value(i + 1));
@@ -147,8 +145,8 @@ fn velocities(node: &Node, keys: &Keys) -> Vec<Vec<f64>> {
 }
 
 /// The rotation of a `SquadOrientationInterpolator` for a fraction (Shoemake 1987).
-pub(super) fn squad(node: &Node, fraction: f64) -> Option<DQuat> {
-    let keys = Keys::of(node).filter(|keys| keys.size == 4)?;
+pub(super) fn squad(node: &Node, fraction: f64, warnings: &mut Warnings) -> Option<DQuat> {
+    let keys = Keys::of(node, warnings).filter(|keys| keys.size == 4)?;
     let (i, s) = keys.place(fraction);
     let rotation = |i: usize| {
         let value = <[f64; 4]>::try_from(keys.value(i)).unwrap_or([0.0, 0.0, 1.0, 0.0]);
@@ -195,7 +193,8 @@ mod tests {
     }
 
     fn at(fields: &[(&str, &str)], fraction: f64) -> f64 {
-        hermite(&node("SplineScalarInterpolator", fields), fraction).unwrap()[0]
+        let node = node("SplineScalarInterpolator", fields);
+        hermite(&node, fraction, &mut Warnings::default()).unwrap()[0]
     }
 
     #[test]
@@ -237,7 +236,9 @@ mod tests {
         ];
         let node = node("SquadOrientationInterpolator", &fields);
         for fraction in [0.0, 0.2, 0.5, 0.9, 1.0] {
-            let (axis, angle) = squad(&node, fraction).unwrap().to_axis_angle();
+            let (axis, angle) = squad(&node, fraction, &mut Warnings::default())
+                .unwrap()
+                .to_axis_angle();
             assert!(
                 (axis.y * angle - 2.0 * fraction).abs() < 1e-12,
                 "{fraction}"

@@ -421,6 +421,47 @@ fn routes_move_what_they_lead_to() {
 }
 
 #[test]
+fn what_is_wrong_with_interpolators_is_told() {
+    let box_with = |text: &str| {
+        let import = read_scene(&format!("Shape {{ geometry Box {{ }} }} {text}"));
+        let told = import.warnings.as_slice().iter().map(ToString::to_string);
+        told.collect::<Vec<_>>()
+    };
+    for text in [
+        "PositionInterpolator { }",
+        "NurbsPositionInterpolator { }",
+        "CoordinateInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 1 1 1, 2 2 2, 3 3 3 ] }",
+        "SquadOrientationInterpolator { key 0 keyValue [ 0 0 1 0 ] }",
+    ] {
+        assert_eq!(box_with(text), [""; 0], "{text}");
+    }
+    for (text, expected) in [
+        (
+            "PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 1 1 ] }",
+            "5 numbers of values do not belong to 2 keys",
+        ),
+        (
+            "ScalarInterpolator { keyValue [ 0 1 ] }",
+            "2 numbers of values do not belong to 0 keys",
+        ),
+        (
+            "SplineScalarInterpolator { key [ 0 1 ] keyValue [ 0 one ] }",
+            "\"one\" is not a number",
+        ),
+        (
+            "NurbsPositionInterpolator { order 3 controlPoint Coordinate { point [ 0 0 0 ] } }",
+            "its points make no curve",
+        ),
+    ] {
+        let told = box_with(text);
+        assert!(
+            told.len() == 1 && told[0].contains(expected),
+            "{text}: {told:?}"
+        );
+    }
+}
+
+#[test]
 fn control_points_and_curves_are_followed() {
     let import = read_scene(
         "DEF T TimeSensor { }\n\
