@@ -1,4 +1,4 @@
-//! `nurbray convert` with many files: stopping, taking up again, names that clash.
+//! Batches: many files, stopping, taking up again, names that clash.
 #![expect(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
 use std::fs;
@@ -9,7 +9,7 @@ use serde_json::Value;
 #[expect(dead_code, reason = "other tests use more of it")]
 mod program;
 
-use program::Place;
+use program::{Place, finish};
 
 /// The values of a key in the lines of an answer.
 fn values(text: &str, key: &str) -> Vec<String> {
@@ -261,17 +261,19 @@ fn failed_files_have_their_warnings() {
 #[test]
 fn files_are_written_although_nobody_reads_about_them() {
     let place = Place::new();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_nurbray"))
-        .args(["convert", "samples/teapot.obj", "samples/goblet.x3d"])
-        .args(["-o", "{stem}.igs", "--json"])
-        .current_dir(place.path(""))
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    drop(child.stdout.take());
-    assert_eq!(child.wait().unwrap().code(), Some(0));
-    assert_eq!(place.files(), ["goblet.igs", "teapot.igs"]);
+    for line in [
+        "render samples/can.igs samples/two_surfaces.igs -o {stem}.png --size 16x16 --stats -",
+        "convert samples/can.igs samples/two_surfaces.igs -o {stem}.glb --log json",
+    ] {
+        let mut child = place.start(line);
+        drop(child.stdout.take());
+        let run = finish(child, b"");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    }
+    assert_eq!(
+        place.files(),
+        ["can.glb", "can.png", "two_surfaces.glb", "two_surfaces.png"]
+    );
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 use std::fs;
-use std::io::{BufWriter, ErrorKind, Write as _};
+use std::io::{BufWriter, Write as _};
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
 
@@ -20,7 +20,7 @@ use super::claims::Claims;
 use super::input::{self, Loaded, ReadArgs};
 use super::mesh::{self, MeshArgs};
 use super::parse;
-use super::say::say;
+use super::say::{self, say};
 use super::{FAILED, Failures, PARTLY};
 
 /// Turns files of one format into another
@@ -136,12 +136,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
             let status = row.entry("status");
             status.or_insert_with(|| fate.name().into());
             row.insert("file".to_owned(), input::display(&job.source).into());
-            let written = writeln!(std::io::stdout().lock(), "{}", Value::Object(row));
-            // Files are made also where nobody reads about them any more.
-            written.or_else(|error| match error.kind() {
-                ErrorKind::BrokenPipe => Ok(()),
-                _ => Err(error),
-            })?;
+            say::report(&Value::Object(row))?;
         }
         Ok(fate)
     };

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::input::{self, Loaded, ReadArgs};
 use super::parse::{self, Background};
-use super::say::say;
+use super::say::{self, say};
 use super::sheet::{self, Sheet};
 use super::shot::shot;
 
@@ -486,9 +486,7 @@ impl<'a> Stats<'a> {
 
     fn add(&mut self, report: &Value) -> anyhow::Result<()> {
         match self.target {
-            Some(target) if input::is_stdin(target) => {
-                writeln!(std::io::stdout().lock(), "{report}")?;
-            }
+            Some(target) if input::is_stdin(target) => say::report(report)?,
             Some(_) => self.lines += &format!("{report}\n"),
             None => {}
         }

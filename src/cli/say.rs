@@ -1,5 +1,9 @@
 //! What is said to people: no name in a file may steer a terminal.
 
+use std::io::{self, ErrorKind, Write as _};
+
+use serde_json::Value;
+
 /// A text with control characters as escapes, except for the ends of its lines.
 pub(super) fn visible(text: &str) -> String {
     let mut shown = String::new();
@@ -16,6 +20,18 @@ pub(super) fn visible(text: &str) -> String {
 /// A name, or that there is none.
 pub(super) fn named(name: &str) -> &str {
     if name.is_empty() { "(no name)" } else { name }
+}
+
+/// Prints what is told of one file of many. The others are made also where nobody reads about them any
+/// more.
+///
+/// # Errors
+/// If it cannot be written, but not because its reader is gone.
+pub(super) fn report(line: &Value) -> io::Result<()> {
+    match writeln!(io::stdout().lock(), "{line}") {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
 }
 
 /// Prints a line to standard error.

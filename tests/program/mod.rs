@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 use tempfile::TempDir;
 
@@ -55,9 +55,14 @@ impl Place {
         self.run_with(line, b"")
     }
 
-    /// Runs the program with this input; the arguments are separated by spaces.
+    /// Runs the program with this input.
     pub(crate) fn run_with(&self, line: &str, input: &[u8]) -> Run {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_nurbray"))
+        finish(self.start(line), input)
+    }
+
+    /// Starts the program; the arguments are separated by spaces.
+    pub(crate) fn start(&self, line: &str) -> Child {
+        Command::new(env!("CARGO_BIN_EXE_nurbray"))
             .args(line.split_whitespace())
             .current_dir(self.folder.path())
             .env_remove("COLUMNS")
@@ -65,15 +70,19 @@ impl Place {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .unwrap();
-        // A program that fails early reads nothing.
-        let _ = child.stdin.take().unwrap().write_all(input);
-        let output = child.wait_with_output().unwrap();
-        Run {
-            code: output.status.code(),
-            stdout: String::from_utf8(output.stdout).unwrap(),
-            stderr: String::from_utf8(output.stderr).unwrap(),
-        }
+            .unwrap()
+    }
+}
+
+/// Gives a started program its input, and waits for its end.
+pub(crate) fn finish(mut child: Child, input: &[u8]) -> Run {
+    // A program that fails early reads nothing.
+    let _ = child.stdin.take().unwrap().write_all(input);
+    let output = child.wait_with_output().unwrap();
+    Run {
+        code: output.status.code(),
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
     }
 }
 
