@@ -35,7 +35,7 @@ const ROUNDING: f64 = 1e-12;
 const FACES_TRIED: usize = 6;
 
 /// Parts of triangles that are looked into for one nearest point, at most.
-const PARTS: usize = 50_000;
+const PARTS: usize = 10_000;
 
 /// What is nearer by less than this share is no nearer.
 const SURE: f64 = 1e-4;
