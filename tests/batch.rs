@@ -309,3 +309,36 @@ fn a_file_given_twice_is_converted_once() {
         assert_eq!(values(&run.stdout, "status"), ["ok"]);
     }
 }
+
+#[test]
+fn folders_stand_for_the_files_in_them() {
+    let place = Place::new();
+    fs::create_dir_all(place.path("parts/more/none")).unwrap();
+    for (from, to) in [
+        ("can.igs", "parts/can.igs"),
+        ("teapot.obj", "parts/more/pot.obj"),
+        ("teapot.mtl", "parts/more/teapot.mtl"),
+    ] {
+        fs::copy(place.path("samples").join(from), place.path(to)).unwrap();
+    }
+    let run = place.run("render parts -o {stem}.png --size 16x16");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(place.files(), ["can.png", "parts", "pot.png"]);
+    for command in ["info parts --json", "volume parts --json"] {
+        let run = place.run(command);
+        let named = |name: &str| run.stdout.matches(name).count() > 0;
+        assert!(
+            named("can.igs") && named("pot.obj"),
+            "{command}: {}",
+            run.stdout
+        );
+    }
+    let run = place.run("info parts/more/none");
+    assert!(run.stderr.contains("no file in it"), "{}", run.stderr);
+    let run = place.run("probe parts --rays -");
+    assert!(
+        run.stderr.contains("parts: this is a folder"),
+        "{}",
+        run.stderr
+    );
+}

@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
 /// The files of the command line, or all scenes in [`SCENES`].
 fn files(args: &MethodArgs) -> anyhow::Result<Vec<PathBuf>> {
     if !args.files.is_empty() {
-        return Ok(args.files.clone());
+        return input::files(&args.files);
     }
     let entries = std::fs::read_dir(SCENES).with_context(|| {
         format!("{SCENES}: run this where nurbray's samples are, or name files")

@@ -4,12 +4,13 @@ use std::collections::HashSet;
 use std::fs;
 use std::io::{BufWriter, Write as _};
 use std::path::{Component, Path, PathBuf};
+use std::slice;
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
-use nurbray::formats::{Export, FORMATS};
+use nurbray::formats::Export;
 use nurbray::gltf::{Packing, Source};
 use nurbray::kernel::Scene;
 use nurbray::{output, tessellate};
@@ -160,17 +161,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
 fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for given in &args.files {
-        let sources = if given.is_dir() {
-            let mut found = Vec::new();
-            find(given, &mut found).with_context(|| given.display().to_string())?;
-            if found.is_empty() {
-                bail!("{}: there is no file to convert in it", given.display());
-            }
-            found
-        } else {
-            vec![given.clone()]
-        };
-        for source in sources {
+        for source in input::files(slice::from_ref(given))? {
             let path = path(args, given, &source);
             let target = if args.triangles {
                 Target::of_triangles
@@ -229,35 +220,6 @@ fn path(args: &Args, given: &Path, source: &Path) -> PathBuf {
         .filter(|c| matches!(c, Component::Normal(_)))
         .collect();
     folder.join(below).join(name)
-}
-
-/// Collects the files below a folder that some format may read, in the order of their names.
-fn find(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    let mut entries: Vec<_> = fs::read_dir(folder)?.collect::<Result<_, _>>()?;
-    entries.sort_by_key(fs::DirEntry::file_name);
-    for entry in entries {
-        let path = entry.path();
-        // Links to folders are not followed: they may lead back.
-        if entry.file_type()?.is_dir() {
-            find(&path, found)?;
-        } else if path.is_file() && is_known(&path) {
-            found.push(path);
-        }
-    }
-    Ok(())
-}
-
-/// Whether some format has the ending of this name, or the one before `.gz`.
-fn is_known(path: &Path) -> bool {
-    let name = path
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_lowercase();
-    let name = name.strip_suffix(".gz").unwrap_or(&name);
-    let extension = Path::new(name).extension().and_then(|e| e.to_str());
-    let has = |e: &str| FORMATS.iter().any(|format| format.extensions.contains(&e));
-    extension.is_some_and(has)
 }
 
 /// Converts a file; what there is to say about it goes into `row`.

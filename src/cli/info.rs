@@ -31,7 +31,7 @@ const NUMBERS: usize = 8;
 /// places.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Files to look at; - reads standard input
+    /// Files to look at, and folders to look for files in; - reads standard input
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// One line of JSON per file
@@ -48,7 +48,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let mut failed = 0;
     let mut out = std::io::stdout().lock();
-    for file in &args.files {
+    for file in &input::files(&args.files)? {
         match args.read.load(file) {
             Ok(loaded) => {
                 let import = &loaded.import;

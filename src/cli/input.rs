@@ -2,14 +2,14 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow, bail};
 use nurbray::formats::{
-    self, Folder, Import, Limits, NoFiles, Problem, ReadOptions, Resolver, Warnings,
+    self, FORMATS, Folder, Import, Limits, NoFiles, Problem, ReadOptions, Resolver, Warnings,
 };
 use nurbray::output;
 use serde_json::{Value, json};
@@ -137,6 +137,58 @@ impl Loaded {
     }
 }
 
+/// The files that are given; of a folder those in it and below that some format may read.
+///
+/// # Errors
+/// If a folder cannot be read or has no such file.
+pub(super) fn files(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in given {
+        let before = files.len();
+        if path.is_dir() {
+            find(path, &mut files).with_context(|| path.display().to_string())?;
+        } else {
+            files.push(path.clone());
+        }
+        if files.len() == before {
+            bail!(
+                "{}: there is no file in it that could be read",
+                path.display()
+            );
+        }
+    }
+    Ok(files)
+}
+
+/// Collects the files below a folder that some format may read, in the order of their names.
+fn find(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
+    let mut entries: Vec<_> = fs::read_dir(folder)?.collect::<Result<_, _>>()?;
+    entries.sort_by_key(fs::DirEntry::file_name);
+    for entry in entries {
+        let path = entry.path();
+        // Links to folders are not followed: they may lead back.
+        if entry.file_type()?.is_dir() {
+            find(&path, found)?;
+        } else if path.is_file() && is_known(&path) {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Whether some format has the ending of this name, or the one before `.gz`.
+fn is_known(path: &Path) -> bool {
+    let name = path
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
+    let name = name.strip_suffix(".gz").unwrap_or(&name);
+    let extension = Path::new(name).extension().and_then(|e| e.to_str());
+    let has = |e: &str| FORMATS.iter().any(|format| format.extensions.contains(&e));
+    extension.is_some_and(has)
+}
+
 /// The ending of a file, in small letters.
 pub(super) fn ending(path: &Path) -> Option<String> {
     let extension = path.extension();
@@ -147,6 +199,9 @@ pub(super) fn ending(path: &Path) -> Option<String> {
 pub(super) fn read_bytes(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
     if is_stdin(path) {
         formats::read_within(io::stdin().lock(), limit)
+    } else if path.is_dir() {
+        let text = "this is a folder; name a file in it";
+        Err(io::Error::new(io::ErrorKind::IsADirectory, text))
     } else {
         formats::read_within(File::open(path)?, limit)
     }

@@ -32,10 +32,10 @@ const ENDINGS: &str = "the ending tells the format; use .png or .exr";
 ///
 /// Every pixel is the exact surface. Without a camera in the file or on the command line
 /// the whole scene is framed from three-quarters above.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Files to render; - reads standard input
+    /// Files to render, and folders to look for files in; - reads standard input
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Picture to write, .png or .exr; {stem} stands for the input's name without its ending,
@@ -135,9 +135,9 @@ const EXAMPLES: &str = "\
 Examples:
   nurbray render samples/teapot.obj -o teapot.png
   nurbray render wing.igs -o wing.exr --eye 3,-4,2 --target 0,0,0 --up 0,0,1 --fov 30
-  nurbray render parts/*.igs -o 'out/{stem}.png' --stats stats.jsonl
+  nurbray render parts -o 'out/{stem}.png' --stats stats.jsonl
   nurbray render robot.x3dv -o 'out/{frame}.png' --frames 0..47
-  nurbray render parts/*.igs --sheet parts.png";
+  nurbray render parts --sheet parts.png";
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum ShadingArg {
@@ -171,6 +171,11 @@ fn rate(text: &str) -> Result<f64, String> {
 
 /// Renders every file; the result is how many failed.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    let files = input::files(&args.files)?;
+    let args = &Args {
+        files,
+        ..args.clone()
+    };
     let is_png = |path: &PathBuf| {
         let ending = path.extension().unwrap_or_default();
         ending.eq_ignore_ascii_case("png")

@@ -23,7 +23,7 @@ use super::sizes;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Files to measure; - reads standard input
+    /// Files to measure, and folders to look for files in; - reads standard input
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// How volumes are found
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     args.warn_unused();
     let mut failed = 0;
     let mut out = std::io::stdout().lock();
-    for file in &args.files {
+    for file in &input::files(&args.files)? {
         match volumes(file, args) {
             Ok(text) => write!(out, "{text}")?,
             Err(error) => {
