@@ -6,14 +6,15 @@ mod laid;
 #[cfg(test)]
 mod tests;
 
-use std::cell::{Cell, OnceCell};
-use std::collections::HashSet;
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use glam::{DAffine2, DVec2, DVec3};
 use kernel::nearest::{self, Nearby};
 use kernel::{Curve, Orientation, Surface, TrimLoop};
 
+use self::laid::Laid;
 use super::boundary::{self, Boundary, Edges, Loop, Use};
 use super::curves::{Rail, Reader, fitted};
 use super::directory::SHORT;
@@ -241,6 +242,9 @@ struct Trimmer<'a> {
     nearby: OnceCell<Nearby<'a>>,
     /// How far curves of the loops stray from what they were fitted to, as a share of the size.
     strays: Cell<f64>,
+    /// The curves of space that have been laid onto it, as they are used and turned: the others are
+    /// tried, and the same again with wider gaps, where they bound no face.
+    laid: RefCell<HashMap<(i64, i64, bool), Laid>>,
 }
 
 impl<'a> Trimmer<'a> {
@@ -265,6 +269,7 @@ impl<'a> Trimmer<'a> {
                 .collect(),
             nearby: OnceCell::new(),
             strays: Cell::new(0.0),
+            laid: RefCell::default(),
         }
     }
 

@@ -8,7 +8,7 @@ use kernel::{Curve, modelling};
 
 use super::{ACCURACY, Trimmer};
 use crate::iges::boundary::Use;
-use crate::iges::curves::Reader;
+use crate::iges::curves::{Rail, Reader};
 use crate::iges::order::Chain;
 use crate::iges::quadric::wound;
 use crate::iges::sheets;
@@ -26,6 +26,14 @@ const STEADY: f64 = 1e-10;
 /// along that border.
 const BORDER: f64 = 1e-3;
 
+/// What a curve of space becomes on a surface.
+#[derive(Clone, Debug)]
+pub(super) struct Laid {
+    chain: Chain,
+    /// How far it strays, as a share of the size.
+    strays: f64,
+}
+
 impl Trimmer<'_> {
     /// The curve of space of a stretch, laid onto the surface.
     pub(super) fn laid(
@@ -38,9 +46,27 @@ impl Trimmer<'_> {
         if stretch.reversed {
             rails.reverse();
         }
+        let key = (stretch.space, stretch.edge, stretch.reversed);
+        let known = self.laid.borrow().get(&key).cloned();
+        let laid = match known {
+            Some(laid) => laid,
+            None => {
+                let others = self.strays.take();
+                let chain = self.lay(rails, stretch.reversed)?;
+                let strays = self.strays.replace(others);
+                let laid = Laid { chain, strays };
+                self.laid.borrow_mut().insert(key, laid.clone());
+                laid
+            }
+        };
+        self.strays.set(self.strays.get().max(laid.strays));
+        Ok(laid.chain)
+    }
+
+    fn lay(&self, rails: Vec<Rail>, reversed: bool) -> Result<Chain, Problem> {
         let mut chain = Vec::new();
         for rail in rails {
-            let curve = if stretch.reversed {
+            let curve = if reversed {
                 rail.curve.reversed()
             } else {
                 rail.curve
