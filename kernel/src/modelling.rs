@@ -24,7 +24,7 @@ use glam::DVec3;
 
 use crate::Error;
 
-pub use arc::{arc, arc_angle, arc_parameter, circle};
+pub use arc::{arc, arc_angle, arc_parameter, circle, to_center};
 pub use blend::blend;
 pub use cap::{Cap, TubeEnd, cap};
 pub use coons::{Twist, coons};

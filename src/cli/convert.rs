@@ -4,7 +4,6 @@ use std::collections::HashSet;
 use std::fs;
 use std::io::{BufWriter, Write as _};
 use std::path::{Component, Path, PathBuf};
-use std::slice;
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
@@ -161,7 +160,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
 fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for given in &args.files {
-        for source in input::files(slice::from_ref(given))? {
+        for source in input::files_at(given)? {
             let path = path(args, given, &source);
             let target = if args.triangles {
                 Target::of_triangles

@@ -137,25 +137,28 @@ impl Loaded {
     }
 }
 
-/// The files that are given; of a folder those in it and below that some format may read.
+/// The files that are given, themselves or by their folders.
 ///
 /// # Errors
-/// If a folder cannot be read or has no such file.
+/// As [`files_at`].
 pub(super) fn files(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let files: Result<Vec<_>, _> = given.iter().map(|path| files_at(path)).collect();
+    Ok(files?.concat())
+}
+
+/// The file at a path; of a folder those in it and below that some format may read.
+///
+/// # Errors
+/// If it is a folder that cannot be read or has no such file.
+pub(super) fn files_at(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let shown = path.display();
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
     let mut files = Vec::new();
-    for path in given {
-        let before = files.len();
-        if path.is_dir() {
-            find(path, &mut files).with_context(|| path.display().to_string())?;
-        } else {
-            files.push(path.clone());
-        }
-        if files.len() == before {
-            bail!(
-                "{}: there is no file in it that could be read",
-                path.display()
-            );
-        }
+    find(path, &mut files).with_context(|| shown.to_string())?;
+    if files.is_empty() {
+        bail!("{shown}: there is no file in it that could be read");
     }
     Ok(files)
 }

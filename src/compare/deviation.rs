@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::exact::{Exact, Foot};
 use super::soup::Soup;
 use super::supremum::{Function, Known, largest};
-use super::triangles::closest;
+use super::triangles::{closest, quarters};
 use kernel::Cover;
 
 /// Distances below this share of the size of the scene do not matter.
@@ -225,12 +225,6 @@ fn from_corners(corners: [DVec3; 3], distances: [f64; 3]) -> f64 {
 
 fn most(values: [f64; 3]) -> f64 {
     values[0].max(values[1]).max(values[2])
-}
-
-/// The four parts of a triangle with these corners, divided at a place on each side.
-fn quarters<C: Copy>([a, b, c]: [C; 3], middle: impl Fn(&C, &C) -> C) -> [[C; 3]; 4] {
-    let (ab, bc, ca) = (middle(&a, &b), middle(&b, &c), middle(&c, &a));
-    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
 }
 
 /// Where on the way from `a` to `b` the triangle that is nearest to `b` becomes nearer than that

@@ -8,7 +8,7 @@ use kernel::nearest::{self, Nearby};
 use kernel::{Aabb, Curve, Patch, Scene, Shape, TrimRegion};
 use rayon::prelude::*;
 
-use super::triangles::{BoxTree, Found, TriangleTree, closest};
+use super::triangles::{BoxTree, Found, TriangleTree, closest, quarters};
 use crate::tessellate::pieces::{Pieces, Rect};
 use crate::tessellate::{Tessellation, stretch};
 
@@ -265,14 +265,14 @@ impl<'a> Exact<'a> {
     /// not farther from the flat part than is proven.
     pub(crate) fn surest(&self, p: DVec3, known: Foot) -> Foot {
         let mut best = known;
-        let mut open: Vec<(u32, [DVec2; 3])> = Vec::new();
+        let mut open: Vec<(u32, [(DVec2, DVec3); 3])> = Vec::new();
         for (face, number) in self.faces.iter().zip(0..) {
             let reach = known.distance + face.proven.min(known.distance);
             face.tree.within(p, reach, |found| {
                 let triangle = (face.first + found.triangle) as usize;
                 if found.distance - self.chords[triangle] < known.distance {
-                    let uv = |k: u32| self.vertices[k as usize].uv;
-                    open.push((number, self.triangles[triangle].map(uv)));
+                    let corners = self.triangles[triangle].map(|k| &self.vertices[k as usize]);
+                    open.push((number, corners.map(|vertex| (vertex.uv, vertex.point))));
                 }
             });
         }
@@ -280,13 +280,13 @@ impl<'a> Exact<'a> {
         while !open.is_empty() && looked < PARTS {
             looked += open.len();
             let mut parts = Vec::new();
-            for (number, uvs) in open {
+            for (number, corners) in open {
                 let face = &self.faces[number as usize];
-                let surface = &face.patch.surface;
-                let [a, b, c] = uvs;
-                let middles = [a.midpoint(b), b.midpoint(c), c.midpoint(a)];
-                for uv in middles {
-                    let point = surface.evaluate(uv);
+                let quarters = quarters(corners, |from, to| {
+                    let uv = from.0.midpoint(to.0);
+                    (uv, face.patch.surface.evaluate(uv))
+                });
+                for (uv, point) in quarters[3] {
                     let (distance, inside) = (point.distance(p), face.region.as_ref());
                     if distance < best.distance && inside.is_none_or(|r| r.contains(uv)) {
                         best = Foot {
@@ -298,11 +298,10 @@ impl<'a> Exact<'a> {
                         };
                     }
                 }
-                let [d, e, f] = middles;
-                for part in [[a, d, f], [d, b, e], [f, e, c], [d, e, f]] {
-                    let flat = closest(part.map(|uv| surface.evaluate(uv)), p);
-                    let least = flat.point.distance(p) - face.chord(part);
-                    parts.push((least, (number, part)));
+                for part in quarters {
+                    let flat = closest(part.map(|corner| corner.1), p);
+                    let chord = face.chord(part.map(|corner| corner.0));
+                    parts.push((flat.point.distance(p) - chord, (number, part)));
                 }
             }
             parts.retain(|(least, _)| *least < best.distance * (1.0 - SURE));
@@ -311,10 +310,7 @@ impl<'a> Exact<'a> {
         if best.distance < known.distance {
             let foot = self.foot(best.face, p, best.uv);
             if foot.distance < best.distance {
-                return Foot {
-                    triangle: known.triangle,
-                    ..foot
-                };
+                return foot;
             }
         }
         best

@@ -66,6 +66,13 @@ pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
     at([va / sum, vb / sum, vc / sum])
 }
 
+/// The four parts of a triangle with these corners, divided at a place on each side;
+/// the last lies between these.
+pub(crate) fn quarters<C: Copy>([a, b, c]: [C; 3], middle: impl Fn(&C, &C) -> C) -> [[C; 3]; 4] {
+    let (ab, bc, ca) = (middle(&a, &b), middle(&b, &c), middle(&c, &a));
+    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+}
+
 /// A triangle and its point nearest to another point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Found {

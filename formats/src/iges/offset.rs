@@ -113,10 +113,7 @@ fn of_arc(base: &Curve<DVec3>, at: impl Fn(f64) -> DVec3, near: f64) -> Option<C
     let Range { start, end } = base.domain();
     let place = |share: f64| start + (end - start) * share;
     let [a, b, c] = [0.0, 0.3, 0.6].map(|share| base.evaluate(place(share)));
-    let (ab, ac) = (b - a, c - a);
-    let axis = ab.cross(ac);
-    let out = axis.cross(ab) * ac.length_squared() + ac.cross(axis) * ab.length_squared();
-    let way = out / (2.0 * axis.length_squared());
+    let way = modelling::to_center([a, b, c]);
     let center = a + way;
     let scale = (at(start) - center).dot(-way) / way.length_squared();
     let grown = DAffine3::from_translation(center)

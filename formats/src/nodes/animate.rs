@@ -147,8 +147,16 @@ fn fraction(sensor: &Node, seconds: f64, warnings: &mut Warnings) -> Option<f64>
     }
 }
 
-/// Notes what is wrong with a node that acts through routes.
-pub(super) fn check(converter: &mut Converter<'_>, node: &Node) {
+/// The warnings, and what is wrong with the nodes that act through routes.
+pub(super) fn checked(tree: &Tree, warnings: Warnings, options: &ReadOptions<'_>) -> Warnings {
+    let mut converter = Converter::new(tree, warnings, options);
+    for node in tree.nodes.iter().filter(|node| is_driver(&node.kind)) {
+        check(&mut converter, node);
+    }
+    converter.warnings
+}
+
+fn check(converter: &mut Converter<'_>, node: &Node) {
     if &*node.kind == "TimeSensor" {
         fraction(node, 0.0, &mut converter.warnings);
         return;

@@ -160,6 +160,7 @@ pub(crate) fn read(
     }
     let mut pictures = Pictures::default();
     let mut import = scene::convert(&tree, warnings, &mut pictures, options)?;
+    import.warnings = animate::checked(&tree, import.warnings, options);
     import.animation = Animation::of(&tree, pictures, options.limits);
     match broken {
         Some(broken) if import.scene.root().is_none() => Err(broken),

@@ -11,7 +11,7 @@ use kernel::{
     Child, Item, Material, MaterialId, MetallicRoughness, NodeId, Patch, Scene, Shape, Wire, WireId,
 };
 
-use super::animate::{self, is_driver};
+use super::animate::is_driver;
 use super::curve::is_parameter_curve;
 use super::kinds::{MESHES, SILENT, TRANSFORMS, is_geometry, is_group, is_material};
 use super::texture::{self, is_texture};
@@ -216,11 +216,9 @@ impl<'a> Converter<'a> {
             "Background" | "TextureBackground" => self.background(index, node),
             "NavigationInfo" => self.navigation(node),
             "NurbsSet" => self.nurbs_set(node),
-            kind if is_driver(kind) => {
-                animate::check(self, node);
+            kind if SILENT.contains(&kind) || is_driver(kind) || node.is_metadata() => {
                 Made::Nothing
             }
-            kind if SILENT.contains(&kind) || node.is_metadata() => Made::Nothing,
             kind => {
                 let text = match self.geometries_inside(node) {
                     0 => format!("{kind} is not read"),

@@ -135,6 +135,15 @@ impl UnitArc {
     }
 }
 
+/// The way from the first of three points to the centre of the circle through them; not finite where
+/// they lie on a line.
+pub fn to_center([a, b, c]: [DVec3; 3]) -> DVec3 {
+    let (ab, ac) = (b - a, c - a);
+    let normal = ab.cross(ac);
+    let sum = normal.cross(ab) * ac.length_squared() + ac.cross(normal) * ab.length_squared();
+    sum / (2.0 * normal.length_squared())
+}
+
 /// `(cos a, sin a)`, exact at multiples of 90 degrees.
 fn unit_vector(angle: f64) -> DVec2 {
     let quarters = (angle / FRAC_PI_2).round();

@@ -133,12 +133,9 @@ fn round(section: &Curve<DVec2>, trajectory: &Curve<DVec3>) -> Option<Surface> {
         .collect();
     // The circle through three of its points.
     let [a, b, c] = [0, CHECKS, 2 * CHECKS].map(|i| samples[i]);
-    let (ab, ac) = (b - a, c - a);
-    let normal = ab.cross(ac);
-    let to_center = (normal.cross(ab) * ac.length_squared()
-        + ac.cross(normal) * ab.length_squared())
-        / (2.0 * normal.length_squared());
-    let (center, radius, axis) = (a + to_center, to_center.length(), normal.try_normalize()?);
+    let to_center = super::to_center([a, b, c]);
+    let axis = (b - a).cross(c - a).try_normalize()?;
+    let (center, radius) = (a + to_center, to_center.length());
     let size = radius + center.length();
     let is_on = |p: &DVec3| {
         let r = *p - center;
