@@ -158,7 +158,7 @@ impl Ball {
     }
 
     #[inline(always)]
-    fn scaled(self, by: f64) -> Self {
+    pub(super) fn scaled(self, by: f64) -> Self {
         Self {
             center: self.center * by,
             radius: self.radius * by,
@@ -430,24 +430,38 @@ mod tests {
     use super::super::pieces::{Pieces, Rect};
     use super::*;
 
+    /// What weights are random.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    enum Random {
+        None,
+        /// One for each row and one for each column.
+        Factors,
+        All,
+    }
+
     /// One random piece of some degrees.
-    fn piece(rng: &mut fastrand::Rng, [p, q]: [usize; 2], has_weights: bool) -> Surface {
+    fn piece(rng: &mut fastrand::Rng, [p, q]: [usize; 2], random: Random) -> Surface {
         let count = (p + 1) * (q + 1);
         let points: Vec<DVec3> = (0..count)
             .map(|_| DVec3::new(rng.f64(), rng.f64(), rng.f64()))
             .collect();
         let weights: Vec<f64> = (0..count).map(|_| 0.3 + rng.f64()).collect();
+        let factors = |k: usize| (weights[k / (q + 1)] * weights[k % (q + 1)]).sqrt();
+        let weights = match random {
+            Random::None => None,
+            Random::Factors => Some((0..count).map(factors).collect::<Vec<_>>()),
+            Random::All => Some(weights),
+        };
         let knots = |degree| KnotVector::bezier(degree, 0.0..2.0).unwrap();
-        let weights = has_weights.then_some(&weights[..]);
-        Surface::new(knots(p), knots(q), &points, weights).unwrap()
+        Surface::new(knots(p), knots(q), &points, weights.as_deref()).unwrap()
     }
 
     #[test]
     fn derivatives_stay_within_their_bounds_which_close_in_on_them() {
         let mut rng = fastrand::Rng::with_seed(7);
         for degrees in (1..=4).flat_map(|p| (1..=4).map(move |q| [p, q])) {
-            for has_weights in [false, true] {
-                let surface = piece(&mut rng, degrees, has_weights);
+            for random in [Random::None, Random::Factors, Random::All] {
+                let surface = piece(&mut rng, degrees, random);
                 let pieces = Pieces::new(&surface);
                 let min = DVec2::new(rng.f64(), rng.f64());
                 // A whole piece, parts of it, and lines along u and along v.
@@ -476,7 +490,13 @@ mod tests {
                         if shape.min_element() > 0.0 {
                             let radius = |s: &Spread| s.duu.radius + s.duv.radius + s.dvv.radius;
                             assert!(radius(&full) <= 0.2 * last + 1e-9, "of degrees {degrees:?}");
-                            assert!(radius(&full) <= radius(&rough) + 1e-9);
+                            // Over large parts, weights far apart, the rough ones may be a little better.
+                            let room = if random == Random::Factors {
+                                0.05 * width
+                            } else {
+                                0.0
+                            };
+                            assert!(radius(&full) <= radius(&rough) * (1.0 + room) + 1e-9);
                             last = radius(&full);
                         }
                     }

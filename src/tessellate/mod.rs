@@ -18,6 +18,7 @@ pub(crate) mod pieces;
 mod rim;
 mod room;
 mod seed;
+mod separable;
 mod sew;
 mod shell;
 #[cfg(test)]

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use kernel::{BezierSurface, KnotVector, Surface, regular_normal};
 
 use super::net::{Family, Net, corner_derivatives};
+use super::separable::{Separable, is_separable};
 use crate::simd::Instructions;
 
 /// All vectors no farther than `radius` from `center`.
@@ -178,54 +179,93 @@ pub(crate) struct Pieces<'a> {
     pub(super) creases: [Vec<f64>; 2],
     list: Vec<Piece>,
     family: Family,
-    is_rational: bool,
+    /// Whether the bounds of some pieces cost much more than rough ones.
+    is_costly: bool,
 }
 
 #[derive(Debug)]
 struct Piece {
     net: BezierSurface,
+    weights: Weights,
     /// Bounds over all of it.
     spread: Spread,
     /// Whether second derivatives are rounding errors: those bounds are good for every part.
     is_straight: bool,
 }
 
+/// The weights that the points of a piece have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Weights {
+    /// All the same.
+    Even,
+    /// Products of one along u and one along v.
+    Separable,
+    Any,
+}
+
+impl Weights {
+    fn of(net: &BezierSurface) -> Self {
+        let points = net.homogeneous();
+        if points.iter().all(|h| (h.w - points[0].w).abs() <= 0.0) {
+            Self::Even
+        } else if is_separable(net) {
+            Self::Separable
+        } else {
+            Self::Any
+        }
+    }
+}
+
 impl Piece {
     fn new(family: &Family, net: BezierSurface) -> Self {
         let (u, v) = (net.u(), net.v());
         let size = DVec2::new(u.end - u.start, v.end - v.start);
-        let spread = Net::of(family, &net, [u, v]).spread();
+        let mut piece = Self {
+            weights: Weights::of(&net),
+            net,
+            spread: Spread::default(),
+            is_straight: false,
+        };
+        let spread = piece.cut(family, [u, v]).spread();
         let length = (spread.du.reach() * size.x).max(spread.dv.reach() * size.y);
         let bends = [
             spread.duu.reach() * size.x * size.x,
             spread.duv.reach() * size.x * size.y,
             spread.dvv.reach() * size.y * size.y,
         ];
-        Self {
-            net,
-            spread,
-            is_straight: bends.iter().all(|bend| *bend <= STRAIGHT * length),
+        piece.is_straight = bends.iter().all(|bend| *bend <= STRAIGHT * length);
+        piece.spread = spread;
+        piece
+    }
+
+    /// What of it lies in a part of its domain.
+    fn cut(&self, family: &Family, part: [Range<f64>; 2]) -> Part {
+        let piece = &self.net;
+        if self.weights == Weights::Separable {
+            Part::Done(family.instructions.run(Separable { piece, part }))
+        } else {
+            Part::Cut(Net::of(family, piece, part))
         }
     }
 }
 
-/// A piece, or what of it lies in a rectangle.
-enum Part<'a> {
-    Whole(&'a Spread),
+/// What of a piece lies in a rectangle.
+enum Part {
+    Done(Spread),
     Cut(Net),
 }
 
-impl Part<'_> {
+impl Part {
     fn spread(&self) -> Spread {
         match self {
-            Self::Whole(spread) => **spread,
+            Self::Done(spread) => *spread,
             Self::Cut(net) => net.spread(),
         }
     }
 
     fn rough(&self) -> Spread {
         match self {
-            Self::Whole(spread) => **spread,
+            Self::Done(spread) => *spread,
             Self::Cut(net) => net.rough(),
         }
     }
@@ -251,8 +291,12 @@ impl<'a> Pieces<'a> {
             creases: [Vec::new(), Vec::new()],
             list,
             family,
-            is_rational: surface.is_rational(),
+            is_costly: false,
         };
+        pieces.is_costly = pieces
+            .list
+            .iter()
+            .any(|piece| piece.weights == Weights::Any);
         pieces.creases = [0, 1].map(|axis| pieces.find_creases(axis));
         pieces
     }
@@ -328,11 +372,11 @@ impl<'a> Pieces<'a> {
                 return whole;
             }
             let part = match self.part(i, j, rect) {
-                Part::Whole(_) => return whole,
+                Part::Done(spread) => return bound(&spread),
                 Part::Cut(net) => net,
             };
             // What has no extent one way takes as long either way.
-            let is_area = self.is_rational && rect.size().min_element() > 0.0;
+            let is_area = self.is_costly && rect.size().min_element() > 0.0;
             let rough = is_area.then(|| bound(&part.rough()));
             let rough = rough.filter(|rough| *rough <= enough || futile());
             return rough.unwrap_or_else(|| bound(&part.spread()));
@@ -341,7 +385,7 @@ impl<'a> Pieces<'a> {
         if whole <= enough {
             return whole;
         }
-        if self.is_rational {
+        if self.is_costly {
             let rough = bound(&self.joint(around, |i, j| self.part(i, j, rect).rough()));
             if rough <= enough || futile() {
                 return rough;
@@ -371,15 +415,15 @@ impl<'a> Pieces<'a> {
     }
 
     /// What of a piece lies in a rectangle.
-    fn part(&self, i: usize, j: usize, rect: &Rect) -> Part<'_> {
+    fn part(&self, i: usize, j: usize, rect: &Rect) -> Part {
         let piece = self.piece(i, j);
         let (u, v) = (piece.net.u(), piece.net.v());
         let part_u = part(rect.min.x..rect.max.x, &u);
         let part_v = part(rect.min.y..rect.max.y, &v);
         if piece.is_straight || part_u == u && part_v == v {
-            return Part::Whole(&piece.spread);
+            return Part::Done(piece.spread);
         }
-        Part::Cut(Net::of(&self.family, &piece.net, [part_u, part_v]))
+        piece.cut(&self.family, [part_u, part_v])
     }
 
     /// The unit normal at `uv`, as the piece that holds `inside` continues there.
