@@ -130,6 +130,19 @@ fn try_all(folders: &[&str], count: usize) {
 }
 
 #[test]
+fn solids_with_pictures_are_read_at_once_however_many() {
+    let mut text = "#X3D V3.3 utf8\nPROFILE Immersive\nShape { geometry Box { } appearance \
+        DEF A Appearance { texture PixelTexture { image 1 1 1 0x80 } } }\n"
+        .to_owned();
+    for k in 1..=1000 {
+        for solid in ["Sphere { radius", "Cone { height", "Cylinder { height"] {
+            text += &format!("Shape {{ appearance USE A geometry {solid} {k} }} }}\n");
+        }
+    }
+    assert_eq!(bounded(text.as_bytes(), "x3dv"), Ok(()));
+}
+
+#[test]
 #[ignore = "takes a minute"]
 fn worse_samples_are_read_or_refused_at_once() {
     try_all(&["samples", "samples/broken"], 60);

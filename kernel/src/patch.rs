@@ -1,6 +1,7 @@
 //! A surface with its trim loops: what a file calls a face.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DAffine2, DVec2};
 
@@ -24,8 +25,8 @@ pub struct Patch {
     /// The material, unless the scene node that shows the patch names another.
     pub material: Option<MaterialId>,
     /// Texture coordinates: x and y of a surface over the same parameters. Without one they
-    /// run from 0 to 1 over the domain, along u and along v.
-    pub texture: Option<Surface>,
+    /// run from 0 to 1 over the domain, along u and along v. Patches alike share them.
+    pub texture: Option<Arc<Surface>>,
 }
 
 impl Patch {

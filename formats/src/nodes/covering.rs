@@ -1,9 +1,10 @@
 //! Texture coordinates: those of the file, and those that geometries have without.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec2, DVec3, DVec4};
-use kernel::modelling::{arc_angle, fit_surface, plane};
+use kernel::modelling::{arc_angle, fit, plane};
 use kernel::{Aabb, Error as GeometryError, KnotVector, Patch, Surface, linear_from_srgb};
 
 use super::Node;
@@ -122,6 +123,33 @@ impl<'a> Converter<'a> {
         Ok(self.spread(holder, &given, &indices, per_vertex, polygons))
     }
 
+    /// Gives a face of a solid of revolution its texture coordinates, if they are not those of its
+    /// domain. Those around it are the same for all sizes, and are made once.
+    pub(super) fn cover(&mut self, kind: &str, patch: &mut Patch) -> Result<(), GeometryError> {
+        let bounds = patch.surface.hull_bounds();
+        let is_flat = bounds.max.y <= bounds.min.y;
+        let flat = |x: DVec3, y: DVec3| {
+            let rows = DMat3::from_cols(x, y, DVec3::ZERO).transpose() * (0.5 / bounds.max.x);
+            let map = DAffine3::from_mat3_translation(rows, DVec3::new(0.5, 0.5, 0.0));
+            Arc::new(patch.surface.transformed(&map))
+        };
+        patch.texture = Some(match kind {
+            // Upright where the top is turned to the front, and the bottom to the back.
+            "Cone" | "Cylinder" if is_flat => flat(DVec3::X, DVec3::NEG_Z * bounds.max.y.signum()),
+            "Disk2D" => flat(DVec3::X, DVec3::Y),
+            "Cone" | "Cylinder" | "Sphere" => match self.covers.get(kind) {
+                Some(known) => Arc::clone(known),
+                None => {
+                    let made = Arc::new(around(kind, &patch.surface)?);
+                    self.covers.insert(kind.into(), Arc::clone(&made));
+                    made
+                }
+            },
+            _ => return Ok(()),
+        });
+        Ok(())
+    }
+
     /// A texture surface with knots of its own, brought to the parameters of `surface`.
     fn own_net(
         &mut self,
@@ -200,36 +228,25 @@ pub(super) fn over_domain(surface: &Surface) -> Result<Surface, GeometryError> {
     plane(DVec3::ZERO, DVec3::X, DVec3::Y, u, v)
 }
 
-/// Gives a face of a solid of revolution its texture coordinates, if they are not those of its
-/// domain.
-pub(super) fn cover(kind: &str, patch: &mut Patch) -> Result<(), GeometryError> {
-    let surface = &patch.surface;
+/// Texture coordinates on a sphere, or on the side of a cone or cylinder, of any size: the sum of
+/// what comes along u and what comes along v.
+fn around(kind: &str, surface: &Surface) -> Result<Surface, GeometryError> {
     let [u, v] = [surface.knots_u(), surface.knots_v()];
-    let flat = |x: DVec3, y: DVec3| {
-        let bounds = surface.hull_bounds();
-        let radius = bounds.max.x;
-        let rows = DMat3::from_cols(x, y, DVec3::ZERO).transpose() * (0.5 / radius);
-        let map = DAffine3::from_mat3_translation(rows, DVec3::new(0.5, 0.5, 0.0));
-        Ok(surface.transformed(&map))
+    let along = |knots: &KnotVector, at: &dyn Fn(f64) -> DVec2| {
+        fit(at, &knots.breaks(), ANGLE, DVec2::distance).map(|fit| fit.curve)
     };
-    let bounds = surface.hull_bounds();
-    let is_flat = bounds.max.y <= bounds.min.y;
-    patch.texture = Some(match kind {
-        "Sphere" => {
-            let st = |a: f64, b: f64| {
-                let (s, t) = (arc_angle(u, a) / TAU, arc_angle(v, b) / PI + 0.5);
-                DVec3::new(s, t, 0.0)
-            };
-            fit_surface(st, &[u.breaks(), v.breaks()], ANGLE)?.surface
-        }
-        // Upright where the top is turned to the front, and the bottom to the back.
-        "Cone" | "Cylinder" if is_flat => flat(DVec3::X, DVec3::NEG_Z * bounds.max.y.signum())?,
-        "Cone" | "Cylinder" => {
-            let st = |a: f64, b: f64| DVec3::new(arc_angle(v, b) / TAU, 1.0 - a, 0.0);
-            fit_surface(st, &[u.breaks(), v.breaks()], ANGLE)?.surface
-        }
-        "Disk2D" => flat(DVec3::X, DVec3::Y)?,
-        _ => return Ok(()),
-    });
-    Ok(())
+    let turn = |knots: &KnotVector, t: f64| DVec2::X * (arc_angle(knots, t) / TAU);
+    let (along_u, along_v) = if kind == "Sphere" {
+        let height = |t: f64| DVec2::Y * (arc_angle(v, t) / PI + 0.5);
+        (along(u, &|t| turn(u, t))?, along(v, &height)?)
+    } else {
+        (
+            along(u, &|t| DVec2::Y * (1.0 - t))?,
+            along(v, &|t| turn(v, t))?,
+        )
+    };
+    let row = |a: DVec2| along_v.points().map(move |b| (a + b).extend(0.0));
+    let points: Vec<DVec3> = along_u.points().flat_map(row).collect();
+    let [u, v] = [along_u, along_v].map(|curve| curve.knots().clone());
+    Surface::new(u, v, &points, None)
 }

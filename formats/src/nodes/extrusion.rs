@@ -1,6 +1,8 @@
 //! `Extrusion`: a cross-section along a spine, as one exact surface of degree one, with caps
 //! that are flat faces cut along the section.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DQuat, DVec2, DVec3, Vec2Swizzles as _};
 use kernel::modelling::plane;
 use kernel::{Curve, Error as GeometryError, KnotVector, Patch, Surface, TrimLoop};
@@ -81,7 +83,8 @@ impl Converter<'_> {
                             } else {
                                 [DVec3::X * size.x, DVec3::Y * size.y]
                             };
-                            cap.texture = plane(DVec3::ZERO, u, v, 0.0..1.0, 0.0..1.0).ok();
+                            let texture = plane(DVec3::ZERO, u, v, 0.0..1.0, 0.0..1.0);
+                            cap.texture = texture.ok().map(Arc::new);
                         }
                         patches.push(cap);
                     }

@@ -4,6 +4,8 @@
 //! already. Most viewers take them as they are for the numerators of the rational form, and
 //! so do we: the Cartesian point is `controlPoint / weight`.
 
+use std::sync::Arc;
+
 use glam::{DVec2, DVec3};
 use kernel::{Curve, Error as GeometryError, KnotVector, Patch, Surface, modelling};
 
@@ -47,7 +49,7 @@ impl<'a> Converter<'a> {
             Err(problem) => return Ok(Err(problem)),
         };
         let loops = self.trim_loops(trims, &surface)?;
-        let texture = self.net_coordinates(node, &surface)?;
+        let texture = self.net_coordinates(node, &surface)?.map(Arc::new);
         let patch = Patch {
             loops,
             texture,
@@ -163,6 +165,7 @@ impl<'a> Converter<'a> {
             None if self.is_pictured => Some(over_domain(&patch.surface)?.reversed_u()),
             None => None,
         };
+        let texture = texture.map(Arc::new);
         Ok(Patch {
             surface: patch.surface.reversed_u(),
             texture,

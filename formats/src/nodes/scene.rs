@@ -5,10 +5,12 @@
 //! node exists before the node itself.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 use glam::{DAffine3, DQuat, DVec3};
 use kernel::{
-    Child, Item, Material, MaterialId, MetallicRoughness, NodeId, Patch, Scene, Shape, Wire, WireId,
+    Child, Item, Material, MaterialId, MetallicRoughness, NodeId, Patch, Scene, Shape, Surface,
+    Wire, WireId,
 };
 
 use super::animate::is_driver;
@@ -85,6 +87,8 @@ pub(super) struct Converter<'a> {
     pictured: HashSet<usize>,
     /// Whether the geometry that is being made is one of them.
     pub(super) is_pictured: bool,
+    /// Texture coordinates of solids, by their kind: they do not depend on sizes.
+    pub(super) covers: HashMap<Box<str>, Arc<Surface>>,
     /// Materials that reflect nothing whatever pictures and vertices say.
     pub(super) unlit: HashSet<MaterialId>,
     /// For materials of meshes with colours: those that leave the colour to them.
@@ -144,6 +148,7 @@ impl<'a> Converter<'a> {
             pictures: Pictures::default(),
             pictured: HashSet::new(),
             is_pictured: false,
+            covers: HashMap::new(),
             unlit: HashSet::new(),
             whitened: HashMap::new(),
             bound: Bound::default(),

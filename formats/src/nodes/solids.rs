@@ -9,7 +9,6 @@ use kernel::modelling::{Frame, plane, revolve, sphere};
 use kernel::{Curve, Error as GeometryError, Patch, Surface};
 
 use super::Node;
-use super::covering::cover;
 use super::scene::Converter;
 
 impl Converter<'_> {
@@ -56,7 +55,7 @@ impl Converter<'_> {
         let mut patches: Vec<_> = surfaces?.into_iter().map(Patch::from).collect();
         if self.is_pictured {
             for patch in &mut patches {
-                cover(&node.kind, patch)?;
+                self.cover(&node.kind, patch)?;
             }
         }
         Ok(patches)

@@ -2,6 +2,7 @@
 //! is left.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 use kernel::{
@@ -92,10 +93,10 @@ impl Reader<'_> {
             patch.source = format!("line {}, {}", part.line, part.what);
             patch.loops = part.loops;
             patch.material = material(part.tag.1);
-            patch.texture = part.texture;
+            patch.texture = part.texture.map(Arc::new);
             let has_maps = |id| !scene.material(id).maps.is_empty();
             if patch.texture.is_none() && patch.material.is_some_and(has_maps) {
-                patch.texture = Some(own_parameters(&patch.surface)?);
+                patch.texture = Some(Arc::new(own_parameters(&patch.surface)?));
             }
             let id = scene.add_patch(patch)?;
             patches.push(id);

@@ -167,7 +167,7 @@ pub(super) fn coordinates(
     let surface = &patch.surface;
     let [u, v] = [surface.knots_u().domain(), surface.knots_v().domain()];
     let mut texture = match &patch.texture {
-        Some(texture) => texture.clone(),
+        Some(texture) => Surface::clone(texture),
         None if is_textured => {
             let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]];
             let corners = corners.map(|[x, y]| glam::DVec3::new(x, y, 0.0));
