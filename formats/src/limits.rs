@@ -18,6 +18,10 @@ pub struct Limits {
     /// Surfaces, meshes and curves shown, counting every place of an instance: a picture takes some
     /// 300 bytes for each, triangles more.
     pub placements: u64,
+    /// Work that laying trim curves onto their surfaces may take, for each line of parameters of an
+    /// IGES file and five thousand more: control points that are mixed for points of surfaces. No
+    /// file that is known needs a hundredth of it; a hundred million take about a second.
+    pub laying: usize,
     /// Texels of all pictures of one file together.
     pub texels: usize,
 }
@@ -30,6 +34,7 @@ impl Default for Limits {
             nesting: 200,
             points: 100_000_000,
             placements: 3_000_000,
+            laying: 10_000,
             texels: 100_000_000,
         }
     }

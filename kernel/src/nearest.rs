@@ -21,6 +21,9 @@ const TRIED: usize = 4;
 /// Two sides of a surface meet if no farther apart than this share of its size.
 const MEETS: f64 = 1e-6;
 
+/// So many samples are looked at in the time in which a control point is mixed.
+const LOOKED_AT: usize = 16;
+
 /// A point found from a guess is taken if it is no farther away than this share of the size.
 const TRUSTED: f64 = 1e-3;
 
@@ -33,6 +36,8 @@ pub struct Nearest {
     pub point: DVec3,
     /// Its distance from the point asked for.
     pub distance: f64,
+    /// What the search took: the control points that were mixed for points of the surface.
+    pub work: usize,
 }
 
 /// Whether a surface meets itself at the ends of u and of v, up to a millionth of its size.
@@ -83,6 +88,8 @@ pub struct Nearby<'a> {
     /// Points all over the surface, made when they are first wanted.
     samples: OnceLock<Vec<(DVec2, DVec3)>>,
     size: f64,
+    /// Control points that a point of the surface is mixed of.
+    mixed: usize,
 }
 
 impl<'a> Nearby<'a> {
@@ -96,6 +103,7 @@ impl<'a> Nearby<'a> {
             end: DVec2::new(u.end, v.end),
             samples: OnceLock::new(),
             size: surface.hull_bounds().diagonal(),
+            mixed: (surface.knots_u().degree() + 1) * (surface.knots_v().degree() + 1),
         }
     }
 
@@ -140,7 +148,13 @@ impl<'a> Nearby<'a> {
         if let Some(found) = guessed.filter(|found| found.distance <= TRUSTED * self.size) {
             return found;
         }
-        let samples = self.samples.get_or_init(|| self.sampled());
+        let mut work = guessed.map_or(0, |found| found.work);
+        let samples = self.samples.get_or_init(|| {
+            let samples = self.sampled();
+            work += samples.len() * self.mixed;
+            samples
+        });
+        work += samples.len() / LOOKED_AT;
         let mut order = [(f64::INFINITY, DVec2::ZERO); TRIED];
         for (uv, point) in samples {
             let square = point.distance_squared(target);
@@ -153,9 +167,13 @@ impl<'a> Nearby<'a> {
         let known = order.iter().filter(|known| known.0 < f64::INFINITY);
         let found = known.map(|(_, uv)| self.iterate(target, *uv));
         let best = found
+            .inspect(|found| work += found.work)
             .chain(guessed)
             .min_by(|a, b| a.distance.total_cmp(&b.distance));
-        best.unwrap_or_else(|| self.iterate(target, (self.start + self.end) * 0.5))
+        match best {
+            Some(best) => Nearest { work, ..best },
+            None => self.iterate(target, (self.start + self.end) * 0.5),
+        }
     }
 
     /// Newton's iteration, damped, clamped to the domain where it is not closed.
@@ -164,7 +182,9 @@ impl<'a> Nearby<'a> {
         let mut damping = 0.0;
         let mut d = self.surface.derivatives(self.wrapped(uv));
         let mut best = d.point.distance_squared(target);
+        let mut work = self.mixed;
         for _ in 0..STEPS {
+            work += self.mixed;
             let next = self.clamped(uv + self.step(&d, target - d.point, uv, damping));
             let moved = ((next - uv) / (self.end - self.start)).abs().max_element();
             let then = self.surface.derivatives(self.wrapped(next));
@@ -185,6 +205,7 @@ impl<'a> Nearby<'a> {
             uv,
             point: d.point,
             distance: best.sqrt(),
+            work,
         }
     }
 

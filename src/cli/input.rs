@@ -23,7 +23,7 @@ const WARNINGS_SHOWN: usize = 8;
 /// Options that concern reading.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ReadArgs {
-    /// Multiply the limits on file size, points, nesting, instances and pictures by this factor
+    /// Multiply the limits on file size, points, nesting, instances, pictures and laid curves by this factor
     #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     relax_limits: u32,
     /// Let files name others in this folder and below, not only beside themselves
@@ -52,6 +52,7 @@ impl ReadArgs {
             placements: limits
                 .placements
                 .saturating_mul(u64::from(self.relax_limits)),
+            laying: limits.laying.saturating_mul(factor),
             texels: limits.texels.saturating_mul(factor),
         }
     }

@@ -76,6 +76,8 @@ pub(super) struct Reader<'a, 'b> {
     pub bases: Vec<usize>,
     /// How many more control points there may be.
     pub limit: usize,
+    /// How much more work laying curves onto surfaces may take.
+    pub laying: usize,
 }
 
 impl Reader<'_, '_> {

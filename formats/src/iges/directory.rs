@@ -172,6 +172,11 @@ impl<'a> File<'a> {
         }
     }
 
+    /// How many cards of parameters there are.
+    pub(super) fn card_count(&self) -> usize {
+        self.cards.len()
+    }
+
     /// The entry a pointer leads to; pointers to its second line are meant for the first.
     pub(super) fn find(&self, pointer: i64) -> Option<usize> {
         let number = usize::try_from(pointer).ok().filter(|n| *n > 0)?;

@@ -26,6 +26,9 @@ use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
 /// What a patch counts at least, in control points.
 const LEAST_COST: usize = 32;
 
+/// Laying curves onto surfaces may take as much work as if a file had so many more cards.
+const SPARE_CARDS: usize = 5_000;
+
 /// Places of all arrays of a file together.
 const MOST_PLACES: u64 = 1_000_000;
 
@@ -137,6 +140,8 @@ struct Tree<'a, 'b> {
     repaired: BTreeSet<usize>,
     refused: BTreeSet<usize>,
     points_left: usize,
+    /// How much more work laying curves onto surfaces may take.
+    laying_left: usize,
     /// How many more children may be stored twice for the sake of an inherited colour.
     copies_left: usize,
     /// How many more places arrays may have.
@@ -166,6 +171,9 @@ impl<'a, 'b> Tree<'a, 'b> {
             repaired: BTreeSet::new(),
             refused: BTreeSet::new(),
             points_left: limits.points,
+            laying_left: limits
+                .laying
+                .saturating_mul(file.card_count() + SPARE_CARDS),
             copies_left: count.saturating_mul(8),
             places_left: MOST_PLACES,
             failure: None,
@@ -415,8 +423,10 @@ impl<'a, 'b> Tree<'a, 'b> {
             repairs: Vec::new(),
             bases: Vec::new(),
             limit: self.points_left,
+            laying: self.laying_left,
         };
         let result = read(&mut reader, &mut self.edges);
+        self.laying_left = reader.laying;
         for base in reader.bases {
             self.tried[base] = true;
         }

@@ -2,6 +2,7 @@
 //! surface.
 
 mod extent;
+mod flat;
 mod laid;
 #[cfg(test)]
 mod tests;
@@ -10,17 +11,17 @@ use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use glam::{DAffine2, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use kernel::nearest::{self, Nearby};
 use kernel::{Curve, Orientation, Surface, TrimLoop};
 
 use self::laid::Laid;
 use super::boundary::{self, Boundary, Edges, Loop, Use};
-use super::curves::{Rail, Reader, fitted};
+use super::curves::{Reader, fitted};
 use super::directory::SHORT;
 use super::order::{Chain, Order};
 use super::quadric::Quadric;
-use super::sheets::{self, Sheet, SheetShape, Warp};
+use super::sheets::{self, Sheet, SheetShape};
 use crate::{Problem, lifted, repeated};
 
 /// How far a curve laid onto a surface may stray, relative to the size of the surface.
@@ -32,13 +33,6 @@ const MEETS: f64 = 1e-5;
 /// The resolution that a file states counts up to this share of the surface's size; where a loop does
 /// not close otherwise, gaps are bridged up to it.
 const COARSE: f64 = 1e-3;
-
-/// Curves of the parameter domain that miss their curves of space by more than this share of
-/// the surface's size are not believed.
-const MISSES: f64 = 2e-2;
-
-/// So are those that miss them by more than this share of their own size, and [`COARSE`].
-const SHARE: f64 = 0.1;
 
 /// Which curves a loop is made of.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -92,8 +86,11 @@ pub(super) fn faces(
         let trims = match &loops {
             None => Vec::new(),
             Some(loops) => {
-                let trimmer = Trimmer::new(&surface, &sheet, reader.file.global.resolution);
-                match reader.tried(|reader| trimmer.trims(reader, face, loops, border)) {
+                let resolution = reader.file.global.resolution;
+                let trimmer = Trimmer::new(&surface, &sheet, resolution, reader.laying);
+                let trims = reader.tried(|reader| trimmer.trims(reader, face, loops, border));
+                reader.laying = trimmer.left.get();
+                match trims {
                     Ok(trims) => trims,
                     Err(NOTHING) if sheet.is_plane() => return no_plane(reader, face, NOTHING),
                     Err(problem) => {
@@ -163,8 +160,11 @@ pub(super) fn on_surface(
         return Err(Problem::Unsupported(text.to_owned()));
     };
     let surface = pieces.first().ok_or(kernel::Error::NothingInside);
-    let trimmer = Trimmer::new(surface.map_err(Problem::Geometry)?, &sheet, 0.0);
-    let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere)?;
+    let surface = surface.map_err(Problem::Geometry)?;
+    let trimmer = Trimmer::new(surface, &sheet, 0.0, reader.laying);
+    let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere);
+    reader.laying = trimmer.left.get();
+    let flat = flat?;
     let (mut curves, mut strays) = (Vec::new(), 0.0_f64);
     for curve in &flat {
         let lifted = lifted::onto(trimmer.surface, curve, |uv| trimmer.point(uv))?;
@@ -245,10 +245,12 @@ struct Trimmer<'a> {
     /// The curves of space that have been laid onto it, as they are used and turned: the others are
     /// tried, and the same again with wider gaps, where they bound no face.
     laid: RefCell<HashMap<(i64, i64, bool), Laid>>,
+    /// How much more work laying curves onto surfaces may take.
+    left: Cell<usize>,
 }
 
 impl<'a> Trimmer<'a> {
-    fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64) -> Self {
+    fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64, left: usize) -> Self {
         let size = surface.hull_bounds().diagonal();
         let most = size * COARSE;
         let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
@@ -270,6 +272,7 @@ impl<'a> Trimmer<'a> {
             nearby: OnceCell::new(),
             strays: Cell::new(0.0),
             laid: RefCell::default(),
+            left: Cell::new(left),
         }
     }
 
@@ -315,16 +318,14 @@ impl<'a> Trimmer<'a> {
             Source::Space => Source::Flat,
             _ => Source::Space,
         };
-        let mut made = |source: Choice<'_>, accuracy: f64, repair: Option<&str>| {
+        let mut made = |source: Choice<'_>, accuracy: f64, repair: Option<Problem>| {
             reader.tried(|reader| {
                 let made = self.closed(reader, face, loops, source, accuracy)?;
-                if let Some(text) = repair {
-                    reader.repaired(face, text);
-                }
+                reader.repairs.extend(repair.map(|repair| (face, repair)));
                 Ok(made)
             })
         };
-        let problem = match made(&preferred, self.accuracy, None) {
+        let mut problem = match made(&preferred, self.accuracy, None) {
             Err(problem) => problem,
             made => return made,
         };
@@ -350,8 +351,17 @@ impl<'a> Trimmer<'a> {
         ];
         // Of quadrics only curves of space count.
         for (source, accuracy, text) in others.into_iter().skip(if is_quadric { 2 } else { 0 }) {
-            if let Ok(made) = made(source, accuracy, Some(text)) {
-                return Ok(made);
+            let repair = if problem == laid::spent() {
+                let text = format!("a trim loop is made of other curves of the file: {problem}");
+                Problem::Unsupported(text)
+            } else {
+                Problem::Invalid(text.to_owned())
+            };
+            match made(source, accuracy, Some(repair)) {
+                Ok(made) => return Ok(made),
+                // Of what could have been tried, more than of what failed.
+                Err(untried) if untried == laid::spent() => problem = untried,
+                Err(_) => {}
             }
         }
         Err(problem)
@@ -444,117 +454,6 @@ impl<'a> Trimmer<'a> {
             accuracy,
         };
         Ok(order.aligned(chain))
-    }
-
-    /// The curves of a stretch in the parameter domain, if they are where its curve of space
-    /// is.
-    fn flat(
-        &self,
-        reader: &mut Reader<'_, '_>,
-        stretch: &Use,
-        source: Source,
-    ) -> Result<Chain, Problem> {
-        let mut curves = Vec::new();
-        for &pointer in &stretch.flat {
-            curves.extend(reader.flat(pointer)?);
-        }
-        let SheetShape::Splines(_, warps) = &self.sheet.shape else {
-            return Ok(curves);
-        };
-        if warps.iter().any(|warp| !warp.is_identity()) {
-            self.wind(&mut curves, warps);
-            let warped = curves.iter().map(|curve| self.warped(curve, warps));
-            curves = warped.collect::<Result<_, _>>()?;
-        }
-        if stretch.space == 0 || source == Source::FlatAnywhere {
-            return Ok(curves);
-        }
-        let index = reader.file.follow(stretch.space, "a trim curve")?;
-        let Ok(rails) = reader.glimpse(index) else {
-            // Nothing to compare with.
-            return Ok(curves);
-        };
-        if rails.len() == curves.len() {
-            let apart = |curve: &Curve<DVec2>, rail: &Rail| {
-                let own = [self.point(curve.start()), self.point(curve.end())];
-                let other = [rail.curve.start(), rail.curve.end()];
-                let with = own[0].distance(other[0]).max(own[1].distance(other[1]));
-                let against = own[0].distance(other[1]).max(own[1].distance(other[0]));
-                with.min(against)
-            };
-            let allowed = |rail: &Rail| {
-                let length = rail.curve.hull_bounds().diagonal();
-                (self.size * MISSES).min(self.size * COARSE + length * SHARE)
-            };
-            if curves
-                .iter()
-                .zip(&rails)
-                .any(|(c, r)| apart(c, r) > allowed(r))
-            {
-                let text = "a curve of the parameter domain is not where its curve of space is";
-                return Err(Problem::Invalid(text.to_owned()));
-            }
-        }
-        if let ([curve], [rail]) = (curves.as_slice(), rails.as_slice()) {
-            let mut space = rail.curve.clone();
-            if stretch.reversed {
-                space = space.reversed();
-            }
-            if self.runs_against(curve, &space) {
-                curves = vec![curve.reversed()];
-            }
-        }
-        Ok(curves)
-    }
-
-    /// Moves curves by whole turns into the domain, along parameters that are angles.
-    fn wind(&self, curves: &mut Chain, warps: &[Warp; 2]) {
-        for (axis, warp) in warps.iter().enumerate() {
-            let domain = &self.whole[axis];
-            let Some(turn) = warp.turn(domain) else {
-                continue;
-            };
-            let points = || curves.iter().flat_map(Curve::points).map(|p| p[axis]);
-            let least = points().fold(f64::INFINITY, f64::min);
-            let largest = points().fold(f64::NEG_INFINITY, f64::max);
-            let off = f64::midpoint(domain.start, domain.end) - f64::midpoint(least, largest);
-            let turns = (off / turn).round();
-            if turns != 0.0 && turns.is_finite() {
-                let mut shift = DVec2::ZERO;
-                shift[axis] = turns * turn;
-                let map = DAffine2::from_translation(shift);
-                for curve in curves.iter_mut() {
-                    *curve = curve.transformed(&map);
-                }
-            }
-        }
-    }
-
-    /// Whether a curve of the parameter domain runs against a curve of space.
-    fn runs_against(&self, flat: &Curve<DVec2>, space: &Curve<DVec3>) -> bool {
-        let share = |domain: Range<f64>, s: f64| domain.start + (domain.end - domain.start) * s;
-        let own = |s: f64| self.point(flat.evaluate(share(flat.domain(), s)));
-        let other = |s: f64| space.evaluate(share(space.domain(), s));
-        let is_closed = other(0.0).distance(other(1.0)) <= self.size * MEETS;
-        let [a, b] = if is_closed { [0.25, 0.75] } else { [0.0, 1.0] };
-        let with = own(a).distance(other(a)) + own(b).distance(other(b));
-        let against = own(a).distance(other(b)) + own(b).distance(other(a));
-        against < with
-    }
-
-    /// A curve in the parameters of the surface, for one in those of the file.
-    fn warped(&self, curve: &Curve<DVec2>, warps: &[Warp; 2]) -> Result<Curve<DVec2>, Problem> {
-        let image = |uv: DVec2| {
-            DVec2::new(
-                warps[0].apply(uv.x, &self.whole[0]),
-                warps[1].apply(uv.y, &self.whole[1]),
-            )
-        };
-        let at = |t: f64| image(curve.evaluate(t));
-        let [size_u, size_v] = self.domain.clone().map(|d| d.end - d.start);
-        let size = DVec2::new(size_u, size_v);
-        let off = |a: DVec2, b: DVec2| ((a - b) / size).length();
-        self.straight_or_fitted(curve, at, ACCURACY, off)
     }
 
     fn quadric(&self) -> Option<&'a Quadric> {

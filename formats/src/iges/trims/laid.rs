@@ -26,6 +26,16 @@ const STEADY: f64 = 1e-10;
 /// along that border.
 const BORDER: f64 = 1e-3;
 
+/// What a point of a curve costs beside the search for it, in control points that are mixed.
+const POINT: usize = 16;
+
+/// Why a curve of space is not laid onto its surface after many others.
+pub(super) fn spent() -> Problem {
+    let text = "laying curves of space onto surfaces takes more work than a file of this size may \
+                ask for";
+    Problem::Unsupported(text.to_owned())
+}
+
 /// What a curve of space becomes on a surface.
 #[derive(Clone, Debug)]
 pub(super) struct Laid {
@@ -81,6 +91,21 @@ impl Trimmer<'_> {
         Ok(chain)
     }
 
+    /// Takes from the work that is left.
+    fn spend(&self, work: usize) {
+        self.left.set(self.left.get().saturating_sub(work));
+    }
+
+    /// Makes sure that work is left. Where it ends in the middle of a curve, that becomes something
+    /// else soon, which is given up here.
+    fn check_left(&self) -> Result<(), Problem> {
+        if self.left.get() > 0 {
+            Ok(())
+        } else {
+            Err(spent())
+        }
+    }
+
     /// A curve that passes poles of the surface, in parts that end there: parameters jump there.
     fn parted(&self, curve: Curve<DVec3>) -> Result<Vec<Curve<DVec3>>, Problem> {
         let mut parts = vec![curve];
@@ -120,6 +145,14 @@ impl Trimmer<'_> {
         if let Some(flat) = flat {
             return Ok(flat);
         }
+        self.check_left()?;
+        let laid = self.searched(curve);
+        self.check_left()?;
+        laid
+    }
+
+    /// A curve of space in the parameters of the surface, by those of its points.
+    fn searched(&self, curve: &Curve<DVec3>) -> Result<Curve<DVec2>, Problem> {
         let table = self.table(curve)?;
         if let Some(line) = self.along_border(&table) {
             return Ok(line);
@@ -145,10 +178,17 @@ impl Trimmer<'_> {
         tolerance: f64,
         off: impl Fn(DVec2, DVec2) -> f64,
     ) -> Result<Curve<DVec2>, Problem> {
+        let at = |t: f64| {
+            self.spend(POINT);
+            at(t)
+        };
+        // What cannot be finished is not made better.
+        let off = |a: DVec2, b: DVec2| if self.left.get() > 0 { off(a, b) } else { 0.0 };
         let Range { start, end } = curve.domain();
         let points: Vec<DVec2> = (0..=12)
             .map(|k| at(start + (end - start) * f64::from(k) / 12.0))
             .collect();
+        self.check_left()?;
         let (first, along) = (points[0], points[12] - points[0]);
         let square = along.length_squared();
         let on_line = |p: DVec2| first + along * ((p - first).dot(along) / square).clamp(0.0, 1.0);
@@ -157,6 +197,7 @@ impl Trimmer<'_> {
         }
         let breaks = curve.knots().breaks();
         let fit = modelling::fit(at, &breaks, tolerance, off).map_err(Problem::Geometry)?;
+        self.check_left()?;
         let strays = fit.deviation / tolerance * ACCURACY;
         self.strays.set(self.strays.get().max(strays));
         Ok(fit.curve)
@@ -218,7 +259,12 @@ impl Trimmer<'_> {
             let nearby = self
                 .nearby
                 .get_or_init(|| Nearby::new(self.surface, self.closed));
-            let found = nearby.nearest(point, guess).uv;
+            if let Some(guess) = guess.filter(|_| self.left.get() == 0) {
+                return guess;
+            }
+            let found = nearby.nearest(point, guess);
+            self.spend(found.work);
+            let found = found.uv;
             return guess.map_or(found, |guess| self.steady(self.beside(found, guess), guess));
         };
         let local = self.sheet.place.inverse().transform_point3(point);

@@ -2,7 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::iges::testing::{Made, corners, made, read, square};
+use crate::iges::testing::{Made, corners, file, made, read, square};
+use crate::{Import, Limits, NoFiles, Problem, ReadOptions};
 
 /// The border of the unit square as lines, at D `1`, and its composite curve at D 9.
 fn border() -> Vec<Made> {
@@ -249,4 +250,96 @@ fn small_gaps_in_loops_are_bridged() {
         "line 17, trimmed surface D15 (type 144): the curves of a trim loop do not quite meet; \
          the gaps are bridged"
     );
+}
+
+/// So many faces of one rough surface, each with the same curve of space, which goes up and down
+/// around it; a loop in the parameter domain, too, if `is_flat`.
+fn rough(count: usize, is_flat: bool) -> String {
+    let list = |numbers: &[f64]| -> String { numbers.iter().map(|x| format!("{x:?},")).collect() };
+    let knots: Vec<_> = (-3..=12).map(|k| f64::from(k.clamp(0, 9))).collect();
+    let points: Vec<f64> = (0..144)
+        .flat_map(|k| {
+            let (i, j) = (k % 12, k / 12);
+            let height = f64::from((i * 7 + j * 5) % 3) / 2.0;
+            [f64::from(i) / 11.0, f64::from(j) / 11.0, height]
+        })
+        .collect();
+    let corners: Vec<f64> = (0..=6)
+        .flat_map(|k| {
+            let angle = DVec2::from_angle(std::f64::consts::TAU / 6.0 * f64::from(k % 6));
+            let height = 0.3 + 0.4 * f64::from(k % 2);
+            [0.5 + 0.4 * angle.x, 0.5 + 0.4 * angle.y, height]
+        })
+        .collect();
+    let (knots, ones) = (list(&knots), "1.,".repeat(144));
+    let surface = format!(
+        "11,11,3,3,0,0,1,0,0,{knots}{knots}{ones}{}0.,9.,0.,9.",
+        list(&points)
+    );
+    let mut entities = vec![
+        made(128, &surface),
+        made(
+            106,
+            &format!("2,7,{}", list(&corners).trim_end_matches(',')),
+        ),
+        made(106, "1,5,0.,2.,2.,7.,2.,7.,7.,2.,7.,2.,2."),
+    ];
+    entities[1].form = 12;
+    entities[2].form = 11;
+    for part in &mut entities {
+        part.status = "00010000";
+    }
+    let flat = if is_flat { 5 } else { 0 };
+    for k in 0..count {
+        let mut curve = made(142, &format!("1,1,{flat},3,2"));
+        curve.status = "00010000";
+        entities.push(curve);
+        entities.push(made(144, &format!("1,1,0,{}", 4 * k + 7)));
+    }
+    file(&entities)
+}
+
+/// What is read where so much work is allowed for each card.
+fn laid(text: &str, laying: usize) -> Import {
+    let limits = Limits {
+        laying,
+        ..Limits::default()
+    };
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &NoFiles,
+    };
+    crate::read(text.as_bytes(), None, &options).unwrap()
+}
+
+#[test]
+fn thousands_of_curves_off_their_faces_are_laid_until_the_work_is_spent() {
+    const WHY: &str = "laying curves of space onto surfaces takes more work than a file of this size \
+                       may ask for";
+    let few = laid(&rough(1, false), 10_000);
+    let loops = &few.scene.patches()[0].loops;
+    assert_eq!(loops.len(), 1);
+    for (is_flat, text) in [
+        (false, "trimmed surface is shown untrimmed"),
+        (true, "a trim loop is made of other curves of the file"),
+    ] {
+        let text = format!("{text}: {WHY}");
+        let import = laid(&rough(3000, is_flat), 1000);
+        let patches = import.scene.patches();
+        assert_eq!(patches.len(), 3000);
+        let count = patches.iter().filter(|p| &p.loops == loops).count();
+        assert!((1..100).contains(&count), "{count} faces are laid");
+        let others = patches[count..].iter();
+        assert!(
+            others
+                .clone()
+                .all(|p| p.loops.len() == usize::from(is_flat))
+        );
+        let told = import.warnings.as_slice().iter();
+        let mut told = told.filter(|told| told.problem == Problem::Unsupported(text.clone()));
+        let told = told.next().unwrap();
+        assert_eq!(told.count, 3000 - count);
+        let first = format!("trimmed surface D{} (type 144)", 4 * count + 9);
+        assert_eq!(told.places[0].what, first);
+    }
 }
