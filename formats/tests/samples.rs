@@ -120,7 +120,7 @@ fn damaged_samples_do_not_panic() {
 }
 
 #[test]
-#[ignore = "takes two minutes in release; `make soak` runs it"]
+#[ignore = "takes two to three minutes in release; `make soak` runs it"]
 fn heavily_damaged_samples_do_not_panic() {
     damage(20_000);
 }
