@@ -279,6 +279,7 @@ impl<'a> Pieces<'a> {
             .into_iter()
             .map(|net| Piece::new(&family, net))
             .collect();
+        let is_costly = list.iter().any(|piece| piece.weights == Weights::Any);
         let breaks = [surface.knots_u().breaks(), surface.knots_v().breaks()];
         let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
         let mut pieces = Self {
@@ -291,12 +292,8 @@ impl<'a> Pieces<'a> {
             creases: [Vec::new(), Vec::new()],
             list,
             family,
-            is_costly: false,
+            is_costly,
         };
-        pieces.is_costly = pieces
-            .list
-            .iter()
-            .any(|piece| piece.weights == Weights::Any);
         pieces.creases = [0, 1].map(|axis| pieces.find_creases(axis));
         pieces
     }

@@ -1,5 +1,6 @@
 //! Curves of space and of parameter domains: types 100 to 130.
 
+use std::cell::Cell;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -77,7 +78,7 @@ pub(super) struct Reader<'a, 'b> {
     /// How many more control points there may be.
     pub limit: usize,
     /// How much more work laying curves onto surfaces may take.
-    pub laying: usize,
+    pub laying: &'a Cell<usize>,
 }
 
 impl Reader<'_, '_> {

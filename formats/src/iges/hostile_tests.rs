@@ -2,21 +2,16 @@
 
 use std::time::{Duration, Instant};
 
-use super::testing::{self, Made, file, made, square};
-use crate::{Error, Import, Limits, NoFiles, ReadOptions};
+use super::testing::{self, Made, file, made, read_within, square};
+use crate::{Error, Import, Limits};
 
 /// Longest time for one file.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 fn read(entities: &[Made]) -> Result<Import, Error> {
-    let limits = Limits::default();
-    let options = ReadOptions {
-        limits: &limits,
-        resolver: &NoFiles,
-    };
     let text = file(entities);
     let started = Instant::now();
-    let result = crate::read(text.as_bytes(), None, &options);
+    let result = read_within(&text, &Limits::default());
     let took = started.elapsed();
     assert!(took < PATIENCE, "{took:?}");
     result
@@ -171,12 +166,7 @@ fn joined_curves_are_held_against_the_limit() {
             points,
             ..Limits::default()
         };
-        let options = ReadOptions {
-            limits: &limits,
-            resolver: &NoFiles,
-        };
-        let text = file(&entities);
-        crate::read(text.as_bytes(), None, &options).map_err(|e| e.problem.to_string())
+        read_within(&file(&entities), &limits).map_err(|e| e.problem.to_string())
     };
     let text = "3100 control points; the limit leaves 1000";
     assert_eq!(problem(1000).unwrap_err(), text);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use glam::{DVec2, DVec3};
 use kernel::{Placement, Scene, Shape};
 
-use crate::{Limits, NoFiles, ReadOptions};
+use crate::{Error, Import, Limits, NoFiles, ReadOptions};
 
 /// An entity of a file to be made: type and form, further directory fields, parameters.
 pub(super) struct Made {
@@ -29,14 +29,18 @@ pub(super) struct Made {
 
 /// The scene and the warnings of a file of entities, known by its content.
 pub(super) fn read(entities: &[Made]) -> (Scene, Vec<String>) {
-    let limits = Limits::default();
-    let options = ReadOptions {
-        limits: &limits,
-        resolver: &NoFiles,
-    };
-    let import = crate::read(file(entities).as_bytes(), None, &options).unwrap();
+    let import = read_within(&file(entities), &Limits::default()).unwrap();
     let warnings = import.warnings.as_slice().iter().map(ToString::to_string);
     (import.scene, warnings.collect())
+}
+
+/// What a file, known by its content, becomes within some limits.
+pub(super) fn read_within(text: &str, limits: &Limits) -> Result<Import, Error> {
+    let options = ReadOptions {
+        limits,
+        resolver: &NoFiles,
+    };
+    crate::read(text.as_bytes(), None, &options)
 }
 
 /// An entity of a type with parameters, all else being zero.

@@ -3,6 +3,7 @@
 //! Each entity is built once and shared by all that refer to it. What an entity may refer to
 //! is collected first, because only entities to which nothing refers stand for themselves.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::{DAffine3, DVec3};
@@ -141,7 +142,7 @@ struct Tree<'a, 'b> {
     refused: BTreeSet<usize>,
     points_left: usize,
     /// How much more work laying curves onto surfaces may take.
-    laying_left: usize,
+    laying_left: Cell<usize>,
     /// How many more children may be stored twice for the sake of an inherited colour.
     copies_left: usize,
     /// How many more places arrays may have.
@@ -171,9 +172,11 @@ impl<'a, 'b> Tree<'a, 'b> {
             repaired: BTreeSet::new(),
             refused: BTreeSet::new(),
             points_left: limits.points,
-            laying_left: limits
-                .laying
-                .saturating_mul(file.card_count() + SPARE_CARDS),
+            laying_left: Cell::new(
+                limits
+                    .laying
+                    .saturating_mul(file.card_count() + SPARE_CARDS),
+            ),
             copies_left: count.saturating_mul(8),
             places_left: MOST_PLACES,
             failure: None,
@@ -423,10 +426,9 @@ impl<'a, 'b> Tree<'a, 'b> {
             repairs: Vec::new(),
             bases: Vec::new(),
             limit: self.points_left,
-            laying: self.laying_left,
+            laying: &self.laying_left,
         };
         let result = read(&mut reader, &mut self.edges);
-        self.laying_left = reader.laying;
         for base in reader.bases {
             self.tried[base] = true;
         }

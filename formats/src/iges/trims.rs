@@ -88,9 +88,7 @@ pub(super) fn faces(
             Some(loops) => {
                 let resolution = reader.file.global.resolution;
                 let trimmer = Trimmer::new(&surface, &sheet, resolution, reader.laying);
-                let trims = reader.tried(|reader| trimmer.trims(reader, face, loops, border));
-                reader.laying = trimmer.left.get();
-                match trims {
+                match reader.tried(|reader| trimmer.trims(reader, face, loops, border)) {
                     Ok(trims) => trims,
                     Err(NOTHING) if sheet.is_plane() => return no_plane(reader, face, NOTHING),
                     Err(problem) => {
@@ -162,9 +160,7 @@ pub(super) fn on_surface(
     let surface = pieces.first().ok_or(kernel::Error::NothingInside);
     let surface = surface.map_err(Problem::Geometry)?;
     let trimmer = Trimmer::new(surface, &sheet, 0.0, reader.laying);
-    let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere);
-    reader.laying = trimmer.left.get();
-    let flat = flat?;
+    let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere)?;
     let (mut curves, mut strays) = (Vec::new(), 0.0_f64);
     for curve in &flat {
         let lifted = lifted::onto(trimmer.surface, curve, |uv| trimmer.point(uv))?;
@@ -246,11 +242,11 @@ struct Trimmer<'a> {
     /// tried, and the same again with wider gaps, where they bound no face.
     laid: RefCell<HashMap<(i64, i64, bool), Laid>>,
     /// How much more work laying curves onto surfaces may take.
-    left: Cell<usize>,
+    left: &'a Cell<usize>,
 }
 
 impl<'a> Trimmer<'a> {
-    fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64, left: usize) -> Self {
+    fn new(surface: &'a Surface, sheet: &'a Sheet, resolution: f64, left: &'a Cell<usize>) -> Self {
         let size = surface.hull_bounds().diagonal();
         let most = size * COARSE;
         let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
@@ -272,7 +268,7 @@ impl<'a> Trimmer<'a> {
             nearby: OnceCell::new(),
             strays: Cell::new(0.0),
             laid: RefCell::default(),
-            left: Cell::new(left),
+            left,
         }
     }
 

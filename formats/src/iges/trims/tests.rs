@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::iges::testing::{Made, corners, file, made, read, square};
-use crate::{Import, Limits, NoFiles, Problem, ReadOptions};
+use crate::iges::testing::{Made, corners, file, made, read, read_within, square};
+use crate::{Import, Limits, Problem};
 
 /// The border of the unit square as lines, at D `1`, and its composite curve at D 9.
 fn border() -> Vec<Made> {
@@ -305,11 +305,7 @@ fn laid(text: &str, laying: usize) -> Import {
         laying,
         ..Limits::default()
     };
-    let options = ReadOptions {
-        limits: &limits,
-        resolver: &NoFiles,
-    };
-    crate::read(text.as_bytes(), None, &options).unwrap()
+    read_within(text, &limits).unwrap()
 }
 
 #[test]
