@@ -10,6 +10,9 @@ use crate::simd::{LANES, Simd};
 /// Rounding errors of positions and values in single precision, several wide.
 const ROUNDING: f32 = 8.0 / (1 << 24) as f32;
 
+/// Rays of a beam advance across no more than this, along either axis, for each one along it.
+pub(super) const STEEPEST: f32 = 4.0;
+
 /// A cell as the rays of a beam see it: axes in the order of the beam, signs along its way.
 pub(super) struct View {
     pub(super) bulge: [f32; 3],
@@ -66,7 +69,7 @@ impl View {
         for r in 0..3 {
             own[r] = [rows[r][i], rows[r][j], rows[r][beam.main] * sign];
             sizes[r] = own[r][0].abs() + own[r][1].abs();
-            direction_size = direction_size.max(4.0 * sizes[r] + own[r][2].abs());
+            direction_size = direction_size.max(STEEPEST * sizes[r] + own[r][2].abs());
         }
         Self {
             bulge,
@@ -114,16 +117,6 @@ pub(super) struct Approach<F> {
     /// What is uncertain of the place: in any direction, and in that of the tilt, of which this
     /// is a part.
     pub(super) error: [F; 2],
-}
-
-/// Whether one of the rays `16 group ..` of the beam may meet a cell: a bit for each.
-#[inline(always)]
-pub(super) fn pass<S: Simd>(s: S, view: &View, beam: &Beam, group: usize, rational: bool) -> u32 {
-    if rational {
-        !approach::<S, true>(s, view, beam, group).beside
-    } else {
-        !approach::<S, false>(s, view, beam, group).beside
-    }
 }
 
 /// Sixteen rays in the frame of a cell, or each in that of its own.

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3};
 use kernel::Ray;
 
-use super::hull::{ACROSS, BeamBounds, Extent, PADDING, WIDEST, greater, lesser};
+use super::hull::{ACROSS, Extent, PADDING, WIDEST, greater, lesser};
 use super::leaf::Bits;
 use crate::simd::{LANES, Simd, WIDE_LANES};
 
@@ -118,18 +118,6 @@ fn bounds<S: Simd>(s: S, values: &[f64; RAYS]) -> (f64, f64) {
     (least_of(&low), greatest_of(&high))
 }
 
-/// Middle of what sixteen lanes hold, and half of what they span.
-#[inline(always)]
-fn spread(values: &[f32; LANES]) -> (f32, f32) {
-    let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
-    for k in 0..8 {
-        low[k] = lesser(values[k], values[k + 8]);
-        high[k] = greater(values[k], values[k + 8]);
-    }
-    let (low, high) = (least_of(&low), greatest_of(&high));
-    (0.5 * (low + high), 0.5 * (high - low))
-}
-
 #[inline(always)]
 fn least_of<T: PartialOrd + Copy>(&[a, b, c, d, e, f, g, h]: &[T; 8]) -> T {
     let (first, second) = (
@@ -240,25 +228,6 @@ impl Beam {
             self.extent.put(axis, [low, high], [low_slope, high_slope]);
         }
         narrow
-    }
-
-    /// Of the beam as a whole the rays of a group.
-    #[inline(always)]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "widened by more than the rounding"
-    )]
-    pub(super) fn part(&self, whole: &BeamBounds, group: usize) -> BeamBounds {
-        let mut part = *whole;
-        for axis in 0..2 {
-            let (middle, half) = spread(&self.offset[axis].as_chunks().0[group]);
-            part.origin[axis] = self.middle_origin[axis] as f32 + middle;
-            part.origin_radius[axis] = half + PADDING * (1.0 + part.origin[axis].abs());
-            let (middle, half) = spread(&self.turn[axis].as_chunks().0[group]);
-            part.slope[axis] = self.middle_slope[axis] as f32 + middle;
-            part.slope_radius[axis] = half + PADDING * (1.0 + part.slope[axis].abs());
-        }
-        part
     }
 
     /// The greatest `far` of all.

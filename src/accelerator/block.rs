@@ -1,13 +1,13 @@
-//! Eight cells side by side: one ray is tested against all of their frames at once.
+//! Eight cells side by side: one ray is tested against all of their frames at once, and so is a
+//! beam of them.
+
+mod crossing;
 
 use std::ops::Range;
 
 use glam::DVec3;
 
-use super::approach::View;
-use super::beam::Beam;
 use super::cells::{Cell, CellFrame};
-use super::hull::BeamBounds;
 use super::leaf::Bits;
 use super::room::part_of;
 use super::tree::{LocalRay, Tree, WIDTH};
@@ -208,116 +208,12 @@ fn slab(near: f32, far: f32, p: f32, inverse: f32, half: f32) -> (f32, f32) {
 }
 
 impl Block {
-    /// The cells that rays of the beam may meet before `far`, nearest first.
-    #[inline(always)]
-    pub(super) fn meet_beam<S: Simd>(
-        &self,
-        s: S,
-        beam: &BeamBounds,
-        far: f32,
-        found: &mut [(usize, f32); WIDTH],
-    ) -> usize {
-        let (met, lanes) = s.apart(OfBeam(self, beam, far));
-        let mut count = 0;
-        for slot in Bits(u64::from(met)) {
-            let near = lanes.near[slot];
-            let mut place = count;
-            while place > 0 && found[place - 1].1 > near {
-                found[place] = found[place - 1];
-                place -= 1;
-            }
-            found[place] = (slot, near);
-            count += 1;
-        }
-        count
-    }
-
-    /// A bit for each cell that rays of the beam may meet before `far`.
-    #[inline(always)]
-    pub(super) fn meets_beam<S: Simd>(&self, s: S, beam: &BeamBounds, far: f32) -> u32 {
-        s.apart(OfBeam(self, beam, far)).0
-    }
-
     /// A bit for each of the cells that is not `beside`.
     #[inline(always)]
     fn those_not(&self, beside: &[u32; WIDTH]) -> u32 {
         let all = (1 << self.count) - 1;
         (0..WIDTH).fold(0, |bits, k| bits | (1 - beside[k]) << k) & all
     }
-
-    /// A cell as a beam sees it, but for what only its pieces know.
-    #[inline(always)]
-    pub(super) fn view(&self, slot: usize, beam: &Beam) -> View {
-        let (mut center, mut rows, mut bulge) = ([0.0; 3], [[0.0; 3]; 3], [0.0; 3]);
-        for axis in 0..3 {
-            center[axis] = f64::from(self.center[axis][slot]);
-            for (row, from) in rows.iter_mut().zip(&self.rows) {
-                row[axis] = from[axis][slot];
-            }
-        }
-        for (to, from) in bulge.iter_mut().zip(&self.bulge) {
-            *to = from[slot];
-        }
-        // The center, too, is rounded.
-        let size = |row: &[f32; 3]| row[0].abs() + row[1].abs() + row[2].abs();
-        let blur = size(&rows[0]).max(size(&rows[1])).max(size(&rows[2])) * f32::EPSILON;
-        View::new(center, rows, (bulge, self.stray[3][slot]), blur, beam)
-    }
-
-    /// As [`Self::lane`] for all rays of a beam: what may be different from ray to ray is kept
-    /// as a distance from the middle.
-    #[inline(always)]
-    fn beam_lane(&self, k: usize, beam: &BeamBounds, far: f32, lanes: &mut BeamLanes) {
-        let [i, j] = beam.across;
-        let zeta = self.center[beam.main][k] * beam.sign;
-        let way = zeta - beam.start;
-        let y1 = beam.origin[0] + beam.slope[0] * way - self.center[i][k];
-        let y2 = beam.origin[1] + beam.slope[1] * way - self.center[j][k];
-        let r1 = beam.origin_radius[0] + beam.slope_radius[0] * way.abs();
-        let r2 = beam.origin_radius[1] + beam.slope_radius[1] * way.abs();
-        // Positions and directions in the frame, and how far rays are from that of the middle.
-        let (mut p, mut pr, mut d, mut dr) = ([0.0; 3], [0.0; 3], [0.0; 3], [0.0; 3]);
-        for r in 0..3 {
-            let (a, b) = (self.rows[r][i][k], self.rows[r][j][k]);
-            p[r] = a * y1 + b * y2;
-            pr[r] = a.abs() * r1 + b.abs() * r2;
-            d[r] = a * beam.slope[0] + b * beam.slope[1] + self.rows[r][beam.main][k] * beam.sign;
-            dr[r] = a.abs() * beam.slope_radius[0] + b.abs() * beam.slope_radius[1];
-        }
-        let ([_, _, p3], [_, _, p3r]) = (p, pr);
-        let ([_, _, d3], [_, _, d3r]) = (d, dr);
-        let [h1, h2, h3] = &self.bulge;
-        let (h1, h2, h3, k4) = (h1[k], h2[k], h3[k], self.stray[3][k]);
-        let room = (1.0 - k4).recip();
-        let room = if k4 < 1.0 { room } else { f32::INFINITY };
-        let (inverse, least) = (d3.recip(), (d3.abs() - d3r).recip());
-        // Not a number or negative where some ray may run along the cell.
-        let least = if least > 0.0 { least } else { f32::INFINITY };
-        let mut beside = false;
-        for (r, bulge) in [(0, h1), (1, h2)] {
-            let g = d[r] * inverse;
-            let gr = (dr[r] + g.abs() * d3r) * least;
-            let s = p[r] - g * p3;
-            let sr = pr[r] + g.abs() * p3r + gr * (p3.abs() + p3r);
-            let reach = 1.0 + bulge + (g.abs() + gr) * h3 + (s.abs() + sr) * k4;
-            beside |= s.abs() - sr * GROWTH > reach * GROWTH;
-        }
-        let time = -p3 * inverse;
-        let spread = (p3r + h3 * room + time.abs() * d3r) * least * GROWTH;
-        let near = zeta + time - spread;
-        let beside = beside | (near > far) | (zeta + time + spread < beam.least_near);
-        lanes.beside[k] = u32::from(beside);
-        let is_known = near > f32::NEG_INFINITY;
-        lanes.near[k] = if is_known { near } else { f32::NEG_INFINITY };
-    }
-}
-
-/// What eight cells say of a beam.
-#[repr(align(32))]
-struct BeamLanes {
-    /// One where all rays certainly miss the cell.
-    beside: [u32; WIDTH],
-    near: [f32; WIDTH],
 }
 
 /// Asks the cells of a block about a ray.
@@ -333,28 +229,6 @@ impl<S: Simd> Part<S> for OfRay<'_> {
         // Without branches, for eight cells at once.
         for k in 0..WIDTH {
             self.0.lane(k, self.1, self.2, &mut lanes);
-        }
-        (self.0.those_not(&lanes.beside), lanes)
-    }
-}
-
-/// Asks the cells of a block about a beam. In many places it would not be compiled for eight cells
-/// at once.
-struct OfBeam<'a>(&'a Block, &'a BeamBounds, f32);
-
-impl<S: Simd> Part<S> for OfBeam<'_> {
-    /// A bit for each cell that it may meet, and what they say.
-    type Output = (u32, BeamLanes);
-
-    #[inline(always)]
-    fn run(self, _: S) -> Self::Output {
-        let mut lanes = BeamLanes {
-            beside: [0; WIDTH],
-            near: [0.0; WIDTH],
-        };
-        // Without branches, for eight cells at once.
-        for k in 0..WIDTH {
-            self.0.beam_lane(k, self.1, self.2, &mut lanes);
         }
         (self.0.those_not(&lanes.beside), lanes)
     }

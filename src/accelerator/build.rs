@@ -263,10 +263,15 @@ fn divided(scene: &Scene, placed: &[Placed<'_>], regions: &[TrimRegion]) -> Part
     };
     let mut all = Parts::default();
     // What tasks used is used again by those that come later.
-    for placed in placed.chunks(TASKS_AT_ONCE * PATCHES_OF_A_TASK) {
-        let tasks = placed.par_chunks(PATCHES_OF_A_TASK).map(task);
+    let at_once = TASKS_AT_ONCE * PATCHES_OF_A_TASK;
+    for (k, some) in placed.chunks(at_once).enumerate() {
+        let tasks = some.par_chunks(PATCHES_OF_A_TASK).map(task);
         for parts in tasks.collect::<Vec<_>>() {
             all.append(parts);
+        }
+        // The rest will be much like the first.
+        if k == 0 {
+            all.reserve((placed.len() - some.len()).div_ceil(at_once));
         }
     }
     all

@@ -291,6 +291,14 @@ impl Parts {
         self.groups.extend(moved.filter(|group| !group.is_empty()));
     }
 
+    /// Makes room for so many times as much as there is.
+    pub(crate) fn reserve(&mut self, times: usize) {
+        self.pieces.pieces.reserve(self.pieces.pieces.len() * times);
+        self.pieces.nets.reserve(self.pieces.nets.len() * times);
+        self.cells.reserve(self.cells.len() * times);
+        self.groups.reserve(self.groups.len() * times);
+    }
+
     /// The box around each group.
     pub(crate) fn boxes(&self) -> Vec<Aabb> {
         let around = |group: &Range<usize>| {

@@ -218,9 +218,10 @@ impl Expansion {
                 [more, less]
             };
         }
-        let after = |along_u: u8| {
-            let cuts = [along_u, halvings - along_u].map(usize::from);
-            let [us, vs] = cuts.map(|n| &HALVES[n]);
+        let (mut best, mut least) = ([0; 2], f64::INFINITY);
+        for along_u in 0..=halvings {
+            let cuts = [along_u, halvings - along_u];
+            let [us, vs] = [&HALVES[usize::from(cuts[0])], &HALVES[usize::from(cuts[1])]];
             let mut stray = [0.0; 4];
             for (t, term) in self.terms.iter().enumerate() {
                 let share = us[t / ORDER] * vs[t % ORDER];
@@ -232,10 +233,12 @@ impl Expansion {
             for r in 0..4 {
                 stray[r] *= growth[r];
             }
-            excess(&stray)
-        };
-        let best = (0..=halvings).min_by(|&a, &b| after(a).total_cmp(&after(b)));
-        best.map_or([0; 2], |along_u| [along_u, halvings - along_u])
+            let after = excess(&stray);
+            if after < least {
+                (best, least) = (cuts, after);
+            }
+        }
+        best
     }
 }
 

@@ -143,7 +143,7 @@ pub(super) struct Finish<'a, C> {
     /// Where the iteration starts, along u and v, and half of the cell: the root is near the start
     /// beside it ([`BLURRED`]), or another.
     pub(super) start: [[f64; WIDE_LANES]; 2],
-    pub(super) half: [C; 2],
+    pub(super) half: [[f64; WIDE_LANES]; 2],
     /// A bit for each root that is wanted.
     pub(super) wanted: u32,
 }
@@ -182,8 +182,8 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
             wanted,
         } = self.0;
         let reach = s.splat_d(2.0 * f64::from(BLURRED));
-        let [reach_u, reach_v] = half.each_ref().map(|half| half.lanes(s));
-        let (reach_u, reach_v) = (s.mul_d(reach_u, reach), s.mul_d(reach_v, reach));
+        let reach_u = s.mul_d(s.load_d(&half[0]), reach);
+        let reach_v = s.mul_d(s.load_d(&half[1]), reach);
         let first = [s.load_d(&start[0]), s.load_d(&start[1])];
         let [i, j, main] = axes;
         let slope = [s.load_d(&lines.slope[0]), s.load_d(&lines.slope[1])];

@@ -125,14 +125,6 @@ pub(super) struct Models {
 }
 
 impl Models {
-    /// Whether a cell of cluster number `number` is at hand.
-    #[inline(always)]
-    pub(super) fn has(&self, number: u32, cell: &Cell) -> bool {
-        let tag = (number, cell.key());
-        let place = self.places.get(place_of(tag) % KEPT);
-        place.is_some_and(|(kept, _)| *kept == tag)
-    }
-
     /// The model of a cell of cluster number `number`.
     #[inline(always)]
     pub(super) fn of<S: Simd>(

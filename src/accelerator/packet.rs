@@ -5,22 +5,22 @@ use std::ops::Range;
 use glam::{DAffine3, DVec2};
 use kernel::Ray;
 
-use super::approach::{self, OneCell, View};
-use super::beam::{Beam, RAYS};
+use super::approach::{OneCell, View};
+use super::beam::RAYS;
 use super::block::Block;
 use super::cells::Cell;
 use super::hits::Shown;
 use super::hull::{BeamBounds, Extent, Hull};
 use super::leaf::Bits;
-use super::room::PacketRoom;
+use super::room::{PacketRoom, Ready};
 use super::stream::Stream;
 use super::trace::{Nearest, TriangleVisitor};
 use super::tree::{IS_LEAF, WIDTH};
-use super::windows::{group_of, look};
+use super::windows::look;
 use super::{Accelerator, Cluster, Workspace};
 use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Scratch};
-use crate::simd::{LANES, Simd, Task, WIDE_LANES};
+use crate::simd::{Simd, Task, WIDE_LANES};
 
 impl Accelerator<'_> {
     /// As [`Self::nearest`] for many rays, which should run side by side: their hits replace
@@ -270,7 +270,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         if is_exact {
             far = self.packet.beam.farthest(self.s);
         }
-        let mut outline = Outline::of(&extent);
+        let mut bounds = extent.bounds();
         self.packet.stack.clear();
         self.packet.stack.push((0, f32::NEG_INFINITY));
         while let Some((child, near)) = self.packet.stack.pop() {
@@ -285,16 +285,16 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
             let block = &cluster.blocks[(child & !IS_LEAF) as usize];
             if !is_exact {
-                if block.meets_beam(self.s, &outline.whole, far) == 0 {
+                if block.crossings(self.s, &bounds, far).met == 0 {
                     continue;
                 }
                 let Some(exact) = self.fill(&map, Some(extent.main)) else {
                     return false;
                 };
-                (is_exact, extent, outline) = (true, exact, Outline::of(&exact));
+                (is_exact, extent, bounds) = (true, exact, exact.bounds());
                 far = self.packet.beam.farthest(self.s);
             }
-            far = self.block(cluster, block, &mut outline, far);
+            far = self.block(cluster, block, &bounds, far);
             if self.alive == 0 {
                 break;
             }
@@ -348,7 +348,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         &mut self,
         cluster: &Cluster<'_>,
         block: &Block,
-        outline: &mut Outline,
+        bounds: &BeamBounds,
         mut far: f32,
     ) -> f32 {
         let mut coarse = [(Cell::NONE, 0.0); WIDTH];
@@ -357,22 +357,11 @@ impl<S: Simd> Tracer<'_, '_, S> {
         loop {
             let block = fan.as_ref().unwrap_or(block);
             let mut found = [(0, 0.0); WIDTH];
-            let count = block.meet_beam(self.s, &outline.whole, far, &mut found);
-            let mut near = [u32::MAX; RAYS / LANES];
-            // Groups of rays tell what few of several cells they come to.
-            if count > 3 {
-                for (near, part) in near.iter_mut().zip(outline.parts(&self.packet.beam)) {
-                    *near = block.meets_beam(self.s, part, far);
-                }
-            }
+            let crossings = block.crossings(self.s, bounds, far);
+            let count = crossings.sorted(&mut found);
             for &(slot, start) in &found[..count] {
                 let cell = block.cells[slot];
-                // What is at hand tells itself which rays pass it by.
-                let lanes = if !cell.is_coarse() && self.is_at_hand(&cell) {
-                    self.near(slot, &near)
-                } else {
-                    self.passing(cluster, block, slot, &near)
-                };
+                let lanes = crossings.rays(self.s, slot, &self.packet.beam);
                 if lanes != 0 && cell.is_coarse() {
                     coarse[divided] = (cell, start);
                     divided += 1;
@@ -380,6 +369,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
                     self.cell(cluster, &cell, lanes);
                 }
             }
+            self.finish_ready(cluster);
             far = self.packet.beam.farthest(self.s);
             loop {
                 if next == divided || self.alive == 0 {
@@ -396,47 +386,6 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 }
             }
         }
-    }
-
-    /// Whether a cell of the instance at hand has been made ready.
-    #[inline(always)]
-    fn is_at_hand(&self, cell: &Cell) -> bool {
-        let number = self.accelerator.instances[self.instance as usize].cluster;
-        self.packet.models.has(number, cell)
-    }
-
-    /// The rays of the groups that are `near` to a slot of a block.
-    #[inline(always)]
-    fn near(&self, slot: usize, near: &[u32; RAYS / LANES]) -> u64 {
-        let group = |(group, near): (usize, &u32)| {
-            u64::from(near >> slot & 1) * (0xffff << (group * LANES))
-        };
-        near.iter().enumerate().map(group).sum::<u64>() & self.alive
-    }
-
-    /// The rays that may meet a cell, of the groups that are `near` to it.
-    #[inline(always)]
-    fn passing(
-        &self,
-        cluster: &Cluster<'_>,
-        block: &Block,
-        slot: usize,
-        near: &[u32; RAYS / LANES],
-    ) -> u64 {
-        if near.iter().all(|near| near >> slot & 1 == 0) {
-            return 0;
-        }
-        let piece = block.cells[slot].piece as usize;
-        let rational = cluster.pieces.pieces[piece].is_rational;
-        let view = block.view(slot, &self.packet.beam);
-        let mut lanes = 0;
-        for (group, near) in near.iter().enumerate() {
-            if near >> slot & 1 == 1 && group_of(self.alive, group) != 0 {
-                let pass = approach::pass(self.s, &view, &self.packet.beam, group, rational);
-                lanes |= u64::from(pass & 0xffff) << (group * LANES);
-            }
-        }
-        lanes & self.alive
     }
 
     /// Looks for the roots of some rays in a cell.
@@ -472,44 +421,23 @@ impl<S: Simd> Tracer<'_, '_, S> {
         }
         self.scratch.cells += u64::from(looked);
         let part = (model.middle, model.half);
-        let mut start = 0;
-        while start < self.packet.roots.count {
-            self.finish(cluster, cell, start, part);
-            start += WIDE_LANES;
+        let mut first = 0;
+        while self.packet.roots.count - first >= WIDE_LANES {
+            let ready = Ready::eight((&self.packet.roots, first), cell, part);
+            self.finish(cluster, &ready);
+            first += WIDE_LANES;
+        }
+        for k in first..self.packet.roots.count {
+            if !self.packet.ready.takes(cell) {
+                self.finish_ready(cluster);
+            }
+            let PacketRoom { ready, roots, .. } = &mut *self.packet;
+            ready.push((roots, k), cell, part);
         }
         for lane in Bits(self.packet.blurred.lanes & self.alive) {
             let part = self.packet.blurred.part(lane, &cell.rect());
             self.subdivide(cluster, cell, part, lane);
         }
-    }
-}
-
-/// A beam for tests of all its rays at once, and of its groups.
-struct Outline {
-    whole: BeamBounds,
-    parts: Option<[BeamBounds; RAYS / LANES]>,
-}
-
-impl Outline {
-    #[inline(always)]
-    fn of(extent: &Extent) -> Self {
-        Self {
-            whole: extent.bounds(),
-            parts: None,
-        }
-    }
-
-    /// The groups of rays of `beam`, which it is of.
-    #[inline(always)]
-    fn parts(&mut self, beam: &Beam) -> &[BeamBounds; RAYS / LANES] {
-        if self.parts.is_none() {
-            let mut parts = [self.whole; RAYS / LANES];
-            for (group, part) in parts.iter_mut().enumerate() {
-                *part = beam.part(&self.whole, group);
-            }
-            self.parts = Some(parts);
-        }
-        self.parts.as_ref().expect("it was put there")
     }
 }
 

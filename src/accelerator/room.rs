@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::beam::{Beam, RAYS, Rays};
+use super::cells::Cell;
 use super::expansion::TERMS;
 use super::fans::Fans;
 use super::leaf::Rest;
@@ -25,6 +26,7 @@ pub(super) struct PacketRoom {
     pub(super) fans: Fans,
     pub(super) waiting: Box<Waiting>,
     pub(super) roots: Box<Met>,
+    pub(super) ready: Ready,
     pub(super) blurred: Box<Blurred>,
     pub(super) beam: Box<Beam>,
     pub(super) rays: Box<Rays>,
@@ -50,6 +52,7 @@ impl Default for PacketRoom {
             fans: Fans::default(),
             waiting: Box::new(Waiting::NONE),
             roots: Box::new(Met::NONE),
+            ready: Ready::NONE,
             blurred: Box::new(Blurred::NONE),
             beam: Box::new(Beam::NONE),
             rays: Box::new(Rays::NONE),
@@ -188,6 +191,74 @@ impl Met {
             self.count += 1;
         }
         has_room
+    }
+}
+
+/// Up to eight roots in cells of one piece, ready to be finished.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ready {
+    pub(super) count: usize,
+    pub(super) lanes: [u8; WIDE_LANES],
+    pub(super) cells: [Cell; WIDE_LANES],
+    /// Where they are about, and half the size of the cell, along u and v of the piece.
+    pub(super) start: [[f64; WIDE_LANES]; 2],
+    pub(super) half: [[f64; WIDE_LANES]; 2],
+}
+
+impl Ready {
+    pub(super) const NONE: Self = Self {
+        count: 0,
+        lanes: [0; WIDE_LANES],
+        cells: [Cell::NONE; WIDE_LANES],
+        start: [[0.0; WIDE_LANES]; 2],
+        half: [[0.0; WIDE_LANES]; 2],
+    };
+
+    /// Eight roots at once, of those met in a cell, from `first` on.
+    #[inline(always)]
+    pub(super) fn eight(
+        (met, first): (&Met, usize),
+        cell: &Cell,
+        (middle, half): ([f64; 2], [f64; 2]),
+    ) -> Self {
+        let place = first / WIDE_LANES;
+        let mut start = [[0.0; WIDE_LANES]; 2];
+        for (axis, from) in [&met.x, &met.y].into_iter().enumerate() {
+            let from: &[f32; WIDE_LANES] = &from.as_chunks().0[place];
+            for (to, from) in start[axis].iter_mut().zip(from) {
+                *to = middle[axis] + half[axis] * f64::from(*from);
+            }
+        }
+        Self {
+            count: WIDE_LANES,
+            lanes: met.lanes.as_chunks().0[place],
+            cells: [*cell; WIDE_LANES],
+            start,
+            half: half.map(|half| [half; WIDE_LANES]),
+        }
+    }
+
+    /// Whether there is room for a root in a cell.
+    #[inline(always)]
+    pub(super) fn takes(&self, cell: &Cell) -> bool {
+        self.count == 0 || self.count < WIDE_LANES && self.cells[0].piece == cell.piece
+    }
+
+    /// Adds root `k` of those met in a cell, which is the part `middle`, `half` of its piece.
+    #[inline(always)]
+    pub(super) fn push(
+        &mut self,
+        (met, k): (&Met, usize),
+        cell: &Cell,
+        (middle, half): ([f64; 2], [f64; 2]),
+    ) {
+        let slot = self.count % WIDE_LANES;
+        self.lanes[slot] = met.lanes[k];
+        self.cells[slot] = *cell;
+        self.start[0][slot] = middle[0] + half[0] * f64::from(met.x[k]);
+        self.start[1][slot] = middle[1] + half[1] * f64::from(met.y[k]);
+        (self.half[0][slot], self.half[1][slot]) = (half[0], half[1]);
+        self.count = slot + 1;
     }
 }
 

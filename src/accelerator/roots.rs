@@ -7,6 +7,7 @@ use super::cells::{Cell, Piece};
 use super::finish::{self, Eight, Finish, Lines, Roots};
 use super::leaf::Bits;
 use super::packet::Tracer;
+use super::room::Ready;
 use super::trace::{Candidate, CandidateKind, ClusterRay, keeps, settle};
 use crate::intersect::subdivide::Subdivide;
 use crate::intersect::{Rect, Target};
@@ -21,40 +22,40 @@ fn inside(x: f64) -> bool {
 }
 
 impl<S: Simd> Tracer<'_, '_, S> {
-    /// Finishes eight roots in double precision and takes those that count.
+    /// Finishes the roots that are ready.
     #[inline(always)]
-    pub(super) fn finish(
-        &mut self,
-        cluster: &Cluster<'_>,
-        cell: &Cell,
-        first: usize,
-        (middle, half): ([f64; 2], [f64; 2]),
-    ) {
-        let met = &self.packet.roots;
-        let used = (met.count - first).min(WIDE_LANES);
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let mut lanes = [met.lanes[first]; WIDE_LANES];
-        let mut start = [[0.0; WIDE_LANES]; 2];
-        for k in 0..WIDE_LANES {
-            let from = first + k.min(used - 1);
-            lanes[k] = met.lanes[from];
-            start[0][k] = middle[0] + half[0] * f64::from(met.x[from]);
-            start[1][k] = middle[1] + half[1] * f64::from(met.y[from]);
+    pub(super) fn finish_ready(&mut self, cluster: &Cluster<'_>) {
+        if self.packet.ready.count > 0 {
+            let ready = self.packet.ready;
+            self.packet.ready.count = 0;
+            self.finish(cluster, &ready);
         }
-        let eight = Eight::new(lanes);
+    }
+
+    /// Finishes up to eight roots in double precision and takes those that count.
+    #[inline(always)]
+    pub(super) fn finish(&mut self, cluster: &Cluster<'_>, ready: &Ready) {
+        let &Ready {
+            count,
+            ref lanes,
+            ref cells,
+            ..
+        } = ready;
+        let number = cells[0].piece;
+        let piece = &cluster.pieces.pieces[number as usize];
+        let eight = Eight::new(*lanes);
         let beam = &self.packet.beam;
         let (center, radius) = finish::ball(piece, &cluster.tree);
         let lines = Lines::of(beam, &eight, center, radius);
         let axes = [beam.across[0], beam.across[1], beam.main];
-        let wanted = (1_u32 << used) - 1;
+        let wanted = (1_u32 << count) - 1;
         let net = cluster.pieces.net(piece);
-        let net = (net.degrees, net.points);
         let finish = Finish {
-            net,
+            net: (net.degrees, net.points),
             axes,
             lines: &lines,
-            start,
-            half,
+            start: ready.start,
+            half: ready.half,
             wanted,
         };
         let roots = finish.roots(self.s, piece.is_rational);
@@ -66,13 +67,13 @@ impl<S: Simd> Tracer<'_, '_, S> {
             t[k] = time[k] + (offset + pace * roots.point[axes[2]][k]) * paces[k];
         }
         if let Eight::Whole(eight) = eight
-            && !cell.is_trimmed
+            && !cells.iter().any(|cell| cell.is_trimmed)
             && self.all_count(eight, &t, &roots)
         {
-            self.take_eight(eight, (piece, cell.piece), &t, &roots);
+            self.take_eight(eight, (piece, number), &t, &roots);
             return;
         }
-        for (k, &lane) in lanes[..used].iter().enumerate() {
+        for (k, (&lane, cell)) in lanes.iter().zip(cells).enumerate().take(count) {
             let lane = usize::from(lane);
             if roots.found >> k & 1 == 0 {
                 self.subdivide(cluster, cell, cell.rect(), lane);

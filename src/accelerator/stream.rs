@@ -200,7 +200,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                 axes: batch.axes[0],
                 lines,
                 start,
-                half: batch.half.map(|half| half[0]),
+                half: batch.half,
                 wanted,
             };
             finish.roots(self.s, true)
