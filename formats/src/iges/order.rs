@@ -16,6 +16,9 @@ const TURNS: u8 = 4;
 /// Crossings of a seam are this near to it, as a share of the period.
 const NEAR: f64 = 1e-9;
 
+/// Loops of more curves are taken in the order of the file.
+const SORTED: usize = 500;
+
 /// Curves of a loop on a surface, whose points are given by parameters; what is no farther apart
 /// than `accuracy` meets.
 pub(super) struct Order<F> {
@@ -28,13 +31,47 @@ pub(super) struct Order<F> {
 }
 
 impl<F: Fn(DVec2) -> DVec3> Order<F> {
-    /// Lets closed curves begin where others of the loop end, and turns curves round where that lets
-    /// them meet, in space.
+    /// Lets closed curves begin where others of the loop end, turns curves round where that lets
+    /// them meet, in space, and puts them in the order in which they meet without a jump.
     pub(super) fn aligned(&self, curves: Chain) -> Chain {
         if curves.len() < 2 {
             return curves;
         }
-        self.turned(self.opened(curves))
+        self.sorted(self.turned(self.opened(curves)))
+    }
+
+    /// The order in which each curve begins where the one before ends, in parameters as they are, if
+    /// there is no other such order.
+    ///
+    /// Where two seams of a surface cross, loops pass one point of space several times, and in space
+    /// any curve from there can follow any that comes there.
+    fn sorted(&self, curves: Chain) -> Chain {
+        let count = curves.len();
+        let ends = self.ends(&curves);
+        let follows = |k: usize, next: usize| {
+            let jump = (curves[next].start() - curves[k].end()).abs();
+            let jumps = |axis: usize| {
+                let period = self.periods[axis].as_ref().map(|p| p.end - p.start);
+                period.is_some_and(|period| jump[axis] > 0.5 * period)
+            };
+            ends[k][1].distance(ends[next][0]) <= self.accuracy && !jumps(0) && !jumps(1)
+        };
+        if count > SORTED || (0..count).all(|k| follows(k, (k + 1) % count)) {
+            return curves;
+        }
+        let mut order = vec![0];
+        while order.len() <= count {
+            let last = order[order.len() - 1];
+            let mut next = (0..count).filter(|&next| follows(last, next));
+            match (next.next(), next.next()) {
+                (Some(0), None) if order.len() == count => {
+                    return order.into_iter().map(|k| curves[k].clone()).collect();
+                }
+                (Some(next), None) if next != 0 => order.push(next),
+                _ => break,
+            }
+        }
+        curves
     }
 
     fn ends(&self, curves: &Chain) -> Vec<[DVec3; 2]> {
@@ -118,5 +155,47 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
             }
         }
         curves
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+
+    /// The border of a torus without a bite at one of its seams, which files may begin anywhere and
+    /// continue with any of the curves at the corner.
+    #[test]
+    fn seams_that_cross_are_taken_in_the_order_of_parameters() {
+        let corners = [
+            [0.0, 0.0],
+            [3.0, 0.0],
+            [4.0, 0.5],
+            [4.5, 0.0],
+            [TAU, 0.0],
+            [TAU, TAU],
+            [4.5, TAU],
+            [3.0, TAU],
+            [0.0, TAU],
+        ];
+        let line = |k: usize| {
+            let corner = |k: usize| DVec2::from_array(corners[k % corners.len()]);
+            Curve::line(corner(k), corner(k + 1), 0.0..1.0).unwrap()
+        };
+        let order = Order {
+            point: |uv: DVec2| {
+                let across = 3.0 + uv.x.cos();
+                DVec3::new(across * uv.y.cos(), across * uv.y.sin(), uv.x.sin())
+            },
+            periods: [Some(0.0..TAU), Some(0.0..TAU)],
+            near: 1e-9,
+            accuracy: 1e-6,
+        };
+        let right = [7, 8, 0, 1, 2, 3, 4, 5, 6].map(line).to_vec();
+        // At the corner, one point of space, the left side is followed by the right part of the top.
+        let file = [7, 8, 5, 6, 1, 2, 3, 4, 0].map(line).to_vec();
+        assert_eq!(order.aligned(file), right);
+        assert_eq!(order.aligned(right.clone()), right);
     }
 }
