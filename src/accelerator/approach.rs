@@ -31,30 +31,21 @@ pub(super) struct View {
 }
 
 impl View {
-    #[inline(always)]
-    pub(super) fn of_model(model: &Model, beam: &Beam) -> Self {
-        Self::new(
-            model.center.to_array(),
-            model.rows,
-            (model.bulge, model.weight_stray),
-            model.dropped,
-            beam,
-        )
-    }
-
-    /// As seen by a beam: the frame of a cell.
+    /// As seen by a beam.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "differences are formed before; errors are allowed for"
     )]
-    pub(super) fn new(
-        center: [f64; 3],
-        rows: [[f32; 3]; 3],
-        (bulge, weight_stray): ([f32; 3], f32),
-        dropped: f32,
-        beam: &Beam,
-    ) -> Self {
+    pub(super) fn of(model: &Model, beam: &Beam) -> Self {
+        let &Model {
+            rows,
+            bulge,
+            weight_stray,
+            dropped,
+            ..
+        } = model;
+        let center = model.center.to_array();
         let [i, j] = beam.across;
         let zeta = center[beam.main] * beam.sign;
         let way = zeta - beam.start;

@@ -405,7 +405,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         (roots.count, blurred.lanes) = (0, 0);
         let mut company = OneCell {
             model,
-            view: View::of_model(model, beam),
+            view: View::of(model, beam),
             beam,
         };
         let piece = &cluster.pieces.pieces[cell.piece as usize];

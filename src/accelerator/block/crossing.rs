@@ -19,7 +19,7 @@ const ROUNDING: f32 = 32.0 / (1 << 24) as f32;
 
 /// Two coordinates of a cell, and the third, along which they are seen. The signs of determinants
 /// follow from the order.
-const VIEWS: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
+const ASPECTS: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
 
 /// How a beam comes to eight cells.
 #[repr(align(32))]
@@ -35,7 +35,7 @@ pub(in crate::accelerator) struct Crossings {
     /// How far the middle of the beam is then beside that of the cell.
     aside: [[f32; WIDTH]; 2],
     /// The three views: `n`, `d`, and what a ray that meets the cell does not exceed.
-    views: [View; 3],
+    aspects: [Aspect; 3],
     /// Rays meet nothing of the cell before `first` less the product of `steep` with `w`.
     first: [f32; WIDTH],
     steep: [[f32; WIDTH]; 2],
@@ -43,13 +43,13 @@ pub(in crate::accelerator) struct Crossings {
 
 /// Eight cells seen along one of their axes.
 #[derive(Clone, Copy)]
-struct View {
+struct Aspect {
     across: [[f32; WIDTH]; 2],
     turn: [f32; WIDTH],
     limit: [f32; WIDTH],
 }
 
-impl View {
+impl Aspect {
     const NONE: Self = Self {
         across: [[0.0; WIDTH]; 2],
         turn: [0.0; WIDTH],
@@ -64,7 +64,7 @@ impl Crossings {
         near: [0.0; WIDTH],
         way: [0.0; WIDTH],
         aside: [[0.0; WIDTH]; 2],
-        views: [View::NONE; 3],
+        aspects: [Aspect::NONE; 3],
         first: [0.0; WIDTH],
         steep: [[0.0; WIDTH]; 2],
     };
@@ -109,15 +109,15 @@ impl Crossings {
             if beside == 0xffff {
                 continue;
             }
-            for view in &self.views {
-                let [n1, n2] = &view.across;
+            for aspect in &self.aspects {
+                let [n1, n2] = &aspect.across;
                 let rest = s.fma(
                     s.splat(n2[slot]),
                     w2,
-                    s.mul(s.splat(view.turn[slot]), turned),
+                    s.mul(s.splat(aspect.turn[slot]), turned),
                 );
                 let place = s.abs(s.fma(s.splat(n1[slot]), w1, rest));
-                beside |= s.bits(s.lt(s.splat(view.limit[slot]), place));
+                beside |= s.bits(s.lt(s.splat(aspect.limit[slot]), place));
             }
             rays |= u64::from(!beside & 0xffff) << (group * LANES);
         }
@@ -224,12 +224,12 @@ impl Coming {
     /// Whether no ray meets the cell in one of the three views, which slot `k` takes, and half of
     /// the length of the cell along the beam.
     #[inline(always)]
-    fn views(&self, k: usize, views: &mut [View; 3]) -> (bool, f32) {
+    fn aspects(&self, k: usize, aspects: &mut [Aspect; 3]) -> (bool, f32) {
         let (a, d) = (&self.across, &self.advance);
         let mut beside = false;
         // The length follows from the inverse of the rows.
         let (mut length, mut determinant, mut uncertain) = (0.0, 0.0, 0.0_f32);
-        for (view, [q, r, other]) in views.iter_mut().zip(VIEWS) {
+        for (aspect, [q, r, other]) in aspects.iter_mut().zip(ASPECTS) {
             let turn = a[q][0] * a[r][1] - a[q][1] * a[r][0];
             let n = [
                 a[q][0] * d[r] - a[r][0] * d[q],
@@ -246,8 +246,8 @@ impl Coming {
             length += (turn.abs() + blur) * self.half[other];
             determinant += turn * self.along[other];
             uncertain += blur * self.along[other].abs();
-            (view.across[0][k], view.across[1][k]) = (n[0], n[1]);
-            (view.turn[k], view.limit[k]) = (turn, limit);
+            (aspect.across[0][k], aspect.across[1][k]) = (n[0], n[1]);
+            (aspect.turn[k], aspect.limit[k]) = (turn, limit);
         }
         let least = (determinant.abs() - uncertain).recip();
         let length = length * least * GROWTH;
@@ -309,7 +309,7 @@ impl<S: Simd> Part<S> for OfBeam<'_> {
         // Without branches, for eight cells at once.
         for k in 0..WIDTH {
             let coming = block.coming(k, beam);
-            let (beside, length) = coming.views(k, &mut lanes.views);
+            let (beside, length) = coming.aspects(k, &mut lanes.aspects);
             let [near, last] = coming.depth(k, length, &mut lanes);
             let beside = beside | (near > far) | (last < beam.least_near);
             lanes.beside[k] = u32::from(beside);
