@@ -29,11 +29,9 @@ struct Found {
     filled: u64,
     /// Pixels that show the background, while no ray around does.
     leaks: Vec<String>,
-    /// Pixels that show a back side, while no ray around does.
+    /// Pixels that show a back side, while no ray around does: of a face, say, that juts out over
+    /// the boundary of its neighbour.
     behind: Vec<String>,
-    /// Those that would be, but lie within a pixel of what rays around show: a face that juts out over
-    /// the boundary of its neighbour, and no view into the body.
-    jutting: u64,
     /// Pixels that show a back side, and rays around do also: more than a gap.
     open: u64,
 }
@@ -157,22 +155,13 @@ fn sweep(name: &str, accelerator: &Accelerator<'_>, size: [u32; 2], found: &mut 
                 let (u, v) = (f64::from(k) * 0.754_877_666, f64::from(k) * 0.569_840_291);
                 *place + (DVec2::new(u.fract(), v.fract()) - 0.5) * 0.5
             });
-            let (mut seen, mut nearest) = (0, f64::INFINITY);
+            let mut seen = 0;
             for place in around {
                 let ray = ray(camera, size, place);
-                let other = accelerator.nearest(&ray, 0.0..f64::INFINITY, &mut workspace);
-                seen += u32::from(!shows(camera, place, &other));
-                if let (Some(hit), Some(other)) = (hit, other) {
-                    nearest = nearest.min(hit.point.distance(other.point));
-                }
+                let hit = accelerator.nearest(&ray, 0.0..f64::INFINITY, &mut workspace);
+                seen += u32::from(!shows(camera, place, &hit));
             }
-            let pixel = |hit: &Hit| {
-                let beside = ray(camera, size, *place + DVec2::X);
-                hit.point.distance(beside.origin + beside.direction * hit.t)
-            };
-            if seen == 0 && hit.is_some_and(|hit| nearest < pixel(&hit)) {
-                found.jutting += 1;
-            } else if seen == 0 {
+            if seen == 0 {
                 let what = hit.map(|hit| (hit.t, hit.shape, hit.uv, hit.normal));
                 let ray = ray(camera, size, *place);
                 let list = match hit {
@@ -223,7 +212,7 @@ fn look(choose: impl Fn(&str) -> bool, size: [u32; 2], seal: bool) -> Option<Fou
         sweep(&name, &accelerator, size, &mut found);
         println!(
             "{name}: {} faces, {} bodies, {} strips in {sealing:?}, {} hits, {} filled, {} leaks, {} \
-             behind, {} jutting, {} open",
+             behind, {} open",
             accelerator.patch_count(),
             measured.bodies.len(),
             accelerator.strip_count(),
@@ -231,7 +220,6 @@ fn look(choose: impl Fn(&str) -> bool, size: [u32; 2], seal: bool) -> Option<Fou
             found.filled,
             found.leaks.len(),
             found.behind.len(),
-            found.jutting,
             found.open
         );
         for leak in found.leaks.iter().chain(&found.behind).take(3) {
@@ -240,7 +228,6 @@ fn look(choose: impl Fn(&str) -> bool, size: [u32; 2], seal: bool) -> Option<Fou
         all.hits += found.hits;
         all.filled += found.filled;
         all.open += found.open;
-        all.jutting += found.jutting;
         all.leaks.append(&mut found.leaks);
         all.behind.append(&mut found.behind);
     }
@@ -264,12 +251,11 @@ fn nothing_is_seen_through_any_closed_body() {
         return;
     };
     println!(
-        "{} hits, {} filled, {} leaks, {} behind, {} jutting, {} open",
+        "{} hits, {} filled, {} leaks, {} behind, {} open",
         found.hits,
         found.filled,
         found.leaks.len(),
         found.behind.len(),
-        found.jutting,
         found.open
     );
     found.check();

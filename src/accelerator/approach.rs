@@ -92,7 +92,7 @@ fn along<S: Simd>(s: S, row: [f32; 3], m: [S::F; 2]) -> S::F {
 
 /// The lanes of a group of what a beam has for each ray.
 #[inline(always)]
-fn load<S: Simd>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
+pub(super) fn load<S: Simd>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
     s.load(&values.as_chunks::<LANES>().0[group])
 }
 

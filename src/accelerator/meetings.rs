@@ -1,6 +1,6 @@
 //! Rays that do not run side by side, each at a cell of its own.
 
-use super::approach::{Approach, Shape, Sight, height, reach};
+use super::approach::{Approach, Shape, Sight, height, load, reach};
 use super::beam::RAYS;
 use super::cells::Cell;
 use super::distance::Cells;
@@ -154,12 +154,6 @@ impl Meetings {
             group.put::<3>(k % LANES, &model.cell);
         }
     }
-}
-
-/// The lanes of a group.
-#[inline(always)]
-fn load<S: Simd>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
-    s.load(&values.as_chunks::<LANES>().0[group])
 }
 
 /// As [`load`], of three coordinates.

@@ -7,7 +7,7 @@
 //! from their edge are no worse than others.
 
 use super::{Block, GROWTH};
-use crate::accelerator::approach::STEEPEST;
+use crate::accelerator::approach::{STEEPEST, load};
 use crate::accelerator::beam::{Beam, RAYS};
 use crate::accelerator::hull::{BeamBounds, PADDING};
 use crate::accelerator::leaf::Bits;
@@ -123,12 +123,6 @@ impl Crossings {
         }
         rays
     }
-}
-
-/// What a beam has for each ray of a group.
-#[inline(always)]
-fn load<S: Simd>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
-    s.load(&values.as_chunks::<LANES>().0[group])
 }
 
 impl Block {
