@@ -38,6 +38,7 @@ mod intersect;
 mod look;
 mod losses;
 mod measure;
+mod memory;
 pub mod methods;
 mod model;
 pub mod output;

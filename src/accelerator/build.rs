@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DAffine3;
-use kernel::{Aabb, Child, NodeId, Scene, Surface, TrimRegion};
+use kernel::{Aabb, Child, NodeId, Scene, TrimRegion};
 
 use rayon::prelude::*;
 
@@ -12,13 +12,14 @@ use super::cells::{GROUP, Halvings, Parts};
 use super::tree::Tree;
 use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
 use crate::intersect::Method;
+use crate::memory::reserve;
 use crate::simd::Instructions;
 
-/// Patches that one thread divides in one go.
-const PATCHES_OF_A_TASK: usize = 64;
+/// Shapes that one thread divides in one go.
+const ITEMS_OF_A_TASK: usize = 64;
 
-/// Tasks of which the results wait to be put together.
-const TASKS_AT_ONCE: usize = 64;
+/// Tasks of a thread of which the results wait to be put together.
+const TASKS_AT_ONCE: usize = 16;
 
 /// Triangles that are not divided further.
 const TRIANGLES_OF_A_LEAF: usize = 4;
@@ -29,7 +30,7 @@ impl<'a> Accelerator<'a> {
         let plan = Plan::of(scene);
         let clusters: Vec<_> = plan
             .roots
-            .iter()
+            .par_iter()
             .map(|&root| plan.cluster(scene, root))
             .collect();
         let mut instances = Vec::new();
@@ -142,8 +143,13 @@ impl Plan {
     fn cluster<'a>(&self, scene: &'a Scene, root: NodeId) -> Cluster<'a> {
         let mut triangles: Vec<Triangle> = Vec::new();
         let mut items: Vec<ClusterItem<'a>> = Vec::new();
+        let mut maps: Vec<DAffine3> = Vec::new();
         let mut regions: Vec<TrimRegion> = Vec::new();
-        let mut placed = Vec::new();
+        let mut count = 0;
+        self.walk(scene, root, |child, _, _| {
+            count += usize::from(matches!(child, Child::Item(_)));
+        });
+        reserve(&mut items, count);
         self.walk(scene, root, |child, cluster_from_object, before| {
             let Child::Item(item) = child else { return };
             let number = u32::try_from(items.len()).expect("fewer items than fit");
@@ -153,11 +159,7 @@ impl Plan {
                 ItemShape::Mesh(_) => None,
             };
             let offset = match shape {
-                ItemShape::Patch(patch) => {
-                    let region = trims.as_ref().map(|_| regions.len());
-                    placed.push((number, &patch.surface, cluster_from_object, region));
-                    before.patches
-                }
+                ItemShape::Patch(_) => before.patches,
                 ItemShape::Mesh(mesh) => {
                     let at =
                         |k: u32| cluster_from_object.transform_point3(mesh.positions()[k as usize]);
@@ -175,16 +177,20 @@ impl Plan {
                 regions.push(trims);
                 u32::try_from(regions.len() - 1).expect("no more regions than items")
             });
+            if maps.last() != Some(&cluster_from_object) {
+                maps.push(cluster_from_object);
+            }
+            let map = u32::try_from(maps.len() - 1).expect("no more maps than items");
             items.push(ClusterItem {
                 shape,
                 offset,
                 material,
-                cluster_from_object,
+                map,
                 region,
                 origin: item.shape,
             });
         });
-        let all = divided(scene, &placed, &regions);
+        let all = divided(scene, &items, &maps, &regions);
         let groups = &all.groups;
         let (tree, order) = Tree::pack(&all.boxes(), |group| groups[group].len(), GROUP);
         let block = |leaf: usize| {
@@ -192,7 +198,9 @@ impl Plan {
             let cells = groups.flat_map(|group| &all.cells[group.clone()]);
             Block::new(cells.map(|new| (&new.cell, &new.frame)), &tree)
         };
-        let blocks = (0..tree.leaf_count()).into_par_iter().map(block).collect();
+        let mut blocks = Vec::new();
+        reserve(&mut blocks, tree.leaf_count());
+        blocks.par_extend((0..tree.leaf_count()).into_par_iter().map(block));
         let (pieces, cell_count) = (all.pieces, all.cells.len());
         let boxes: Vec<_> = triangles.iter().map(|t| Aabb::around(t.corners)).collect();
         let (triangle_tree, order) = Tree::build(&boxes, TRIANGLES_OF_A_LEAF);
@@ -205,6 +213,7 @@ impl Plan {
             triangles,
             triangle_tree,
             items,
+            maps,
             regions,
         }
     }
@@ -244,35 +253,43 @@ impl Plan {
     }
 }
 
-/// A patch of a cluster: number of the item, surface, place, and trim region if it has one.
-type Placed<'a> = (u32, &'a Surface, DAffine3, Option<usize>);
-
 /// The pieces and cells of all patches of a cluster.
-fn divided(scene: &Scene, placed: &[Placed<'_>], regions: &[TrimRegion]) -> Parts {
+fn divided(
+    scene: &Scene,
+    items: &[ClusterItem<'_>],
+    maps: &[DAffine3],
+    regions: &[TrimRegion],
+) -> Parts {
     let halvings = Halvings::of(scene.patches().len());
-    // Many patches at a time, so that little memory is asked for often.
-    let task = |placed: &[Placed<'_>]| {
+    // Many items at a time, so that little memory is asked for often.
+    let task = |(k, items): (usize, &[ClusterItem<'_>])| {
         let mut parts = Parts::default();
-        for (number, surface, cluster_from_object, region) in placed {
-            let trims = region.map(|k| &regions[k]);
-            for piece in surface.transformed(cluster_from_object).bezier_pieces() {
-                parts.add(&piece, (*number, halvings), trims);
+        for (number, item) in (k * ITEMS_OF_A_TASK..).zip(items) {
+            let ItemShape::Patch(patch) = item.shape else {
+                continue;
+            };
+            let number = u32::try_from(number).expect("fewer items than fit");
+            let trims = item.region.map(|k| &regions[k as usize]);
+            let map = &maps[item.map as usize];
+            let moved = (*map != DAffine3::IDENTITY).then(|| patch.surface.transformed(map));
+            let surface = moved.as_ref().unwrap_or(&patch.surface);
+            for piece in surface.bezier_pieces() {
+                parts.add(&piece, (number, halvings), trims);
             }
         }
         parts
     };
     let mut all = Parts::default();
-    // What tasks used is used again by those that come later.
-    let at_once = TASKS_AT_ONCE * PATCHES_OF_A_TASK;
-    for (k, some) in placed.chunks(at_once).enumerate() {
-        let tasks = some.par_chunks(PATCHES_OF_A_TASK).map(task);
-        for parts in tasks.collect::<Vec<_>>() {
-            all.append(parts);
-        }
+    let tasks: Vec<_> = items.chunks(ITEMS_OF_A_TASK).enumerate().collect();
+    // What some used is used again by those that come later.
+    let at_once = TASKS_AT_ONCE * rayon::current_num_threads();
+    for (k, some) in tasks.chunks(at_once).enumerate() {
+        let done: Vec<_> = some.par_iter().copied().map(task).collect();
         // The rest will be much like the first.
         if k == 0 {
-            all.reserve((placed.len() - some.len()).div_ceil(at_once));
+            all.reserve(&done, tasks.len().div_ceil(at_once));
         }
+        done.into_iter().for_each(|parts| all.append(parts));
     }
     all
 }

@@ -10,6 +10,7 @@ use super::tree::WIDTH;
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
 use crate::intersect::net::Degrees;
+use crate::memory::reserve;
 use crate::simd::{Instructions, Simd, Task};
 
 /// How often pieces are halved at most.
@@ -291,12 +292,13 @@ impl Parts {
         self.groups.extend(moved.filter(|group| !group.is_empty()));
     }
 
-    /// Makes room for so many times as much as there is.
-    pub(crate) fn reserve(&mut self, times: usize) {
-        self.pieces.pieces.reserve(self.pieces.pieces.len() * times);
-        self.pieces.nets.reserve(self.pieces.nets.len() * times);
-        self.cells.reserve(self.cells.len() * times);
-        self.groups.reserve(self.groups.len() * times);
+    /// Makes room for so many times as much as `some`.
+    pub(crate) fn reserve(&mut self, some: &[Self], times: usize) {
+        let room = |count: fn(&Self) -> usize| some.iter().map(count).sum::<usize>() * times;
+        reserve(&mut self.pieces.pieces, room(|s| s.pieces.pieces.len()));
+        reserve(&mut self.pieces.nets, room(|s| s.pieces.nets.len()));
+        reserve(&mut self.cells, room(|s| s.cells.len()));
+        reserve(&mut self.groups, room(|s| s.groups.len()));
     }
 
     /// The box around each group.

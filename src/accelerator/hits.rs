@@ -93,7 +93,8 @@ impl Accelerator<'_> {
         let [a, b, c] = corners.map(|k| colors.get(k as usize).copied());
         let item = self.item(hit);
         let instance = &self.instances[hit.place.0 as usize];
-        let world = instance.world_from_cluster * item.cluster_from_object;
+        let cluster = &self.clusters[instance.cluster as usize];
+        let world = instance.world_from_cluster * *cluster.map_of(item);
         let corners = corners.map(|k| world.transform_point3(mesh.positions()[k as usize]));
         let [a_area, b_area, c_area] = areas(&corners, hit.point);
         Some((a? * a_area + b? * b_area + c? * c_area) / (a_area + b_area + c_area))
@@ -166,7 +167,7 @@ impl Accelerator<'_> {
             let ItemShape::Patch(patch) = item.shape else {
                 return None;
             };
-            let map = *world * item.cluster_from_object;
+            let map = *world * *cluster.map_of(item);
             patch
                 .surface
                 .transformed(&map)
@@ -210,7 +211,7 @@ impl Accelerator<'_> {
                 let smooth = a * (1.0 - barycentric.x - barycentric.y)
                     + b * barycentric.x
                     + c * barycentric.y;
-                let object = *world * item.cluster_from_object;
+                let object = *world * *cluster.map_of(item);
                 let turned = object.matrix3.inverse().transpose() * smooth;
                 normal = if turned.dot(flat) < 0.0 {
                     -turned

@@ -80,6 +80,8 @@ struct Cluster<'a> {
     triangles: Vec<Triangle>,
     triangle_tree: Tree,
     items: Vec<ClusterItem<'a>>,
+    /// From the objects of items to the cluster.
+    maps: Vec<DAffine3>,
     /// What belongs to the faces that do not show all of their surface.
     regions: Vec<TrimRegion>,
 }
@@ -87,6 +89,11 @@ struct Cluster<'a> {
 impl Cluster<'_> {
     fn bounds(&self) -> Aabb {
         self.tree.bounds().union(self.triangle_tree.bounds())
+    }
+
+    /// The map from an item's object.
+    fn map_of(&self, item: &ClusterItem<'_>) -> &DAffine3 {
+        &self.maps[item.map as usize]
     }
 }
 
@@ -104,7 +111,8 @@ struct ClusterItem<'a> {
     /// Position among the shapes of its kind within one instance.
     offset: u32,
     material: Option<MaterialId>,
-    cluster_from_object: DAffine3,
+    /// Number of its map among those of the cluster.
+    map: u32,
     /// Number of its trim region in the cluster, if it has one.
     region: Option<u32>,
     /// What is stored of it, for what only pictures on it need.
@@ -213,6 +221,7 @@ impl<'a> Accelerator<'a> {
                 + c.triangle_tree.bytes()
                 + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
                 + size_of_val(&c.items[..])
+                + size_of_val(&c.maps[..])
                 + c.tree.bytes()
         });
         let seals = self.seals.iter().map(Seal::bytes).sum::<usize>();

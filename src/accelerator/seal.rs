@@ -184,7 +184,7 @@ impl Accelerator<'_> {
         let place = &self.instances[instance as usize];
         let cluster = &self.clusters[place.cluster as usize];
         let owner = &cluster.items[item as usize];
-        let world = place.world_from_cluster * owner.cluster_from_object;
+        let world = place.world_from_cluster * *cluster.map_of(owner);
         let mut normal = DVec3::ZERO;
         if let ItemShape::Patch(patch) = owner.shape {
             let d = patch.surface.derivatives(crossing.uv);

@@ -172,7 +172,7 @@ pub(super) fn settle(
         }
         let touch = Touch {
             surface: &patch.surface,
-            world_from_surface: instance.world_from_cluster * item.cluster_from_object,
+            world_from_surface: instance.world_from_cluster * *cluster.map_of(item),
             ray,
             domain: [piece.u, piece.v],
             size: piece.radius * instance.stretch,

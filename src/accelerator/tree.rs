@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3A};
 use kernel::{Aabb, Ray};
 
 use crate::simd::{Portable, Simd};
@@ -161,18 +161,23 @@ impl Tree {
             scale,
             leaves: Vec::new(),
         };
-        let count = u32::try_from(boxes.len()).expect("a scene has fewer than 2^32 cells");
-        let mut builder = Builder {
-            boxes,
-            size,
-            order: (0..count).collect(),
-            fill,
+        let own = |k: usize, b: &Aabb| Primitive {
+            bounds: Bounds::around(tree.to_local(b.min), tree.to_local(b.max)),
+            number: u32::try_from(k).expect("a scene has fewer than 2^32 cells"),
+            size: u32::try_from(size(k)).expect("as many cells as are kept together"),
         };
+        let mut primitives: Vec<_> = boxes.iter().enumerate().map(|(k, b)| own(k, b)).collect();
         if !boxes.is_empty() {
-            let size = (0..boxes.len()).map(&builder.size).sum();
-            tree.add_node(&mut builder, Part::new(0..boxes.len(), size, bounds));
+            let part = Part::of(&primitives, 0..boxes.len());
+            tree.add_node(
+                &mut Builder {
+                    primitives: &mut primitives,
+                    fill,
+                },
+                part,
+            );
         }
-        (tree, builder.order)
+        (tree, primitives.iter().map(|p| p.number).collect())
     }
 
     /// The box around everything.
@@ -275,7 +280,7 @@ impl Tree {
         }
     }
 
-    fn add_node<F: Fn(usize) -> usize>(&mut self, builder: &mut Builder<'_, F>, part: Part) -> u32 {
+    fn add_node(&mut self, builder: &mut Builder<'_>, part: Part) -> u32 {
         // Divide the widest part again and again until there are eight.
         let mut parts = [const { None::<Part> }; WIDTH];
         parts[0] = Some(part);
@@ -301,10 +306,8 @@ impl Tree {
         });
         for (k, part) in parts.into_iter().flatten().enumerate() {
             for axis in 0..3 {
-                let low = (part.bounds.min[axis] - self.center[axis]) * self.scale;
-                let high = (part.bounds.max[axis] - self.center[axis]) * self.scale;
-                self.nodes[index].min[axis][k] = below(low - PADDING);
-                self.nodes[index].max[axis][k] = -below(-high - PADDING);
+                self.nodes[index].min[axis][k] = part.bounds.min[axis];
+                self.nodes[index].max[axis][k] = part.bounds.max[axis];
             }
             let child = if builder.fits(&part) {
                 self.add_leaf(&part.range)
@@ -420,11 +423,56 @@ impl Node {
     }
 }
 
-struct Builder<'a, F> {
-    boxes: &'a [Aabb],
-    /// How many each primitive counts as.
-    size: F,
-    order: Vec<u32>,
+/// A box in the coordinates of a tree, padded and rounded outwards.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    min: Vec3A,
+    max: Vec3A,
+}
+
+impl Bounds {
+    const EMPTY: Self = Self {
+        min: Vec3A::INFINITY,
+        max: Vec3A::NEG_INFINITY,
+    };
+
+    fn around(min: DVec3, max: DVec3) -> Self {
+        let outside = |v: DVec3| Vec3A::from_array((v - PADDING).to_array().map(below));
+        Self {
+            min: outside(min),
+            max: -outside(-max),
+        }
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    /// Twice its center.
+    fn middle(&self) -> Vec3A {
+        self.min + self.max
+    }
+
+    fn half_area(&self) -> f32 {
+        let size = self.max - self.min;
+        size.x * size.y + size.y * size.z + size.z * size.x
+    }
+}
+
+/// What a hierarchy is built over.
+#[derive(Clone, Copy, Debug)]
+struct Primitive {
+    bounds: Bounds,
+    number: u32,
+    /// How many it counts as.
+    size: u32,
+}
+
+struct Builder<'a> {
+    primitives: &'a mut [Primitive],
     fill: usize,
 }
 
@@ -432,126 +480,99 @@ struct Builder<'a, F> {
 struct Part {
     range: Range<usize>,
     size: usize,
-    bounds: Aabb,
-    area: f64,
+    bounds: Bounds,
+    area: f32,
 }
 
 impl Part {
-    fn new(range: Range<usize>, size: usize, bounds: Aabb) -> Self {
-        let area = half_area(&bounds);
+    /// The primitives of a range.
+    fn of(primitives: &[Primitive], range: Range<usize>) -> Self {
+        let (mut size, mut bounds) = (0, Bounds::EMPTY);
+        for primitive in &primitives[range.clone()] {
+            size += primitive.size as usize;
+            bounds = bounds.union(primitive.bounds);
+        }
         Self {
             range,
             size,
             bounds,
-            area,
+            area: bounds.half_area(),
         }
     }
 }
 
-/// Twice the center of a box.
-fn middle(bounds: &Aabb) -> DVec3 {
-    bounds.min + bounds.max
-}
-
-impl<F: Fn(usize) -> usize> Builder<'_, F> {
+impl Builder<'_> {
     /// Whether a part is a leaf.
     fn fits(&self, part: &Part) -> bool {
         part.size <= self.fill || part.range.len() == 1
     }
 
-    /// How many the primitives of a part count as.
-    fn size_of(&self, range: Range<usize>) -> usize {
-        self.order[range]
-            .iter()
-            .map(|&k| (self.size)(k as usize))
-            .sum()
-    }
-
     /// Sorts a part into two by the surface area heuristic.
     fn divide(&mut self, part: &Part) -> (Part, Part) {
-        let boxes = self.boxes;
-        let order = &mut self.order[part.range.clone()];
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for &k in order.iter() {
-            let middle = middle(&boxes[k as usize]);
+        let primitives = &mut self.primitives[part.range.clone()];
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for primitive in primitives.iter() {
+            let middle = primitive.bounds.middle();
             (low, high) = (low.min(middle), high.max(middle));
         }
         let axis = (high - low).max_position();
         let (low, width) = (low[axis], (high - low)[axis]);
-        if !(width > 0.0 && width.is_finite()) {
-            return self.halve(part);
+        let mut border = primitives.len() / 2;
+        if width > 0.0 {
+            let scale = BINS as f32 / width;
+            let place = |p: &Primitive| (p.bounds.middle()[axis] - low) * scale;
+            if let Some(cut) = best_cut(primitives, place) {
+                let (mut left, mut right) = (0, primitives.len());
+                while left < right {
+                    if place(&primitives[left]) < cut {
+                        left += 1;
+                    } else {
+                        right -= 1;
+                        primitives.swap(left, right);
+                    }
+                }
+                border = left;
+            }
         }
-        let scale = BINS as f64 / width;
+        let Range { start, end } = part.range;
+        let half = |range| Part::of(self.primitives, range);
+        (half(start..start + border), half(start + border..end))
+    }
+}
+
+/// Where to cut primitives into two by their places, which are from zero to [`BINS`]; `None`
+/// where they cannot be told apart.
+fn best_cut(primitives: &[Primitive], place: impl Fn(&Primitive) -> f32) -> Option<f32> {
+    let mut bins = [(0_u32, Bounds::EMPTY); BINS];
+    for primitive in primitives {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "never negative; what is not a number becomes zero"
         )]
-        let bin_of = |k: u32| {
-            let place = (middle(&boxes[k as usize])[axis] - low) * scale;
-            (place as usize).min(BINS - 1)
-        };
-        let mut bins = [(0_usize, Aabb::EMPTY); BINS];
-        for &k in order.iter() {
-            let bin = &mut bins[bin_of(k)];
-            *bin = (bin.0 + 1, bin.1.union(boxes[k as usize]));
-        }
-        // What lies behind each cut, then the costs: areas times counts on both sides.
-        let mut behind = [(0, Aabb::EMPTY); BINS + 1];
-        for cut in (1..BINS).rev() {
-            let (count, bounds) = behind[cut + 1];
-            behind[cut] = (count + bins[cut].0, bounds.union(bins[cut].1));
-        }
-        let mut best: Option<(f64, usize, Aabb)> = None;
-        let mut before = (0, Aabb::EMPTY);
-        for cut in 1..BINS {
-            before = (before.0 + bins[cut - 1].0, before.1.union(bins[cut - 1].1));
-            if before.0 == 0 || behind[cut].0 == 0 {
-                continue;
-            }
-            let cost = before.0 as f64 * half_area(&before.1)
-                + behind[cut].0 as f64 * half_area(&behind[cut].1);
-            if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, cut, before.1));
-            }
-        }
-        let Some((_, cut, first)) = best else {
-            return self.halve(part);
-        };
-        let (mut left, mut right) = (0, order.len());
-        while left < right {
-            if bin_of(order[left]) < cut {
-                left += 1;
-            } else {
-                right -= 1;
-                order.swap(left, right);
-            }
-        }
-        let border = part.range.start + left;
-        let size = self.size_of(part.range.start..border);
-        (
-            Part::new(part.range.start..border, size, first),
-            Part::new(border..part.range.end, part.size - size, behind[cut].1),
-        )
+        let bin = &mut bins[(place(primitive) as usize).min(BINS - 1)];
+        *bin = (bin.0 + 1, bin.1.union(primitive.bounds));
     }
-
-    /// Two parts of a part that cannot be told apart by place.
-    fn halve(&self, part: &Part) -> (Part, Part) {
-        let border = part.range.start + part.range.len() / 2;
-        let half = |range: Range<usize>| {
-            let boxes = self.order[range.clone()]
-                .iter()
-                .map(|&k| self.boxes[k as usize]);
-            let bounds = boxes.fold(Aabb::EMPTY, Aabb::union);
-            Part::new(range.clone(), self.size_of(range), bounds)
-        };
-        (half(part.range.start..border), half(border..part.range.end))
+    // The cost of what lies behind each cut, then of both sides: areas times counts.
+    let mut behind = [0.0; BINS];
+    let (mut count, mut bounds) = (0, Bounds::EMPTY);
+    for cut in (1..BINS).rev() {
+        (count, bounds) = (count + bins[cut].0, bounds.union(bins[cut].1));
+        behind[cut] = count as f32 * bounds.half_area();
     }
-}
-
-fn half_area(bounds: &Aabb) -> f64 {
-    let size = bounds.size();
-    size.x * size.y + size.y * size.z + size.z * size.x
+    let mut best: Option<(f32, f32)> = None;
+    let (mut before, mut bounds) = (0, Bounds::EMPTY);
+    for cut in 1..BINS {
+        (before, bounds) = (before + bins[cut - 1].0, bounds.union(bins[cut - 1].1));
+        if before == 0 || before as usize == primitives.len() {
+            continue;
+        }
+        let cost = before as f32 * bounds.half_area() + behind[cut];
+        if best.is_none_or(|(least, _)| cost < least) {
+            best = Some((cost, cut as f32));
+        }
+    }
+    best.map(|(_, cut)| cut)
 }
 
 #[expect(

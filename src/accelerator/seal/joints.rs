@@ -29,7 +29,7 @@ pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<S
     for (number, item) in (0..).zip(&cluster.items) {
         if let ItemShape::Patch(patch) = item.shape {
             items.push(number);
-            patches.push(placed(patch, &item.cluster_from_object));
+            patches.push(placed(patch, cluster.map_of(item)));
         }
     }
     // Boundaries are sewn within half of the tolerance.
