@@ -32,25 +32,29 @@ pub(super) struct Order<F> {
 
 impl<F: Fn(DVec2) -> DVec3> Order<F> {
     /// Lets closed curves begin where others of the loop end, turns curves round where that lets
-    /// them meet, in space, and puts them in the order in which they meet without a jump.
-    pub(super) fn aligned(&self, curves: Chain) -> Chain {
+    /// them meet, in space, and puts them in the order in which they meet without a jump; whether
+    /// that is not the order of the file.
+    pub(super) fn aligned(&self, curves: Chain) -> (Chain, bool) {
         if curves.len() < 2 {
-            return curves;
+            return (curves, false);
         }
-        self.sorted(self.turned(self.opened(curves)))
+        let (curves, ends) = self.turned(self.opened(curves));
+        match self.sorted(&curves, &ends) {
+            Some(order) => (order.into_iter().map(|k| curves[k].clone()).collect(), true),
+            None => (curves, false),
+        }
     }
 
     /// The order in which each curve begins where the one before ends, in parameters as they are, if
-    /// there is no other such order.
+    /// it is another one than that of the file, and the only one.
     ///
     /// Where two seams of a surface cross, loops pass one point of space several times, and in space
     /// any curve from there can follow any that comes there.
-    fn sorted(&self, curves: Chain) -> Chain {
+    fn sorted(&self, curves: &[Curve<DVec2>], ends: &[[DVec3; 2]]) -> Option<Vec<usize>> {
         let count = curves.len();
         if count > SORTED {
-            return curves;
+            return None;
         }
-        let ends = self.ends(&curves);
         let follows = |k: usize, next: usize| {
             let jump = (curves[next].start() - curves[k].end()).abs();
             let jumps = |axis: usize| {
@@ -60,24 +64,22 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
             ends[k][1].distance(ends[next][0]) <= self.accuracy && !jumps(0) && !jumps(1)
         };
         if (0..count).all(|k| follows(k, (k + 1) % count)) {
-            return curves;
+            return None;
         }
         let mut order = vec![0];
         while order.len() <= count {
             let last = order[order.len() - 1];
             let mut next = (0..count).filter(|&next| follows(last, next));
             match (next.next(), next.next()) {
-                (Some(0), None) if order.len() == count => {
-                    return order.into_iter().map(|k| curves[k].clone()).collect();
-                }
+                (Some(0), None) if order.len() == count => return Some(order),
                 (Some(next), None) if next != 0 => order.push(next),
                 _ => break,
             }
         }
-        curves
+        None
     }
 
-    fn ends(&self, curves: &Chain) -> Vec<[DVec3; 2]> {
+    fn ends(&self, curves: &[Curve<DVec2>]) -> Vec<[DVec3; 2]> {
         let ends = |c: &Curve<DVec2>| [(self.point)(c.start()), (self.point)(c.end())];
         curves.iter().map(ends).collect()
     }
@@ -141,8 +143,8 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
         least::least(&curve.knots().breaks(), off)
     }
 
-    /// Turns curves round, each only where that is clearly better.
-    fn turned(&self, mut curves: Chain) -> Chain {
+    /// Turns curves round, each only where that is clearly better; the curves and their ends.
+    fn turned(&self, mut curves: Chain) -> (Chain, Vec<[DVec3; 2]>) {
         let mut ends = self.ends(&curves);
         let better = |turned: f64, straight: f64| straight > self.near && turned < 0.5 * straight;
         let to_next = |p: DVec3| p.distance(ends[1][0]).min(p.distance(ends[1][1]));
@@ -157,7 +159,7 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
                 ends[k].reverse();
             }
         }
-        curves
+        (curves, ends)
     }
 }
 
@@ -198,7 +200,7 @@ mod tests {
         let right = [7, 8, 0, 1, 2, 3, 4, 5, 6].map(line).to_vec();
         // At the corner, one point of space, the left side is followed by the right part of the top.
         let file = [7, 8, 5, 6, 1, 2, 3, 4, 0].map(line).to_vec();
-        assert_eq!(order.aligned(file), right);
-        assert_eq!(order.aligned(right.clone()), right);
+        assert_eq!(order.aligned(file), (right.clone(), true));
+        assert_eq!(order.aligned(right.clone()), (right, false));
     }
 }

@@ -22,7 +22,8 @@ use super::directory::SHORT;
 use super::order::{Chain, Order};
 use super::quadric::Quadric;
 use super::sheets::{self, Sheet, SheetShape};
-use crate::{Problem, lifted, repeated};
+use crate::loops::{self as trim_loops, LEAVES};
+use crate::{Problem, lifted};
 
 /// How far a curve laid onto a surface may stray, relative to the size of the surface.
 const ACCURACY: f64 = 1e-7;
@@ -108,7 +109,21 @@ pub(super) fn faces(
             parts.iter_mut().for_each(|(_, trims)| trims.clear());
         }
     }
+    for _ in 0..leaving(&parts) {
+        reader.repaired(face, LEAVES);
+    }
     Ok(parts)
+}
+
+/// How many loops leave the surface that all parts make.
+fn leaving(parts: &Parts) -> usize {
+    let Some((first, loops)) = parts.first().filter(|(_, loops)| !loops.is_empty()) else {
+        return 0;
+    };
+    let all = parts.iter().map(|(surface, _)| surface);
+    let (domain, closed) = (domain_of(all), nearest::closed(first));
+    let leaves = |one: &&TrimLoop| trim_loops::leaves(one, &domain, closed);
+    loops.iter().filter(leaves).count()
 }
 
 /// Makes sure that something of a surface is inside loops.
@@ -251,7 +266,7 @@ impl<'a> Trimmer<'a> {
         let most = size * COARSE;
         let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
         let whole = match &sheet.shape {
-            SheetShape::Splines(pieces, _) => pieces.iter().fold(domain.clone(), around),
+            SheetShape::Splines(pieces, _) => domain_of(pieces.iter()),
             SheetShape::Quadric(_) => domain.clone(),
         };
         Self {
@@ -285,7 +300,7 @@ impl<'a> Trimmer<'a> {
             reader.unsupported(face, fitted("a trim curve", self.strays.get(), ACCURACY));
         }
         if border {
-            if repeated::surrounded(&mut trims, &self.domain).map_err(Problem::Geometry)? {
+            if trim_loops::surrounded(&mut trims, &self.domain).map_err(Problem::Geometry)? {
                 let text = "a hole is the border of its surface; it counts as that";
                 reader.repaired(face, text);
             }
@@ -391,7 +406,7 @@ impl<'a> Trimmer<'a> {
             reader.repaired(face, text);
         }
         let mut loops = made.loops;
-        if repeated::removed(&mut loops, &self.domain) {
+        if trim_loops::removed(&mut loops, &self.domain) {
             let text = "two trim loops are the same; they count once";
             reader.repaired(face, text);
         }
@@ -449,7 +464,13 @@ impl<'a> Trimmer<'a> {
             near: self.size * MEETS,
             accuracy,
         };
-        Ok(order.aligned(chain))
+        let (chain, is_sorted) = order.aligned(chain);
+        if is_sorted {
+            let text = "the curves of a trim loop are listed out of order; they are taken in the \
+                        order in which they meet";
+            reader.repaired(face, text);
+        }
+        Ok(chain)
     }
 
     fn quadric(&self) -> Option<&'a Quadric> {
@@ -474,8 +495,11 @@ impl<'a> Trimmer<'a> {
     }
 }
 
-/// A domain, made larger by that of a surface.
-fn around([u, v]: [Range<f64>; 2], surface: &Surface) -> [Range<f64>; 2] {
-    let (own_u, own_v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    [(u, own_u), (v, own_v)].map(|(a, b)| a.start.min(b.start)..a.end.max(b.end))
+/// The domain of all parts of a surface.
+fn domain_of<'a>(parts: impl Iterator<Item = &'a Surface>) -> [Range<f64>; 2] {
+    let nothing = || f64::INFINITY..f64::NEG_INFINITY;
+    parts.fold([nothing(), nothing()], |[u, v], part| {
+        let (own_u, own_v) = (part.knots_u().domain(), part.knots_v().domain());
+        [(u, own_u), (v, own_v)].map(|(a, b)| a.start.min(b.start)..a.end.max(b.end))
+    })
 }

@@ -8,7 +8,8 @@ use kernel::{Curve, Error as GeometryError, Surface, TrimLoop};
 use super::curve::is_parameter_curve;
 use super::scene::Converter;
 use super::{Link, Node};
-use crate::{Error, repeated};
+use crate::Error;
+use crate::loops::{self, LEAVES};
 
 /// Gaps between the curves of a contour that are bridged, as a share of the diagonal of the
 /// parameter domain. Some programs write few digits; a picture does not show the rest.
@@ -54,14 +55,14 @@ impl Converter<'_> {
             }
         }
         let domain = [u.clone(), v.clone()];
-        if repeated::removed(&mut loops, &domain) {
+        if loops::removed(&mut loops, &domain) {
             let text = "two contours are the same; they count once";
             self.warnings.invalid(node.place(), text);
         }
         let check = |loops: &[TrimLoop]| TrimLoop::check_inside(loops, &u, &v, surface.closed());
         let mut checked = check(&loops);
         if checked.is_ok() && runs_clockwise_outside(&loops) {
-            if repeated::surrounded(&mut loops, &domain) == Ok(true) {
+            if loops::surrounded(&mut loops, &domain) == Ok(true) {
                 let text = "the border runs clockwise, as a hole does; it counts as the border";
                 self.warnings.invalid(node.place(), text);
             }
@@ -71,6 +72,12 @@ impl Converter<'_> {
             let text = format!("{problem}; the surface is shown untrimmed");
             self.warnings.invalid(node.place(), text);
             return Ok(Vec::new());
+        }
+        for _ in loops
+            .iter()
+            .filter(|one| loops::leaves(one, &domain, surface.closed()))
+        {
+            self.warnings.invalid(node.place(), LEAVES);
         }
         Ok(loops)
     }

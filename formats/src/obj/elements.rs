@@ -11,10 +11,8 @@ use super::specials::{Specials, TrimCurve};
 use super::statements::{Statement, number, reference};
 use super::trims::{LoopText, domain, lifted};
 use super::{Reader, SurfacePart, invalid};
-use crate::{Place, Problem, repeated};
-
-/// What is said about loops that leave their surface.
-const OUTSIDE: &str = "the loop leaves the surface; what lies outside is cut off";
+use crate::loops::{self, LEAVES};
+use crate::{Place, Problem};
 
 /// An element whose `end` has not come yet.
 #[derive(Clone, Debug)]
@@ -265,6 +263,10 @@ impl Reader<'_> {
     ) -> Vec<TrimLoop> {
         let mut loops = Vec::new();
         let mut bad = open.bad_loop.clone();
+        let closed = match parts {
+            [whole] => whole.closed(),
+            _ => [false; 2],
+        };
         let mut cut_off = Vec::new();
         let limit = self.options.limits.points;
         if element.loops.first().is_some_and(|text| text.hole) {
@@ -282,26 +284,22 @@ impl Reader<'_> {
             }
             let place = Place::item(text.line, if text.hole { "hole" } else { "trim" });
             match text.close(&self.trim_curves, domain) {
-                Ok((closed, is_inside)) => {
-                    if !is_inside {
+                Ok(one) => {
+                    if loops::leaves(&one, domain, closed) {
                         cut_off.push(place);
                     }
-                    loops.push(closed);
+                    loops.push(one);
                 }
                 Err(problem) => {
                     bad.get_or_insert((place, problem));
                 }
             }
         }
-        if repeated::removed(&mut loops, domain) {
+        if loops::removed(&mut loops, domain) {
             let place = Place::item(open.line, open.what.as_str());
             let text = "two trim loops are the same; they count once";
             self.warnings.invalid(place, text);
         }
-        let closed = match parts {
-            [whole] => whole.closed(),
-            _ => [false; 2],
-        };
         if let Err(problem) = TrimLoop::check_inside(&loops, &domain[0], &domain[1], closed) {
             let place = Place::item(open.line, open.what.as_str());
             bad.get_or_insert((place, Problem::Geometry(problem)));
@@ -315,7 +313,7 @@ impl Reader<'_> {
             return loops;
         }
         for place in cut_off {
-            self.warnings.invalid(place, OUTSIDE);
+            self.warnings.invalid(place, LEAVES);
         }
         loops
     }

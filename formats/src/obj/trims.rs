@@ -76,18 +76,16 @@ impl LoopText {
         points
     }
 
-    /// The closed loop, and whether all of it is on the surface; `curves` holds `None` for those
-    /// that could not be read.
+    /// The closed loop; `curves` holds `None` for those that could not be read.
     pub(super) fn close(
         &self,
         curves: &[Option<TrimCurve>],
         domain: &[Range<f64>; 2],
-    ) -> Result<(TrimLoop, bool), Problem> {
+    ) -> Result<TrimLoop, Problem> {
         let pieces = self.pieces.iter().map(|piece| piece.cut(curves));
         let pieces = pieces.collect::<Result<Vec<_>, _>>()?;
         let longer = domain.iter().map(|d| d.end - d.start).fold(0.0, f64::max);
-        let is_inside = stays_inside(&pieces, domain, GAP * longer);
-        Ok((TrimLoop::new(pieces, GAP * longer)?, is_inside))
+        Ok(TrimLoop::new(pieces, GAP * longer)?)
     }
 }
 
@@ -134,16 +132,6 @@ impl Piece {
             part
         })
     }
-}
-
-/// Whether no curve has a break or end outside the domain.
-fn stays_inside(curves: &[Curve<DVec2>], domain: &[Range<f64>; 2], tolerance: f64) -> bool {
-    let on = |x: f64, d: &Range<f64>| d.start - tolerance <= x && x <= d.end + tolerance;
-    curves.iter().all(|curve| {
-        let breaks = curve.knots().breaks();
-        let mut points = breaks.into_iter().map(|t| curve.evaluate(t));
-        points.all(|p| on(p.x, &domain[0]) && on(p.y, &domain[1]))
-    })
 }
 
 /// The least domain that holds those of all parts of a surface; `None` without parts.

@@ -339,6 +339,10 @@ fn contours_are_mended_where_viewers_agree_on_them() {
     let (area, messages) = area_inside(&contour(&[line("-1 -1 -1 2 2 2 2 -1 -1 -1")]));
     assert!(area.abs() < 1e-12, "{area}");
     assert!(messages[0].contains("nothing is inside"), "{messages:?}");
+    let (_, messages) = area_inside(&contour(&[line("-.1 .2 .5 .2 .5 .8 -.1 .2")]));
+    let told =
+        "line 2, NurbsTrimmedSurface: the loop leaves the surface; what lies outside is cut off";
+    assert_eq!(messages, [told]);
     // Which part comes next is not guessed.
     let apart = contour(&[one, line(".1 .1 .1 .9")]);
     let (_, messages) = area_inside(&apart);

@@ -112,6 +112,8 @@ fn of_a_torn_surface_the_part_outside_the_loops_is_cut_off() {
     for (ends, expected, told) in [
         (["1.25", "1.75"], [false, true], 1),
         (["3.25", "3.75"], [true, true], 2),
+        // A part of it on neither.
+        (["1.25", "2.25"], [false, true], 2),
     ] {
         let [a, b] = ends;
         let mut corners = made(106, &format!("1,4,0.,{a},0.25,{b},0.25,{b},0.75,{a},0.25"));

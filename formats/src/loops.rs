@@ -1,5 +1,5 @@
-//! Trim loops that a file has twice: a hole that is the outline again, or the border of the domain, or
-//! is there again.
+//! What files get wrong about trim loops: one is there twice, a hole is the border of its surface, or
+//! a loop leaves its surface.
 //!
 //! By the rule of odd and even two equal loops undo each other, which no file means.
 
@@ -16,6 +16,13 @@ const SAME: f64 = 1e-9;
 /// A loop no farther than this share of the domain from its border runs along that: curves laid onto
 /// surfaces are no more accurate.
 const ALONG: f64 = 1e-6;
+
+/// A loop that goes farther than this share of the domain beyond it leaves the surface: curves that
+/// programs fit to borders stray by less.
+const BEYOND: f64 = 1e-3;
+
+/// What is said of a loop that leaves its surface.
+pub(crate) const LEAVES: &str = "the loop leaves the surface; what lies outside is cut off";
 
 /// Loops are compared if the boxes around their control points are no farther apart than this share
 /// of their size.
@@ -49,6 +56,23 @@ pub(crate) fn surrounded(
     let was_border = holes.len() < before;
     holes.push(TrimLoop::border(&domain[0], &domain[1])?);
     Ok(was_border)
+}
+
+/// Whether a loop goes beyond the domain of its surface, but for a seam of a `closed` one, where it
+/// comes in again on the other side.
+pub(crate) fn leaves(one: &TrimLoop, domain: &[Range<f64>; 2], closed: [bool; 2]) -> bool {
+    let start = DVec2::from(domain.each_ref().map(|d| d.start));
+    let size = DVec2::from(domain.each_ref().map(|d| d.end - d.start));
+    let is_beyond = |share: DVec2| {
+        (0..2).any(|axis| !closed[axis] && !(-BEYOND..=1.0 + BEYOND).contains(&share[axis]))
+    };
+    let outline = Outline::of(one, size);
+    let corners = outline.corners.map(|corner| corner - start / size);
+    // The loop is between the corners.
+    corners.into_iter().any(is_beyond)
+        && outline
+            .points()
+            .any(|point| is_beyond(point - start / size))
 }
 
 /// Whether a loop is the border of the domain.
@@ -142,6 +166,23 @@ mod tests {
         for other in [polygon(&[a, b, c, a]), polygon(&[a, b, c, b, a])] {
             assert_eq!(surrounded(&mut vec![other], &domain), Ok(false));
         }
+    }
+
+    #[test]
+    fn a_loop_leaves_its_surface_but_not_through_a_seam() {
+        let domain = [-1.0..1.0, 2.0..6.0];
+        let inside = polygon(&[[-1.0, 2.0], [1.001, 2.0], [0.0, 6.0], [-1.0, 2.0]]);
+        assert!(!leaves(&inside, &domain, [false; 2]));
+        let across = polygon(&[[0.5, 3.0], [1.5, 3.0], [1.5, 5.0], [0.5, 3.0]]);
+        assert!(leaves(&across, &domain, [false, true]));
+        assert!(!leaves(&across, &domain, [true, false]));
+        // Its control point is outside, but the curve is not.
+        let bend = [[0.9, 3.0], [1.1, 4.0], [0.9, 5.0]].map(DVec2::from);
+        let knots = kernel::KnotVector::new(2, vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0]).unwrap();
+        let bend = Curve::new(knots, &bend, None).unwrap();
+        let back = Curve::line(bend.end(), bend.start(), 0.0..1.0).unwrap();
+        let bent = TrimLoop::new(vec![bend, back], 0.0).unwrap();
+        assert!(!leaves(&bent, &domain, [false; 2]));
     }
 
     #[test]
