@@ -33,14 +33,20 @@ pub(super) struct Order<F> {
 impl<F: Fn(DVec2) -> DVec3> Order<F> {
     /// Lets closed curves begin where others of the loop end, turns curves round where that lets
     /// them meet, in space, and puts them in the order in which they meet without a jump; whether
-    /// that is not the order of the file.
+    /// they do not even meet in space in the order of the file.
     pub(super) fn aligned(&self, curves: Chain) -> (Chain, bool) {
         if curves.len() < 2 {
             return (curves, false);
         }
         let (curves, ends) = self.turned(self.opened(curves));
         match self.sorted(&curves, &ends) {
-            Some(order) => (order.into_iter().map(|k| curves[k].clone()).collect(), true),
+            Some(order) => {
+                let next = ends.iter().cycle().skip(1);
+                let mut pairs = ends.iter().zip(next);
+                let is_torn = pairs.any(|(own, next)| own[1].distance(next[0]) > self.accuracy);
+                let curves = order.into_iter().map(|k| curves[k].clone());
+                (curves.collect(), is_torn)
+            }
             None => (curves, false),
         }
     }
@@ -200,7 +206,10 @@ mod tests {
         let right = [7, 8, 0, 1, 2, 3, 4, 5, 6].map(line).to_vec();
         // At the corner, one point of space, the left side is followed by the right part of the top.
         let file = [7, 8, 5, 6, 1, 2, 3, 4, 0].map(line).to_vec();
-        assert_eq!(order.aligned(file), (right.clone(), true));
+        assert_eq!(order.aligned(file), (right.clone(), false));
+        let torn = [8, 0, 1, 3, 2, 4, 5, 6, 7].map(line).to_vec();
+        let sorted = [8, 0, 1, 2, 3, 4, 5, 6, 7].map(line).to_vec();
+        assert_eq!(order.aligned(torn), (sorted, true));
         assert_eq!(order.aligned(right.clone()), (right, false));
     }
 }
