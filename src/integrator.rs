@@ -73,6 +73,26 @@ pub(crate) struct Radiance {
     pub(crate) coverage: f64,
 }
 
+/// How a surface stands to a ray.
+struct Facing {
+    /// Back along the ray, of length one.
+    view: DVec3,
+    /// Towards the side that the ray sees; without a normal the surface faces the viewer.
+    normal: DVec3,
+}
+
+impl Facing {
+    fn new(ray: &Ray, hit: &Hit) -> Self {
+        let view = -ray.direction.normalize();
+        let normal = match hit.normal.dot(view) {
+            0.0 if hit.normal == DVec3::ZERO => view,
+            cosine if cosine < 0.0 => -hit.normal,
+            _ => hit.normal,
+        };
+        Self { view, normal }
+    }
+}
+
 /// A surface that a ray sees, and how much of it.
 struct Layer {
     /// The number of the ray.
@@ -167,6 +187,8 @@ impl<'a> Integrator<'a> {
         count: &mut u64,
     ) -> Vec<DVec3> {
         let mut colors: Vec<_> = looks.iter().map(|look| self.unlit(look)).collect();
+        let facing = |layer: &Layer| Facing::new(&rays[layer.ray], &layer.hit);
+        let facings: Vec<_> = layers.iter().map(facing).collect();
         let (mut shadows, mut ranges, mut pending) = (Vec::new(), Vec::new(), Vec::new());
         for active in &self.lights {
             shadows.clear();
@@ -177,7 +199,7 @@ impl<'a> Integrator<'a> {
                 if self.opacity(look) <= 0.0 {
                     continue;
                 }
-                let Some(lit) = self.lit(ray, hit, look, &active.light) else {
+                let Some(lit) = self.lit(&facings[number], hit, look, &active.light) else {
                     continue;
                 };
                 if !active.shadows {
@@ -280,14 +302,8 @@ impl<'a> Integrator<'a> {
     }
 
     /// What one light adds where nothing is in its way; `None` where it does not shine.
-    fn lit(&self, ray: &Ray, hit: &Hit, look: &Look, light: &Light) -> Option<Lit> {
-        let view = -ray.direction.normalize();
-        // Both sides of a surface are lit; without a normal it faces the viewer.
-        let normal = match hit.normal.dot(view) {
-            0.0 if hit.normal == DVec3::ZERO => view,
-            cosine if cosine < 0.0 => -hit.normal,
-            _ => hit.normal,
-        };
+    fn lit(&self, facing: &Facing, hit: &Hit, look: &Look, light: &Light) -> Option<Lit> {
+        let &Facing { view, normal } = facing;
         let (direction, reach, strength) = arrival(light, hit.point)?;
         let cosine = normal.dot(direction);
         if cosine <= 0.0 || strength <= 0.0 {
@@ -296,14 +312,11 @@ impl<'a> Integrator<'a> {
         let highlight = match self.shading {
             Shading::Blinn => {
                 let half = (direction + view).normalize_or_zero();
-                half.dot(normal).max(0.0).powf(look.shininess)
+                power(half.dot(normal), look.shininess)
             }
             _ => {
                 let mirrored = normal * (2.0 * cosine) - direction;
-                mirrored
-                    .dot(view)
-                    .max(0.0)
-                    .powf(look.shininess * PHONG_EXPONENT)
+                power(mirrored.dot(view), look.shininess * PHONG_EXPONENT)
             }
         };
         let reflected = look.diffuse * cosine + look.specular * highlight;
@@ -347,6 +360,12 @@ impl<'a> Integrator<'a> {
             0.0..f64::INFINITY,
         )
     }
+}
+
+/// The power of a cosine, of what is in front; as precise as the film.
+#[expect(clippy::cast_possible_truncation, reason = "film is single precision")]
+fn power(cosine: f64, exponent: f64) -> f64 {
+    f64::from((cosine.max(0.0) as f32).powf(exponent as f32))
 }
 
 /// Whether something lets light through.

@@ -13,7 +13,7 @@ use crate::intersect::Hit;
 use crate::random::Random;
 
 /// Side of a tile in pixels.
-const TILE: u32 = 32;
+const TILE: u32 = 16;
 
 /// How to render.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,7 +118,9 @@ fn paint_all(
     let mut film = options.film();
     let stats = film
         .tiles_mut(TILE)
-        .into_par_iter()
+        .into_iter()
+        // Each goes to the next thread that is free.
+        .par_bridge()
         .map_init(Workspace::default, |workspace, mut tile| {
             let stats = painter.paint(&mut tile, workspace);
             progress(u64::from(tile.x.end - tile.x.start) * u64::from(tile.y.end - tile.y.start));

@@ -5,10 +5,16 @@ use super::beam::{Beam, RAYS};
 use super::distance::Cells;
 use super::model::Model;
 use super::windows::{Batch, Company};
-use crate::simd::{LANES, Simd};
+use crate::simd::{LANES, Part, Simd};
 
 /// Rounding errors of positions and values in single precision, several wide.
 const ROUNDING: f32 = 8.0 / (1 << 24) as f32;
+
+/// Rounding errors in double precision, as a share of those in single precision, several wide.
+const DOUBLE: f32 = 1.0 / (1 << 24) as f32;
+
+/// A place that is less certain than this is looked at in double precision.
+const UNCERTAIN: f32 = 1024.0 / (1 << 24) as f32;
 
 /// Rays of a beam advance across no more than this, along either axis, for each one along it.
 pub(super) const STEEPEST: f32 = 4.0;
@@ -112,6 +118,8 @@ pub(super) struct Approach<F> {
 
 /// Sixteen rays in the frame of a cell, or each in that of its own.
 pub(super) struct Sight<F> {
+    /// Whether all is rounded from double precision.
+    pub(super) is_exact: bool,
     /// How far from the middle they are at most where they are looked at, along an axis.
     pub(super) distance: F,
     /// The way along the ray of one unit of the third coordinate.
@@ -168,6 +176,7 @@ fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
     let g1 = s.mul(along(s, row1, m), inverse);
     let g2 = s.mul(along(s, row2, m), inverse);
     Sight {
+        is_exact: false,
         distance: s.max(s.abs(y[0]), s.abs(y[1])),
         inverse,
         tilt: [g1, g2],
@@ -178,15 +187,67 @@ fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
     }
 }
 
-/// The rays of a beam and one cell.
+/// As [`sight`], rounded from double precision: what runs along a cell meets its tangent plane with
+/// errors as many times larger as it is far from steep.
+struct ExactSight<'a> {
+    model: &'a Model,
+    beam: &'a Beam,
+    group: usize,
+}
+
+impl<S: Simd> Part<S> for ExactSight<'_> {
+    type Output = Sight<S::F>;
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is allowed for")]
+    fn run(self, s: S) -> Sight<S::F> {
+        let Self { model, beam, group } = self;
+        let (center, [i, j]) = (model.center.to_array(), beam.across);
+        let zeta = center[beam.main] * beam.sign;
+        let way = zeta - beam.start;
+        let mut rows = [[0.0; 3]; 3];
+        for (own, row) in rows.iter_mut().zip(&model.rows) {
+            let row = row.map(f64::from);
+            *own = [row[i], row[j], row[beam.main] * beam.sign];
+        }
+        let [r1, r2, r3] = rows;
+        let mut seen = [[0.0; LANES]; 7];
+        for (k, lane) in (group * LANES..(group + 1) * LANES).enumerate() {
+            let (m1, m2) = (beam.slope[0][lane], beam.slope[1][lane]);
+            let y1 = beam.origin[0][lane] + m1 * way - center[i];
+            let y2 = beam.origin[1][lane] + m2 * way - center[j];
+            let inverse = (r3[0] * m1 + r3[1] * m2 + r3[2]).recip();
+            let g1 = (r1[0] * m1 + r1[1] * m2 + r1[2]) * inverse;
+            let g2 = (r2[0] * m1 + r2[1] * m2 + r2[2]) * inverse;
+            let p3 = r3[0] * y1 + r3[1] * y2;
+            seen[0][k] = y1.abs().max(y2.abs()) as f32;
+            seen[1][k] = inverse as f32;
+            seen[2][k] = g1 as f32;
+            seen[3][k] = g2 as f32;
+            seen[4][k] = (r1[0] * y1 + r1[1] * y2 - g1 * p3) as f32;
+            seen[5][k] = (r2[0] * y1 + r2[1] * y2 - g2 * p3) as f32;
+            seen[6][k] = (zeta - p3 * inverse) as f32;
+        }
+        Sight {
+            is_exact: true,
+            distance: s.load(&seen[0]),
+            inverse: s.load(&seen[1]),
+            tilt: [s.load(&seen[2]), s.load(&seen[3])],
+            place: [s.load(&seen[4]), s.load(&seen[5])],
+            time: s.load(&seen[6]),
+            near: load(s, &beam.near, group),
+            far: load(s, &beam.far, group),
+        }
+    }
+}
+
+/// The rays of a beam and one cell, from what they see of it.
 #[inline(always)]
-pub(super) fn approach<S: Simd, const RATIONAL: bool>(
+fn approach<S: Simd, const RATIONAL: bool>(
     s: S,
     view: &View,
-    beam: &Beam,
-    group: usize,
+    sight: &Sight<S::F>,
 ) -> Approach<S::F> {
-    let sight = sight(s, view, beam, group);
     let splat = |[x, y, z]: [f32; 3]| [s.splat(x), s.splat(y), s.splat(z)];
     let shape = Shape {
         bulge: splat(view.bulge),
@@ -196,7 +257,7 @@ pub(super) fn approach<S: Simd, const RATIONAL: bool>(
         direction_size: s.splat(view.direction_size),
         sizes: splat(view.sizes),
     };
-    reach::<S, RATIONAL>(s, &sight, &shape)
+    reach::<S, RATIONAL>(s, sight, &shape)
 }
 
 /// What sixteen rays may meet, from what they see of their cells.
@@ -207,6 +268,7 @@ pub(super) fn reach<S: Simd, const RATIONAL: bool>(
     shape: &Shape<S::F>,
 ) -> Approach<S::F> {
     let &Sight {
+        is_exact,
         distance,
         inverse,
         tilt: [g1, g2],
@@ -222,15 +284,18 @@ pub(super) fn reach<S: Simd, const RATIONAL: bool>(
     let depth = s.fma(distance, along3, one);
     let width = s.fma(distance, s.add(along1, along2), one);
     let dropped = shape.dropped;
-    let blurred = s.mul(depth, blur);
+    let far = s.max(s.abs(x0), s.abs(y0));
+    let (blurred, width) = if is_exact {
+        let double = s.splat(DOUBLE);
+        let blurred = s.fma(double, s.mul(depth, blur), one);
+        (blurred, s.fma(double, width, s.add(one, far)))
+    } else {
+        (s.mul(depth, blur), width)
+    };
     let along = s.fma(s.splat(ROUNDING), blurred, dropped);
     let mut any = s.fma(s.splat(ROUNDING), s.add(blurred, width), dropped);
     if RATIONAL {
-        any = s.fma(
-            s.mul(dropped, s.add(one, s.max(size1, size2))),
-            s.max(s.abs(x0), s.abs(y0)),
-            any,
-        );
+        any = s.fma(s.mul(dropped, s.add(one, s.max(size1, size2))), far, any);
     }
     let error = s.fma(along, s.max(size1, size2), any);
     // What is not linear moves roots along the cell, and along the tilt by what stands across.
@@ -282,8 +347,19 @@ impl<S: Simd> Company<S> for OneCell<'_> {
     type Number = f32;
 
     #[inline(always)]
-    fn approach<const RATIONAL: bool>(&self, s: S, group: usize) -> Approach<S::F> {
-        approach::<S, RATIONAL>(s, &self.view, self.beam, group)
+    fn approach<const RATIONAL: bool>(&self, s: S, (group, lanes): (usize, u32)) -> Approach<S::F> {
+        let sight = sight(s, &self.view, self.beam, group);
+        let found = approach::<S, RATIONAL>(s, &self.view, &sight);
+        let uncertain = s.bits(s.lt(s.splat(UNCERTAIN), found.error[0]));
+        if uncertain & lanes & !found.beside == 0 {
+            return found;
+        }
+        let sight = s.apart(ExactSight {
+            model: self.model,
+            beam: self.beam,
+            group,
+        });
+        approach::<S, RATIONAL>(s, &self.view, &sight)
     }
 
     #[inline(always)]

@@ -126,6 +126,10 @@ const LAST: f64 = 1e-10;
 /// [`nearly_last`] up to degree three.
 const LAST_INSIDE: f64 = 1e-6;
 
+/// Where the surface runs along the ray, the step squares an error that grows with the reciprocal of
+/// the determinant of the derivatives: up to this it does not count.
+const STEEP: f64 = 100.0;
+
 /// The last step moves the point along the tangent plane. By the square of the step times twice
 /// `p (p - 1)` the surface may turn away from there, in sizes of the piece; times half of that this
 /// may be reached: by [`LAST_INSIDE`] with degree three.
@@ -230,7 +234,12 @@ impl<S: Simd, C: PerLane<S, Lanes = S::D>, const RATIONAL: bool> Part<S>
             let (last, last_inside) = (s.splat_d(LAST), s.splat_d(nearly_last));
             let (size_u, size_v) = (s.abs_d(du), s.abs_d(dv));
             let done = s.lt_d(size_u, last) & s.lt_d(size_v, last);
-            let nearly = s.lt_d(size_u, last_inside) & s.lt_d(size_v, last_inside);
+            let size = s.max_d(size_u, size_v);
+            let nearly = s.lt_d(size, last_inside)
+                & s.lt_d(
+                    s.mul_d(size, s.abs_d(scale)),
+                    s.splat_d(nearly_last * STEEP),
+                );
             let within = s.lt_d(s.abs_d(s.sub_d(u, half)), inside)
                 & s.lt_d(s.abs_d(s.sub_d(v, half)), inside);
             let small = done | nearly & within;

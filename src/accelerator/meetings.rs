@@ -178,7 +178,7 @@ impl<S: Simd> Company<S> for Meetings {
     type Number = [f32; LANES];
 
     #[inline(always)]
-    fn approach<const RATIONAL: bool>(&self, s: S, group: usize) -> Approach<S::F> {
+    fn approach<const RATIONAL: bool>(&self, s: S, (group, _): (usize, u32)) -> Approach<S::F> {
         let (y, d) = (
             three(s, &self.place, group),
             three(s, &self.direction, group),
@@ -194,6 +194,7 @@ impl<S: Simd> Company<S> for Meetings {
         let inverse = s.div(s.splat(1.0), d3);
         let (g1, g2) = (s.mul(d1, inverse), s.mul(d2, inverse));
         let sight = Sight {
+            is_exact: false,
             distance: size(s, y),
             inverse,
             tilt: [g1, g2],

@@ -226,8 +226,8 @@ pub(super) trait Company<S: Simd> {
     /// What a cell is described with.
     type Number: PerLane<S, Lanes = S::F>;
 
-    /// How the rays of a group come to their cells.
-    fn approach<const RATIONAL: bool>(&self, s: S, group: usize) -> Approach<S::F>;
+    /// How the rays of a group come to their cells; those count whose bits are set in `lanes`.
+    fn approach<const RATIONAL: bool>(&self, s: S, at: (usize, u32)) -> Approach<S::F>;
 
     /// The cells of a group.
     fn cells(&self, group: usize) -> &Cells<Self::Number>;
@@ -263,7 +263,7 @@ pub(super) fn look<S: Simd, C: Company<S>, const RATIONAL: bool>(
         if part == 0 {
             continue;
         }
-        let approach = company.approach::<RATIONAL>(s, group);
+        let approach = company.approach::<RATIONAL>(s, (group, part));
         let part = part & !approach.beside;
         if part == 0 {
             continue;
