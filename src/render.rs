@@ -12,8 +12,11 @@ use crate::integrator::{Integrator, Radiance, Shading};
 use crate::intersect::Hit;
 use crate::random::Random;
 
-/// Side of a tile in pixels.
-const TILE: u32 = 16;
+/// Side of a tile, about, in samples: what is known of them fits in the caches.
+const TILE: u32 = 32;
+
+/// Side of a tile at the least, in pixels.
+const LEAST_TILE: u32 = 4;
 
 /// How to render.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,9 +118,10 @@ fn paint_all(
         options,
         found,
     };
+    let side = (TILE / painter.side()).max(LEAST_TILE);
     let mut film = options.film();
     let stats = film
-        .tiles_mut(TILE)
+        .tiles_mut(1 << side.ilog2())
         .into_iter()
         // Each goes to the next thread that is free.
         .par_bridge()
