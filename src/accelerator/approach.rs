@@ -187,8 +187,8 @@ fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
     }
 }
 
-/// As [`sight`], rounded from double precision: what runs along a cell meets its tangent plane with
-/// errors as many times larger as it is far from steep.
+/// As [`sight`], rounded from double precision: where a ray meets the tangent plane is the less certain
+/// the more it runs along the cell.
 struct ExactSight<'a> {
     model: &'a Model,
     beam: &'a Beam,
