@@ -13,8 +13,9 @@ const ROUNDING: f32 = 8.0 / (1 << 24) as f32;
 /// Rounding errors in double precision, as a share of those in single precision, several wide.
 const DOUBLE: f32 = 1.0 / (1 << 24) as f32;
 
-/// A place that is less certain than this is looked at in double precision.
-const UNCERTAIN: f32 = 1024.0 / (1 << 24) as f32;
+/// Rays along which rounding errors grow by more than this on their way to the tangent plane are seen
+/// from a cell in double precision.
+const SLANTED: f32 = 128.0;
 
 /// Rays of a beam advance across no more than this, along either axis, for each one along it.
 pub(super) const STEEPEST: f32 = 4.0;
@@ -350,8 +351,9 @@ impl<S: Simd> Company<S> for OneCell<'_> {
     fn approach<const RATIONAL: bool>(&self, s: S, (group, lanes): (usize, u32)) -> Approach<S::F> {
         let sight = sight(s, &self.view, self.beam, group);
         let found = approach::<S, RATIONAL>(s, &self.view, &sight);
-        let uncertain = s.bits(s.lt(s.splat(UNCERTAIN), found.error[0]));
-        if uncertain & lanes & !found.beside == 0 {
+        let limit = s.splat(SLANTED / self.view.direction_size);
+        let slanted = s.bits(s.lt(limit, s.abs(sight.inverse)));
+        if slanted & lanes & !found.beside == 0 {
             return found;
         }
         let sight = s.apart(ExactSight {
