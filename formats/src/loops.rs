@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use glam::DVec2;
-use kernel::{Error, TrimLoop};
+use kernel::{Error, Surface, TrimLoop};
 
 use crate::least;
 
@@ -30,6 +30,15 @@ const BESIDE: f64 = 0.5;
 
 /// Points looked at on each span of a curve.
 const POINTS: usize = 8;
+
+/// The least domain that holds those of all parts of a surface; `None` without parts.
+pub(crate) fn domain<'a>(parts: impl IntoIterator<Item = &'a Surface>) -> Option<[Range<f64>; 2]> {
+    let domains = parts
+        .into_iter()
+        .map(|s| [s.knots_u().domain(), s.knots_v().domain()]);
+    let hull = |a: &Range<f64>, b: &Range<f64>| a.start.min(b.start)..a.end.max(b.end);
+    domains.reduce(|a, b| [hull(&a[0], &b[0]), hull(&a[1], &b[1])])
+}
 
 /// Leaves each loop once; whether any was there again.
 pub(crate) fn removed(loops: &mut Vec<TrimLoop>, domain: &[Range<f64>; 2]) -> bool {

@@ -115,14 +115,13 @@ pub(super) fn faces(
     Ok(parts)
 }
 
-/// How many loops leave the surface that all parts make.
+/// How many loops leave the surface that all parts make. Where it is closed they lie in its domain.
 fn leaving(parts: &Parts) -> usize {
-    let Some((first, loops)) = parts.first().filter(|(_, loops)| !loops.is_empty()) else {
+    let domain = trim_loops::domain(parts.iter().map(|(surface, _)| surface));
+    let (Some(domain), Some((_, loops))) = (domain, parts.first()) else {
         return 0;
     };
-    let all = parts.iter().map(|(surface, _)| surface);
-    let (domain, closed) = (domain_of(all), nearest::closed(first));
-    let leaves = |one: &&TrimLoop| trim_loops::leaves(one, &domain, closed);
+    let leaves = |one: &&TrimLoop| trim_loops::leaves(one, &domain, [false; 2]);
     loops.iter().filter(leaves).count()
 }
 
@@ -266,7 +265,9 @@ impl<'a> Trimmer<'a> {
         let most = size * COARSE;
         let domain = [surface.knots_u().domain(), surface.knots_v().domain()];
         let whole = match &sheet.shape {
-            SheetShape::Splines(pieces, _) => domain_of(pieces.iter()),
+            SheetShape::Splines(pieces, _) => {
+                trim_loops::domain(pieces).unwrap_or_else(|| domain.clone())
+            }
             SheetShape::Quadric(_) => domain.clone(),
         };
         Self {
@@ -493,13 +494,4 @@ impl<'a> Trimmer<'a> {
         }
         self.surface.evaluate(inside)
     }
-}
-
-/// The domain of all parts of a surface.
-fn domain_of<'a>(parts: impl Iterator<Item = &'a Surface>) -> [Range<f64>; 2] {
-    let nothing = || f64::INFINITY..f64::NEG_INFINITY;
-    parts.fold([nothing(), nothing()], |[u, v], part| {
-        let (own_u, own_v) = (part.knots_u().domain(), part.knots_v().domain());
-        [(u, own_u), (v, own_v)].map(|(a, b)| a.start.min(b.start)..a.end.max(b.end))
-    })
 }

@@ -59,7 +59,8 @@ impl Converter<'_> {
             let text = "two contours are the same; they count once";
             self.warnings.invalid(node.place(), text);
         }
-        let check = |loops: &[TrimLoop]| TrimLoop::check_inside(loops, &u, &v, surface.closed());
+        let closed = surface.closed();
+        let check = |loops: &[TrimLoop]| TrimLoop::check_inside(loops, &u, &v, closed);
         let mut checked = check(&loops);
         if checked.is_ok() && runs_clockwise_outside(&loops) {
             if loops::surrounded(&mut loops, &domain) == Ok(true) {
@@ -73,10 +74,8 @@ impl Converter<'_> {
             self.warnings.invalid(node.place(), text);
             return Ok(Vec::new());
         }
-        for _ in loops
-            .iter()
-            .filter(|one| loops::leaves(one, &domain, surface.closed()))
-        {
+        let leaves = |one: &&TrimLoop| loops::leaves(one, &domain, closed);
+        for _ in loops.iter().filter(leaves) {
             self.warnings.invalid(node.place(), LEAVES);
         }
         Ok(loops)

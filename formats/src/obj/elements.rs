@@ -9,7 +9,7 @@ use super::basis::Basis;
 use super::freeform::{Attributes, Element, Kind};
 use super::specials::{Specials, TrimCurve};
 use super::statements::{Statement, number, reference};
-use super::trims::{LoopText, domain, lifted};
+use super::trims::{LoopText, lifted};
 use super::{Reader, SurfacePart, invalid};
 use crate::loops::{self, LEAVES};
 use crate::{Place, Problem};
@@ -198,7 +198,7 @@ impl Reader<'_> {
             }
             Kind::Surface(_) => {
                 let built = element.surfaces(attributes, limit)?;
-                let loops = match domain(&built.shape) {
+                let loops = match loops::domain(&built.shape) {
                     Some(domain) => self.loops(element, open, &built.shape, &domain),
                     None => Vec::new(),
                 };

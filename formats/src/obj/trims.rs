@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::{Curve, Surface, TrimLoop};
+use kernel::{Curve, TrimLoop};
 
 use super::invalid;
 use super::specials::TrimCurve;
@@ -132,15 +132,6 @@ impl Piece {
             part
         })
     }
-}
-
-/// The least domain that holds those of all parts of a surface; `None` without parts.
-pub(super) fn domain(parts: &[Surface]) -> Option<[Range<f64>; 2]> {
-    let domains = parts
-        .iter()
-        .map(|s| [s.knots_u().domain(), s.knots_v().domain()]);
-    let hull = |a: &Range<f64>, b: &Range<f64>| a.start.min(b.start)..a.end.max(b.end);
-    domains.reduce(|a, b| [hull(&a[0], &b[0]), hull(&a[1], &b[1])])
 }
 
 /// A control point `vp` as elements take it: place in the plane, and weight.
