@@ -353,9 +353,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
     ) -> f32 {
         let mut coarse = [(Cell::NONE, 0.0); WIDTH];
         let (mut divided, mut next) = (0, 0);
-        let mut fan = None;
-        loop {
-            let block = fan.as_ref().unwrap_or(block);
+        // Taken out, so that parts can be looked into where they are kept.
+        let mut fans = std::mem::take(&mut self.packet.fans);
+        let mut block = block;
+        'parts: loop {
             let mut found = [(0, 0.0); WIDTH];
             let crossings = block.crossings(self.s, bounds, far);
             let count = crossings.sorted(&mut found);
@@ -373,19 +374,20 @@ impl<S: Simd> Tracer<'_, '_, S> {
             far = self.packet.beam.farthest(self.s);
             loop {
                 if next == divided || self.alive == 0 {
-                    return far;
+                    break 'parts;
                 }
                 let (cell, start) = coarse[next];
                 next += 1;
                 if start <= far {
                     let number = self.accelerator.instances[self.instance as usize].cluster;
                     let instructions = self.accelerator.instructions;
-                    let fans = &mut self.packet.fans;
-                    fan = Some(fans.of(instructions, (number, cluster), &cell).clone());
+                    block = fans.of(instructions, (number, cluster), &cell);
                     break;
                 }
             }
         }
+        self.packet.fans = fans;
+        far
     }
 
     /// Looks for the roots of some rays in a cell.
