@@ -246,6 +246,24 @@ fn names_that_clash_do_not_stop_the_others() {
 }
 
 #[test]
+fn pictures_that_clash_do_not_stop_the_others() {
+    let place = Place::new();
+    fs::create_dir_all(place.path("a")).unwrap();
+    for name in ["a/goblet.x3d", "a/lamp.x3d", "a/lamp.wrl"] {
+        fs::copy(place.path("samples/goblet.x3d"), place.path(name)).unwrap();
+    }
+    // A file that is given twice has one picture.
+    let run = place.run("render a a/goblet.x3d -o out/{stem}.png --size 8x6 --stats -");
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert_eq!(run.stdout.lines().count(), 3, "{}", run.stdout);
+    let message = "a/lamp.wrl: a/lamp.x3d would be written to out/lamp.png, too; \
+                   put {stem}-{ext} into -o\n";
+    assert!(run.stderr.contains(message), "{}", run.stderr);
+    assert!(place.path("out/goblet.png").is_file());
+    assert!(!place.path("out/lamp.png").exists());
+}
+
+#[test]
 fn failed_files_have_their_warnings() {
     let place = Place::new();
     let text = "#VRML V2.0 utf8\nInline { url \"missing.wrl\" }\n";

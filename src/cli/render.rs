@@ -189,7 +189,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     if let Some(target) = &args.sheet {
         return run_sheet(args, target);
     }
-    let targets = targets(args)?;
+    let jobs = jobs(args)?;
+    let targets: Vec<_> = jobs.iter().map(|job| job.target.clone()).collect();
     let output = output_options(args, &targets)?;
     let once = prepare(args, &targets)?;
     let mut stats = Stats::new(args.stats.as_deref());
@@ -197,8 +198,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         .num_threads(args.threads)
         .build()?;
     let mut failed = 0;
-    for (file, target) in args.files.iter().zip(&targets) {
-        let done = load(args, file, &once)?.and_then(|loaded| {
+    for Job {
+        file,
+        target,
+        refused,
+    } in &jobs
+    {
+        let loaded = match refused {
+            Some(why) => Err(anyhow::Error::msg(why.clone())),
+            None => load(args, file, &once)?,
+        };
+        let done = loaded.and_then(|loaded| {
             pool.install(|| render_file(args, loaded, (file, target), &output, &mut stats))
         });
         if let Err(error) = done {
@@ -267,25 +277,42 @@ fn thumbnail(
     Ok(Some(shot(args, &loaded, file, size, false)?.film))
 }
 
-/// The picture of each file; no two may be the same.
-fn targets(args: &Args) -> anyhow::Result<Vec<PathBuf>> {
+/// A file and its picture.
+struct Job {
+    file: PathBuf,
+    target: PathBuf,
+    /// Why nothing is written there, where another picture or an input is.
+    refused: Option<String>,
+}
+
+/// The picture of each file; a file that is given several times has one.
+fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
     let output = args.output.as_deref().unwrap_or_default();
-    let target = |file: &PathBuf| PathBuf::from(input::named(output, file));
-    let targets: Vec<_> = args.files.iter().map(target).collect();
-    let pairs = args.files.iter().zip(&targets);
-    let pairs: Vec<_> = pairs.map(|(a, b)| (a.as_path(), b.as_path())).collect();
-    if let Some(clash) = input::clashes(&pairs).into_iter().flatten().next() {
-        bail!("{clash}");
-    }
-    for target in &targets {
-        if output::picture_format(target).is_none() {
+    let (mut jobs, mut known) = (Vec::new(), HashSet::new());
+    for file in &args.files {
+        let target = PathBuf::from(input::named(output, file));
+        if output::picture_format(&target).is_none() {
             bail!("{}: {ENDINGS}", target.display());
+        }
+        if known.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
+            jobs.push(Job {
+                file: file.clone(),
+                target,
+                refused: None,
+            });
         }
     }
     if args.frames.is_some() != output.contains("{frame}") {
         bail!("--frames A..B and {{frame}} in -o need each other");
     }
-    Ok(targets)
+    let pairs: Vec<_> = jobs.iter().map(|job| (&*job.file, &*job.target)).collect();
+    let clashes = input::clashes(&pairs);
+    for (job, clash) in jobs.iter_mut().zip(clashes) {
+        let place = job.target.canonicalize();
+        let is_input = place.is_ok_and(|place| known.contains(&place));
+        job.refused = is_input.then(|| input::over_input(&job.target)).or(clash);
+    }
+    Ok(jobs)
 }
 
 /// The files that are written once, beside the pictures of all files; their folders are made.
@@ -296,12 +323,15 @@ fn prepare(args: &Args, targets: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let once = [&args.sheet, &args.write_map, &args.stats];
     let once = once.into_iter().flatten();
     let once: Vec<_> = once.filter(|p| !input::is_stdin(p)).cloned().collect();
-    let all = [targets, &once].concat();
-    input::check_apart(&all, &args.files)?;
-    let mut places = HashSet::new();
-    for path in &all {
-        let place = std::path::absolute(path).with_context(|| path.display().to_string())?;
-        if !places.insert(place) {
+    input::check_apart(&once, &args.files)?;
+    let place =
+        |path: &PathBuf| std::path::absolute(path).with_context(|| path.display().to_string());
+    let mut places = targets
+        .iter()
+        .map(place)
+        .collect::<Result<HashSet<_>, _>>()?;
+    for path in &once {
+        if !places.insert(place(path)?) {
             bail!("{}: two outputs would be written there", path.display());
         }
     }

@@ -128,15 +128,23 @@ impl<'a> Converter<'a> {
     pub(super) fn cover(&mut self, kind: &str, patch: &mut Patch) -> Result<(), GeometryError> {
         let bounds = patch.surface.hull_bounds();
         let is_flat = bounds.max.y <= bounds.min.y;
-        let flat = |x: DVec3, y: DVec3| {
-            let rows = DMat3::from_cols(x, y, DVec3::ZERO).transpose() * (0.5 / bounds.max.x);
+        let flat = |x: DVec3, y: DVec3, radius: f64| {
+            let rows = DMat3::from_cols(x, y, DVec3::ZERO).transpose() * (0.5 / radius);
             let map = DAffine3::from_mat3_translation(rows, DVec3::new(0.5, 0.5, 0.0));
             Arc::new(patch.surface.transformed(&map))
         };
         patch.texture = Some(match kind {
             // Upright where the top is turned to the front, and the bottom to the back.
-            "Cone" | "Cylinder" if is_flat => flat(DVec3::X, DVec3::NEG_Z * bounds.max.y.signum()),
-            "Disk2D" => flat(DVec3::X, DVec3::Y),
+            "Cone" | "Cylinder" if is_flat => {
+                let y = DVec3::NEG_Z * bounds.max.y.signum();
+                flat(DVec3::X, y, bounds.max.x)
+            }
+            "Disk2D" => flat(DVec3::X, DVec3::Y, bounds.max.x),
+            // As if the whole disk were there; its first corner is on the arc.
+            "ArcClose2D" => {
+                let start = patch.surface.corners()[0][0];
+                flat(DVec3::X, DVec3::Y, start.length())
+            }
             "Cone" | "Cylinder" | "Sphere" => match self.covers.get(kind) {
                 Some(known) => Arc::clone(known),
                 None => {

@@ -44,6 +44,7 @@ pub(super) const TRANSFORMS: &[&str] = &[
 
 /// What is read as exact surfaces.
 const SURFACES: &[&str] = &[
+    "ArcClose2D",
     "Box",
     "Cone",
     "Cylinder",

@@ -34,7 +34,7 @@ impl<'a> Converter<'a> {
             "NurbsSweptSurface" => self.swept(node),
             "TrimmedSurface" => self.trimmed(node),
             "Extrusion" => self.extrusion(node),
-            "Box" | "Cone" | "Cylinder" | "Disk2D" | "Rectangle2D" | "Sphere" => {
+            "ArcClose2D" | "Box" | "Cone" | "Cylinder" | "Disk2D" | "Rectangle2D" | "Sphere" => {
                 Ok(self.solid(node))
             }
             _ => Ok(self.net(node, node)?.map(|patch| vec![patch])),

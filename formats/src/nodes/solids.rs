@@ -5,7 +5,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DVec2, DVec3};
-use kernel::modelling::{Frame, plane, revolve, sphere};
+use kernel::modelling::{Frame, plane, revolve, ruled, sphere};
 use kernel::{Curve, Error as GeometryError, Patch, Surface};
 
 use super::Node;
@@ -16,6 +16,7 @@ impl Converter<'_> {
     pub(super) fn solid(&mut self, node: &Node) -> Result<Vec<Patch>, GeometryError> {
         let mut number = |field, default| node.number(field, default, &mut self.warnings);
         let surfaces = match &*node.kind {
+            "ArcClose2D" => self.closed_arc(node).map(|s| vec![s]),
             "Box" => cuboid(node.vector("size", DVec3::splat(2.0), &mut self.warnings)),
             "Sphere" => {
                 let frame = Frame::new(DVec3::ZERO, DVec3::Y, DVec3::NEG_Z)?;
@@ -59,6 +60,30 @@ impl Converter<'_> {
             }
         }
         Ok(patches)
+    }
+
+    /// What lies between an arc and its centre, or its chord.
+    fn closed_arc(&mut self, node: &Node) -> Result<Surface, GeometryError> {
+        let arc = self.arc(node)?;
+        let ends = [arc.start(), arc.end()];
+        let radius = ends[0].length();
+        let has_chord = match &*node.string("closureType") {
+            "" | "PIE" => false,
+            "CHORD" => true,
+            other => {
+                let text = format!("closureType '{other}' is neither PIE nor CHORD; taken for PIE");
+                self.warnings.invalid(node.place(), text);
+                false
+            }
+        };
+        // A whole turn has neither.
+        let is_whole = ends[0].distance(ends[1]) <= 1e-9 * radius && arc.points().count() > 3;
+        let [from, to] = if has_chord && !is_whole {
+            ends
+        } else {
+            [DVec3::ZERO; 2]
+        };
+        ruled(&arc, &Curve::line(from, to, 0.0..1.0)?)
     }
 
     /// What lines between points (distance from the y axis, height) make in turning around

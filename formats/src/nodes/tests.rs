@@ -1,9 +1,9 @@
 //! What nodes become, in the shortest spelling.
 
-use std::f64::consts::FRAC_1_SQRT_2;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use glam::{DVec2, DVec3};
-use kernel::{Mesh, Patch};
+use kernel::{Integrals, Mesh, Patch};
 
 use crate::{Import, Limits, NoFiles, ReadOptions, read};
 
@@ -73,6 +73,26 @@ fn solids_are_exact_and_face_outwards() {
                 "{text} {point} {normal}"
             );
         }
+    }
+    // Flat figures face the z axis; a whole turn has no chord.
+    let flat = [
+        ("", 0.25 * PI * 4.0),
+        ("closureType \"CHORD\"", 0.25 * PI * 4.0 - 2.0),
+        (
+            "closureType \"CHORD\" endAngle 4.712389",
+            0.75 * PI * 4.0 + 2.0,
+        ),
+        ("closureType \"CHORD\" endAngle 0", PI * 4.0),
+    ];
+    for (fields, expected) in flat {
+        let import = shape(&format!("ArcClose2D {{ radius 2 {fields} }}"));
+        let patch = &import.scene.patches()[0];
+        let area = Integrals::of(patch, DVec3::ZERO).area();
+        assert!((area - expected).abs() < 1e-6, "{fields} {area}");
+        assert!(
+            samples(patch).iter().all(|(_, normal)| normal.z > 0.99),
+            "{fields}"
+        );
     }
     let open = shape("Cylinder { top FALSE bottom FALSE }");
     assert_eq!(open.scene.patches().len(), 1);

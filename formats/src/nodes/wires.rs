@@ -130,7 +130,7 @@ impl Converter<'_> {
     }
 
     /// A circle, or a part of one.
-    fn arc(&mut self, node: &Node) -> Result<Curve<DVec3>, GeometryError> {
+    pub(super) fn arc(&mut self, node: &Node) -> Result<Curve<DVec3>, GeometryError> {
         let field = if &*node.kind == "Disk2D" {
             "outerRadius"
         } else {
@@ -138,7 +138,7 @@ impl Converter<'_> {
         };
         let radius = node.size(field, 1.0, &mut self.warnings);
         let (mut start, mut end) = (0.0, TAU);
-        if &*node.kind == "Arc2D" {
+        if matches!(&*node.kind, "Arc2D" | "ArcClose2D") {
             start = self.angle(node, "startAngle", 0.0);
             end = self.angle(node, "endAngle", FRAC_PI_2);
             // Equal angles are a whole turn.
