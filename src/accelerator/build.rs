@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DAffine3;
-use kernel::{Aabb, Child, NodeId, Scene, TrimRegion};
+use kernel::{Aabb, Child, KnotVector, NodeId, Patch, Scene, TrimRegion};
 
 use rayon::prelude::*;
 
@@ -260,7 +260,14 @@ fn divided(
     maps: &[DAffine3],
     regions: &[TrimRegion],
 ) -> Parts {
-    let halvings = Halvings::of(scene.patches().len());
+    let spans = |knots: &KnotVector| knots.breaks().len() - 1;
+    let pieces = items.iter().map(|item| match item.shape {
+        ItemShape::Patch(Patch { surface, .. }) => {
+            spans(surface.knots_u()) * spans(surface.knots_v())
+        }
+        ItemShape::Mesh(_) => 0,
+    });
+    let halvings = Halvings::of(scene.patches().len(), pieces);
     // Many items at a time, so that little memory is asked for often.
     let task = |(k, items): (usize, &[ClusterItem<'_>])| {
         let mut parts = Parts::default();

@@ -18,29 +18,46 @@ use crate::simd::{Instructions, Simd, Task};
 pub(crate) struct Halvings {
     /// When the hierarchy is built.
     first: u8,
+    /// The same further, where each of the halves is sure to be more even: not at poles.
+    further: u8,
     /// What is then still uneven, when rays come to it; the rest is divided ray by ray.
     later: u8,
 }
 
 impl Halvings {
-    const USUAL: Self = Self { first: 6, later: 0 };
-
     /// Where there are many patches: not all of them are seen, and memory counts. Rays come to
     /// as many parts as a block has room for.
-    const MANY: Self = Self { first: 0, later: 3 };
+    const MANY: Self = Self {
+        first: 0,
+        further: 0,
+        later: 3,
+    };
 
-    /// In a scene of so many patches.
-    pub(crate) fn of(patches: usize) -> Self {
+    /// In a scene of so many patches, in a cluster of patches with so many pieces each.
+    pub(crate) fn of(patches: usize, pieces: impl Iterator<Item = usize>) -> Self {
         if patches > MANY {
-            Self::MANY
-        } else {
-            Self::USUAL
+            return Self::MANY;
+        }
+        // What pieces of high degree want, unless cells could become too many.
+        let room = CELLS >> FIRST;
+        let room = room.checked_div(pieces.sum()).unwrap_or(0);
+        let doubled = room.checked_ilog2().unwrap_or(0);
+        Self {
+            first: FIRST,
+            further: u8::try_from(doubled).map_or(FIRST, |most| most.min(FIRST)),
+            later: 0,
         }
     }
 }
 
 /// More patches than this are many.
 const MANY: usize = 2048;
+
+/// Halvings of pieces where patches are few.
+const FIRST: u8 = 6;
+
+/// Pieces are not halved further if there could be more cells than this.
+const CELLS: usize = 1 << 18;
 
 /// Further halvings of cells through which a trim loop passes: two along each direction.
 const TRIM_HALVINGS: u8 = 4;
@@ -256,6 +273,7 @@ impl Parts {
         let cell = Cell::whole(number);
         let divider = Divider {
             instructions: Instructions::best(),
+            further: halvings.further,
             later: halvings.later,
             net: PieceNet {
                 degrees,
@@ -269,7 +287,8 @@ impl Parts {
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
         let (cells, groups) = (&mut self.cells, &mut self.groups);
-        let open = divider.divide(cell, halvings.first, trims, (cells, groups));
+        let most = halvings.first + halvings.further;
+        let open = divider.divide(cell, most, trims, (cells, groups));
         groups.push(cells.len() - open..cells.len());
     }
 
@@ -344,6 +363,7 @@ impl Pieces {
 struct Divider<'a> {
     instructions: Instructions,
     /// See [`Halvings`].
+    further: u8,
     later: u8,
     net: PieceNet<'a>,
     /// From the units of the piece to the cluster.
@@ -444,16 +464,22 @@ impl Task for Outlined<'_> {
             center,
             radius,
             hull,
+            further,
             later,
             ..
         } = self.divider;
-        let local = if self.halvings > 0 {
+        let mut local = if self.halvings > 0 {
             Expansion::of::<S, DIVISION>(s, net, self.rect)
         } else {
             Expansion::of::<S, HIERARCHY>(s, net, self.rect)
         };
-        let (middle, half) = (local.middle * *radius + *center, local.half_size * *radius);
         let is_uneven = local.excess() > 1.0;
+        let kept = if local.has_frame() { 0 } else { *further };
+        let cut = (is_uneven && self.halvings > kept).then_some(local.cut_v);
+        if cut.is_none() && is_uneven && self.halvings > 0 {
+            local = Expansion::of::<S, HIERARCHY>(s, net, self.rect);
+        }
+        let (middle, half) = (local.middle * *radius + *center, local.half_size * *radius);
         let is_coarse = is_uneven && self.halvings == 0 && *later > 0;
         Outline {
             frame: CellFrame::of(&local, *center, *radius),
@@ -461,7 +487,7 @@ impl Task for Outlined<'_> {
                 min: (middle - half).max(hull.min),
                 max: (middle + half).min(hull.max),
             },
-            cut: (is_uneven && self.halvings > 0).then_some(local.cut_v),
+            cut,
             grid: if is_coarse {
                 local.grid(*later)
             } else {

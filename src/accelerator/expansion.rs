@@ -202,14 +202,21 @@ impl Expansion {
     /// How much too uneven the part is, one for what is just right.
     #[inline(always)]
     pub(super) fn excess(&self) -> f64 {
-        excess(&self.stray)
+        let dropped = self.dropped.into_iter().fold(0.0, f64::max);
+        excess(&self.stray).max(dropped / DROPPED)
+    }
+
+    /// Whether there is a frame, as there is none at a pole.
+    #[inline(always)]
+    pub(super) fn has_frame(&self) -> bool {
+        self.stray[0].is_finite()
     }
 
     /// How often along u and along v the part is best halved, so many times in all and three at
     /// most: then its own terms are least uneven, as seen from here.
     #[inline(always)]
     pub(super) fn grid(&self, halvings: u8) -> [u8; 2] {
-        if !self.stray[0].is_finite() {
+        if !self.has_frame() {
             let more = halvings.div_ceil(2);
             let less = halvings - more;
             return if self.cut_v {
@@ -298,6 +305,9 @@ const UNEVEN: f64 = 0.45;
 
 /// As [`UNEVEN`], across the surface: the tangent of the angle that the normals fill.
 const CURVED: f64 = 0.5;
+
+/// Nor may the terms that are not kept be more than this: single precision sees no closer.
+const DROPPED: f64 = 3e-4;
 
 #[inline(always)]
 fn excess(stray: &[f64; 4]) -> f64 {
