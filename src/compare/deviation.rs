@@ -363,7 +363,7 @@ impl Function for FromSurface<'_> {
         let middle = |from: &Spot, to: &Spot| {
             let (ends, near) = ([from.point, to.point], [from.triangle, to.triangle]);
             let share = change(ends, near, |number| self.soup.corners(number));
-            let uv = from.uv.lerp(to.uv, share);
+            let uv = face.pieces.place([from.uv, to.uv], [1.0 - share, share]);
             let spot = self.spot(uv, face.patch.surface.evaluate(uv));
             let mut spot = spot.unwrap_or(*from);
             spot.inside = face.region.as_ref().is_none_or(|r| r.contains(uv));

@@ -9,7 +9,7 @@ use kernel::{Aabb, Curve, Patch, Scene, Shape, TrimRegion};
 use rayon::prelude::*;
 
 use super::triangles::{BoxTree, Found, TriangleTree, closest, quarters};
-use crate::tessellate::pieces::{Pieces, Rect};
+use crate::tessellate::pieces::Pieces;
 use crate::tessellate::{Tessellation, stretch};
 
 /// Points on each piece of a trim curve from which nearest points are looked for.
@@ -108,7 +108,7 @@ pub(crate) struct Exact<'a> {
     pub(crate) faces: Vec<Face<'a>>,
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// How far the surface is from each triangle at the same parameters, at most.
+    /// How far the surface is from each triangle at the parameters that belong to its points, at most.
     pub(crate) chords: Vec<f64>,
     /// The boxes around the triangles of each face.
     boxes: BoxTree,
@@ -283,7 +283,7 @@ impl<'a> Exact<'a> {
             for (number, corners) in open {
                 let face = &self.faces[number as usize];
                 let quarters = quarters(corners, |from, to| {
-                    let uv = from.0.midpoint(to.0);
+                    let uv = face.pieces.place([from.0, to.0], [0.5; 2]);
                     (uv, face.patch.surface.evaluate(uv))
                 });
                 for (uv, point) in quarters[3] {
@@ -392,11 +392,9 @@ impl<'a> Face<'a> {
     }
 
     /// How far the surface over a triangle of parameters is from the flat triangle with the
-    /// same corners, at most.
+    /// same corners, at the parameters that belong to its points, at most.
     pub(crate) fn chord(&self, uvs: [DVec2; 3]) -> f64 {
-        let rect = Rect::around(uvs);
-        let bound = self.pieces.off_flat(uvs, &rect);
-        bound(&self.pieces.spread(&rect))
+        self.pieces.off_flat(uvs, 0.0, || false)
     }
 
     /// Whether two places are closer than a quarter of the domain.

@@ -16,7 +16,7 @@ mod report;
 mod sampling;
 mod soup;
 mod supremum;
-mod triangles;
+pub(crate) mod triangles;
 mod views;
 
 use glam::DAffine3;

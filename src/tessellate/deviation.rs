@@ -5,6 +5,7 @@ use kernel::BezierSurface;
 
 use super::net::share;
 use super::pieces::{Pieces, Rect};
+use super::rim::Face;
 use crate::simd::{Simd, Task};
 
 /// Points along a side of a triangle, less one.
@@ -46,11 +47,11 @@ const fn samples() -> [[f64; 3]; GROUPS * GROUP] {
 }
 
 /// The largest distance, at sample points that are no corners, between a triangle and the surface
-/// at the same parameters.
+/// at the parameters that belong to them.
 pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]) -> f64 {
     let mix = |[a, b, c]: [f64; 3]| {
         let flat = corners[0] * a + corners[1] * b + corners[2] * c;
-        (uvs[0] * a + uvs[1] * b + uvs[2] * c, flat)
+        (pieces.place(uvs, [a, b, c]), flat)
     };
     let piece = pieces.piece_around(&Rect::around(uvs));
     let fits = |piece: &&BezierSurface| piece.degree_u().max(piece.degree_v()) < ROOM;
@@ -79,6 +80,13 @@ pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]
         points,
     };
     pieces.instructions().run(distances).sqrt()
+}
+
+/// How far a point of a triangle, with these shares of its corners, is from the surface at the parameters that
+/// belong to it.
+pub(crate) fn at(face: &Face<'_>, uvs: [DVec2; 3], corners: [DVec3; 3], shares: [f64; 3]) -> f64 {
+    let flat = corners[0] * shares[0] + corners[1] * shares[1] + corners[2] * shares[2];
+    face.point(face.pieces.place(uvs, shares)).distance(flat)
 }
 
 /// The task to find the square of the largest distance between points and the places of a piece that

@@ -168,10 +168,11 @@ impl<'a> Walker<'a> {
             self.uses.iter().enumerate().any(|(k, used)| {
                 let face = &self.faces[used.face];
                 let (a, b) = (&pair[0].places[k], &pair[1].places[k]);
-                let off = self.parts[k].stray([a.t, b.t], a.uv, b.uv);
+                let strays = self.parts[k].strays([a.t, b.t], a.uv, b.uv);
                 let spread = face.pieces.spread(&Rect::around([a.uv, b.uv]));
-                let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
-                aside > FUTILE * face.tolerance
+                strays
+                    .iter()
+                    .any(|off| spread.step(*off) > FUTILE * face.tolerance)
             })
         })
     }
@@ -445,14 +446,21 @@ impl<'a> Walker<'a> {
     fn bound(&self, k: usize, from: &Station, to: &Station, enough: f64) -> f64 {
         let face = &self.faces[self.uses[k].face];
         let (a, b) = (from.places[k].uv, to.places[k].uv);
-        let off = self.parts[k].stray([from.places[k].t, to.places[k].t], a, b);
+        let strays = self.parts[k].strays([from.places[k].t, to.places[k].t], a, b);
+        let off = strays
+            .iter()
+            .fold(DVec2::ZERO, |most, off| most.max(off.abs()));
         let rect = Rect::around([a, b]);
         let (min, max) = (face.clamped(rect.min - off), face.clamped(rect.max + off));
         let rect = Rect { min, max };
         let size = rect.size();
+        let [least, more] = face.pieces.beside_chord([a, b]);
         let bound = |spread: &Spread| {
-            let aside = spread.du.reach() * off.x + spread.dv.reach() * off.y;
-            aside + spread.chord(b - a, size) + spread.chord(off, size)
+            let aside = strays
+                .iter()
+                .map(|off| spread.step(*off))
+                .fold(0.0, f64::max);
+            more + aside + spread.chord(b - a, size).max(least) + spread.chord(off, size)
         };
         face.pieces.bound_until(&rect, bound, enough, || false)
     }
@@ -558,41 +566,44 @@ impl Parts {
         }
     }
 
-    /// How far what lies between two parameters strays from the straight way between two points, by
-    /// its control points.
-    fn stray(&self, [from, to]: [f64; 2], a: DVec2, b: DVec2) -> DVec2 {
+    /// Ways from the straight one between two points to what lies between two parameters: to the control
+    /// points of its halves, as those of the whole are twice as far away.
+    fn strays(&self, [from, to]: [f64; 2], a: DVec2, b: DVec2) -> Strays {
         let (from, to) = (from.min(to), from.max(to));
         let way = b - a;
         let length = way.length_squared();
-        let mut most = DVec2::ZERO;
+        let mut strays = Strays::new();
         let mut room = [DVec4::ZERO; MAX_DEGREE + 1];
         let count = self.points.len() / self.ranges.len();
         for (range, points) in self.ranges.iter().zip(self.points.chunks_exact(count)) {
             if range.end < from || to < range.start {
                 continue;
             }
-            let points = {
-                let own = &mut room[..points.len()];
-                own.copy_from_slice(points);
-                cut(
-                    own,
-                    points.len() - 1,
-                    1,
-                    share(from, range),
-                    share(to, range),
-                );
-                own
+            let (start, end) = (share(from, range), share(to, range));
+            let middle = if count > 2 {
+                f64::midpoint(start, end)
+            } else {
+                end
             };
-            for h in points {
-                let p = h.truncate().truncate() / h.w;
-                let share = if length > 0.0 {
-                    ((p - a).dot(way) / length).clamp(0.0, 1.0)
-                } else {
-                    0.0
-                };
-                most = most.max((p - (a + way * share)).abs());
+            let halves = [[start, middle], [middle, end]];
+            for [start, end] in halves.into_iter().take((count - 1).min(2)) {
+                let own = &mut room[..count];
+                own.copy_from_slice(points);
+                cut(own, count - 1, 1, start, end);
+                for h in own {
+                    let p = h.truncate().truncate() / h.w;
+                    let share = if length > 0.0 {
+                        ((p - a).dot(way) / length).clamp(0.0, 1.0)
+                    } else {
+                        0.0
+                    };
+                    strays.push(p - (a + way * share));
+                }
             }
         }
-        most
+        strays
     }
 }
+
+/// Ways from a straight stretch to control points.
+type Strays = SmallVec<[DVec2; 8]>;

@@ -26,6 +26,9 @@ const ROOM: usize = 2;
 /// between them is the gap of a loop, which may run back over its own curves.
 const SAME: f64 = 1e-5;
 
+/// Triangles that are narrower than this share of the tolerance may be folded.
+const NARROW: f64 = 1e-3;
+
 /// The part of the tolerance that is aimed at: the rest is for rounding on the way to files.
 const AIM: f64 = 0.99;
 
@@ -112,6 +115,8 @@ pub(super) struct Mesher<'a> {
     trusts_count: Option<bool>,
     /// Stretches of boundary that cross others.
     undrawn: usize,
+    /// The ends of stretches that are a point of space.
+    poles: Vec<[DVec2; 2]>,
 }
 
 impl<'a> Mesher<'a> {
@@ -136,7 +141,10 @@ impl<'a> Mesher<'a> {
             known: Vec::new(),
             trusts_count: None,
             undrawn: 0,
+            poles: Vec::new(),
         };
+        let poles = stretches.iter().filter(|s| s.pole);
+        mesher.poles = poles.map(|s| s.ends.map(|corner| corner.uv)).collect();
         let mut known: HashMap<u32, SmallVec<[(DVec2, FixedVertexHandle); 1]>> =
             HashMap::with_capacity(stretches.len());
         let near = face.pieces.domain().size() * SAME;
@@ -208,6 +216,7 @@ impl<'a> Mesher<'a> {
             return Triangles::default();
         }
         self.add_creases();
+        self.divide_apexes();
         for seed in seeds(self.face, &self.bounds, self.limits) {
             self.sow(&seed);
         }
@@ -325,6 +334,23 @@ impl<'a> Mesher<'a> {
                     if region.is_none_or(|r| r.contains(middle)) {
                         self.add_crease(place(pair[0]), place(pair[1]));
                     }
+                }
+            }
+        }
+    }
+
+    /// Puts a point on an apex for the line through each vertex: else lines would come to it from others.
+    fn divide_apexes(&mut self) {
+        let Some(cone) = self.face.pieces.cone else {
+            return;
+        };
+        let corners: Vec<DVec2> = self.vertices.iter().map(|v| v.uv).collect();
+        for [a, b] in std::mem::take(&mut self.poles) {
+            for &uv in &corners {
+                if let Some(apex) = cone.apex(a, uv)
+                    && (a - apex).dot(b - apex) < 0.0
+                {
+                    self.insert(apex, None);
                 }
             }
         }
@@ -466,17 +492,30 @@ impl<'a> Mesher<'a> {
 
     /// How much a triangle uses of the tolerance, and how far the surface is from it at most.
     fn distance(&self, corners: &[Vertex; 3]) -> (f64, f64) {
-        let uvs = corners.map(|v| v.uv);
-        let rect = Rect::around(uvs);
-        let bound = self.face.pieces.off_flat(uvs, &rect);
+        let (uvs, points) = (corners.map(|v| v.uv), corners.map(|v| v.position));
+        if self.is_folded(uvs, points) {
+            return (f64::INFINITY, f64::INFINITY);
+        }
         let gap = corners.iter().map(|v| v.gap).fold(0.0, f64::max);
         let tolerance = AIM * self.face.tolerance;
         let limit = (tolerance - gap).max(0.1 * tolerance);
         // What is seen to be too far needs no better bound.
-        let points = corners.map(|v| v.position);
         let is_far = || deviation::triangle(&self.face.pieces, uvs, points) - gap > limit;
-        let bound = self.face.pieces.bound_until(&rect, bound, limit, is_far);
+        let bound = self.face.pieces.off_flat(uvs, limit, is_far);
         (bound / limit, bound + gap)
+    }
+
+    /// Whether what belongs to a triangle on a cone runs around it the other way than in the parameters,
+    /// so that it may lie beyond a boundary; not where it is too narrow to tell.
+    fn is_folded(&self, uvs: [DVec2; 3], points: [DVec3; 3]) -> bool {
+        let turn = (uvs[1] - uvs[0]).perp_dot(uvs[2] - uvs[0]);
+        let Some(cone) = &self.face.pieces.cone else {
+            return false;
+        };
+        let [a, b, c] = points;
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let height = (b - a).cross(c - a).length() / longest;
+        turn * cone.turn(uvs) < 0.0 && height > NARROW * self.face.tolerance
     }
 
     /// How much the sides of a triangle use of their limits, at least where they pass them: the first

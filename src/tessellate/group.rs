@@ -362,30 +362,34 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
     // For every vertex its first copy, and all others, one for each side of a crease.
     let mut first: Vec<Option<u32>> = vec![None; mesh.vertices.len()];
     let mut others: HashMap<u32, Vec<u32>> = HashMap::new();
-    let is_straight = face.pieces.are_straight();
     let mut sampled: f64 = 0.0;
     let mut gap: f64 = 0.0;
     for &corners in &mesh.triangles {
         let vertices = corners.map(|k| mesh.vertices[k as usize]);
         let uvs = vertices.map(|v| v.uv);
         let points = vertices.map(|v| v.position);
-        let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
+        let center = face.pieces.place(uvs, [1.0 / 3.0; 3]);
         let flat = (points[1] - points[0])
             .cross(points[2] - points[0])
             .normalize_or(DVec3::Z);
-        // Of a plane triangles are as far away as their corners.
-        if !is_straight {
-            sampled = sampled.max(deviation::triangle(&face.pieces, uvs, points));
-        }
+        sampled = sampled.max(off_corners(face, uvs, points));
         sampled = vertices.iter().fold(sampled, |most, v| most.max(v.gap));
         let mut triangle = corners.map(|k| {
             let vertex = &mesh.vertices[k as usize];
-            let creased = face.pieces.is_creased(vertex.uv);
+            // Lines that meet at an apex have normals of their own.
+            let apex = face
+                .pieces
+                .cone
+                .and_then(|cone| cone.apex(vertex.uv, center));
+            let (uv, creased) = (
+                apex.unwrap_or(vertex.uv),
+                apex.is_some() || face.pieces.is_creased(vertex.uv),
+            );
             if !creased && let Some(copy) = first[k as usize] {
                 return copy;
             }
             let normal = if creased || vertex.normal == DVec3::ZERO {
-                face.pieces.normal(vertex.uv, center).unwrap_or(flat)
+                face.pieces.normal(uv, center).unwrap_or(flat)
             } else {
                 vertex.normal
             };
@@ -398,7 +402,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
             let copy = u32::try_from(positions.len()).unwrap_or(u32::MAX);
             positions.push(vertex.position);
             normals.push(normal);
-            parameters.push(vertex.uv);
+            parameters.push(uv);
             match &mut first[k as usize] {
                 Some(_) => others.entry(k).or_default().push(copy),
                 none => *none = Some(copy),
@@ -431,6 +435,16 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         gap,
         unproven: mesh.unproven,
         undrawn: mesh.undrawn,
+    }
+}
+
+/// The largest distance found between a triangle and the surface; of a plane triangles are as far away as their
+/// corners.
+fn off_corners(face: &Face<'_>, uvs: [DVec2; 3], points: [DVec3; 3]) -> f64 {
+    if face.pieces.are_straight() {
+        0.0
+    } else {
+        deviation::triangle(&face.pieces, uvs, points)
     }
 }
 

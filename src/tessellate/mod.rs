@@ -5,11 +5,12 @@
 //! triangles and refined until the second derivatives of the surface over each, bounded by
 //! the control points, prove that it is within the tolerance.
 //!
-//! What is proven, up to rounding: every point of a triangle is within `proven` of the surface
-//! at the same parameters, and every point of a face is within `proven` of a triangle.
+//! What is proven, up to rounding: every point of a triangle is within `proven` of the surface at
+//! the parameters that belong to it, and every point of a face is within `proven` of a triangle.
 
 mod bounds;
-mod deviation;
+mod cone;
+pub(crate) mod deviation;
 mod edge;
 mod face;
 mod group;

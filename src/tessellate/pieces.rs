@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::{BezierSurface, KnotVector, Surface, regular_normal};
 
+use super::cone::Cone;
 use super::net::{Family, Net, corner_derivatives};
 use super::separable::{Separable, is_separable};
 use crate::simd::Instructions;
@@ -81,9 +82,20 @@ impl Spread {
         (mean, stray)
     }
 
+    /// How far a step in parameters leads, at most.
+    pub(super) fn step(&self, d: DVec2) -> f64 {
+        let center = self.du.center * d.x + self.dv.center * d.y;
+        center.length() + self.du.radius * d.x.abs() + self.dv.radius * d.y.abs()
+    }
+
+    /// The largest second derivative along an axis.
+    pub(super) fn second(&self, axis: usize) -> f64 {
+        [self.duu, self.dvv][axis].reach()
+    }
+
     /// How far the surface over a triangle of the rectangle is from the flat triangle with
     /// the same corners, at the same parameters.
-    pub(crate) fn triangle(&self, [a, b, c]: [DVec2; 3], size: DVec2) -> f64 {
+    fn triangle(&self, [a, b, c]: [DVec2; 3], size: DVec2) -> f64 {
         let sides = [a - b, b - c, c - a].map(|d| self.along(d, size));
         over_triangle(sides.map(|side| side.0), sides.map(|side| side.1))
     }
@@ -181,6 +193,8 @@ pub(crate) struct Pieces<'a> {
     family: Family,
     /// Whether the bounds of some pieces cost much more than rough ones.
     is_costly: bool,
+    /// Where it is made of straight lines towards a point.
+    pub(super) cone: Option<Cone>,
 }
 
 #[derive(Debug)]
@@ -293,6 +307,7 @@ impl<'a> Pieces<'a> {
             list,
             family,
             is_costly,
+            cone: Cone::of(surface),
         };
         pieces.creases = [0, 1].map(|axis| pieces.find_creases(axis));
         pieces
@@ -450,16 +465,61 @@ impl<'a> Pieces<'a> {
         })
     }
 
-    /// How far the surface over a triangle in a rectangle is from the flat triangle with the same
-    /// corners, by bounds over the rectangle.
-    pub(crate) fn off_flat(&self, uvs: [DVec2; 3], rect: &Rect) -> impl Fn(&Spread) -> f64 {
-        let (is_creased, size) = (self.is_creased_inside(rect), rect.size());
-        move |spread| {
-            if is_creased {
-                spread.bent(size)
-            } else {
-                spread.triangle(uvs, size)
-            }
+    /// How far a flat triangle is from the surface at the [parameters](Self::place) that belong to its
+    /// points; a coarser bound where it is `enough` or a better one would be `futile`.
+    pub(crate) fn off_flat(&self, uvs: [DVec2; 3], enough: f64, futile: impl Fn() -> bool) -> f64 {
+        let rect = Rect::around(uvs);
+        let is_creased = self.is_creased_inside(&rect);
+        let Some(cone) = &self.cone else {
+            let size = rect.size();
+            let bound = |spread: &Spread| {
+                if is_creased {
+                    spread.bent(size)
+                } else {
+                    spread.triangle(uvs, size)
+                }
+            };
+            return self.bound_until(&rect, bound, enough, futile);
+        };
+        if is_creased {
+            let rect = cone.wide_end(&rect);
+            return self.spread(&rect).bent(rect.size()) + cone.off;
+        }
+        let sides = [[uvs[0], uvs[1]], [uvs[1], uvs[2]], [uvs[2], uvs[0]]];
+        let off = |side: [DVec2; 2]| self.off_chord(cone, side, enough - cone.off);
+        sides.map(off).into_iter().fold(0.0, f64::max) + cone.off
+    }
+
+    /// How far a chord of a cone is from it at the parameters that belong to its points, without what the cone
+    /// is off.
+    fn off_chord(&self, cone: &Cone, ends: [DVec2; 2], enough: f64) -> f64 {
+        let bend = cone.bend(ends);
+        if bend <= 0.0 {
+            return 0.0;
+        }
+        let rect = cone.wide_end(&Rect::around(ends));
+        let bound = |spread: &Spread| bend * spread.second(cone.across());
+        self.bound_until(&rect, bound, enough, || false)
+    }
+
+    /// How far a chord is from the surface where the parameters that belong to it are not those of the straight
+    /// way, at least, and by how much more what lies between both may be.
+    pub(super) fn beside_chord(&self, ends: [DVec2; 2]) -> [f64; 2] {
+        let aside = self.cone.map_or(0.0, |cone| cone.aside(ends));
+        let Some(cone) = self.cone.filter(|_| aside > 0.0) else {
+            return [0.0; 2];
+        };
+        let wide = self.spread(&cone.wide_end(&Rect::around(ends)));
+        let second = wide.second(cone.across());
+        let bound = |bend: f64| bend * second + cone.off;
+        [bound(cone.bend(ends)), bound(aside * aside / 8.0)]
+    }
+
+    /// The parameters that belong to a point of a flat triangle, or of a segment, with shares of its corners.
+    pub(crate) fn place<const N: usize>(&self, uvs: [DVec2; N], shares: [f64; N]) -> DVec2 {
+        match &self.cone {
+            Some(cone) => cone.place(uvs, shares),
+            None => (0..N).map(|k| uvs[k] * shares[k]).sum(),
         }
     }
 

@@ -5,8 +5,8 @@
 //! and the points along each lie as dense as the largest error there asks for; where rows
 //! would be far denser than most of their length needs, the face is divided first.
 
-use glam::{DVec2, DVec3, DVec4};
-use kernel::{Surface, SurfaceDerivatives};
+use glam::{DVec2, DVec3};
+use kernel::SurfaceDerivatives;
 
 use super::Limits;
 use super::pieces::Rect;
@@ -22,9 +22,6 @@ pub(super) struct Seed {
 /// Rows that are denser than needed by this factor on average are divided.
 const UNEVEN: f64 = 1.6;
 
-/// Ways of control points that differ by this share are one.
-const EXTRUDED: f64 = 1e-9;
-
 /// Levels of division.
 const LEVELS: u32 = 8;
 
@@ -39,7 +36,9 @@ struct Block {
 /// The seeds of a face within `bounds`, block by block between its creases; not all of them if there is
 /// no room for them.
 pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> Vec<Seed> {
-    if face.pieces.are_straight() && limits.max_edge.is_infinite() {
+    // Rows along straight lines towards a point are of no use.
+    let is_plain = face.pieces.are_straight() || face.pieces.cone.is_some();
+    if is_plain && limits.max_edge.is_infinite() {
         return Vec::new();
     }
     let cuts = [0, 1].map(|axis| {
@@ -126,37 +125,12 @@ fn between(grid: &[Vec<DVec2>], v: f64) -> impl Iterator<Item = f64> {
     pairs.map(move |(a, b)| a.x + (b.x - a.x) * share)
 }
 
-/// Where along an axis a block is looked at: several places in each piece, as shares; one where all
-/// are alike.
+/// Where along an axis a block is looked at: several places in each piece, as shares.
 fn samples(face: &Face<'_>, axis: usize, from: f64, to: f64) -> Vec<f64> {
-    let count = if is_extruded(face.pieces.surface, axis) {
-        1
-    } else {
-        (4 * face.pieces.count(axis, from, to)).clamp(8, 48)
-    };
+    let count = (4 * face.pieces.count(axis, from, to)).clamp(8, 48);
     (0..count)
         .map(|k| (k as f64 + 0.5) / count as f64)
         .collect()
-}
-
-/// Whether a surface is a curve that moves along an axis without turning.
-fn is_extruded(surface: &Surface, axis: usize) -> bool {
-    let knots = [surface.knots_u(), surface.knots_v()];
-    if (knots[axis].degree(), knots[axis].count()) != (1, 2) {
-        return false;
-    }
-    let net = surface.homogeneous();
-    let ends = |k: usize| match axis {
-        0 => [net[k], net[k + net.len() / 2]],
-        _ => [net[2 * k], net[2 * k + 1]],
-    };
-    let way = |[from, to]: [DVec4; 2]| to / to.w - from / from.w;
-    let first = way(ends(0));
-    let near = EXTRUDED * first.length();
-    (0..net.len() / 2).map(ends).all(|ends| {
-        let is_even = (ends[0].w - ends[1].w).abs() <= EXTRUDED * ends[0].w;
-        is_even && way(ends).distance(first) <= near
-    })
 }
 
 /// How many steps there are per unit along a length of one, constant between places.
@@ -234,8 +208,10 @@ fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits<'_>, size: DVec2) -> DVec2 
     let mut step = DVec2::new((room / bends.x).sqrt(), (0.75 * room / bends.z).sqrt());
     let cap = |step: DVec2| step.min(size * 2.0);
     step = cap(step);
-    let twist = 1.0 + bends.y * step.x * step.y / room;
-    step /= twist.sqrt();
+    if face.pieces.cone.is_none() {
+        let twist = 1.0 + bends.y * step.x * step.y / room;
+        step /= twist.sqrt();
+    }
     let turns = turns(&d);
     let angle = 0.9 * limits.angle;
     let limit = DVec2::new(

@@ -25,7 +25,7 @@ use super::views::{self, ImageDifference, Stage, View};
 use super::{Deviation, Subject, Worst, measure};
 use crate::film::Picture;
 use crate::output::{self, OutputOptions};
-use crate::tessellate::Tessellation;
+use crate::tessellate::{Face, Tessellation, deviation};
 
 /// The file with all numbers.
 const REPORT: &str = "report.json";
@@ -62,7 +62,7 @@ pub struct Candidate {
 pub struct Made {
     /// What was asked for, in units of the scene.
     pub tolerance: f64,
-    /// What is proven of the distance at equal parameters, rounding of the file included.
+    /// What is proven of the distance at parameters that belong together, rounding of the file included.
     pub proven: f64,
     /// The largest such distance at sample points.
     pub sampled: f64,
@@ -87,11 +87,12 @@ impl Made {
     }
 }
 
-/// Root mean square distance between surfaces and triangles at equal parameters.
+/// Root mean square distance between surfaces and triangles at the parameters that belong to their points.
 fn chord_rms(scene: &Scene, triangles: &Tessellation) -> f64 {
     let faces: Vec<_> = scene.patches().iter().zip(&triangles.faces).collect();
     let sums = faces.par_iter().map(|(patch, face)| {
         let Some(face) = face else { return [0.0; 2] };
+        let exact = Face::new(patch, face.tolerance);
         let positions = face.mesh.positions();
         let mut sums = [0.0; 2];
         for triangle in face.mesh.triangles() {
@@ -102,11 +103,9 @@ fn chord_rms(scene: &Scene, triangles: &Tessellation) -> f64 {
                 .length();
             for heavy in 0..3 {
                 // Three points inside are exact for squares of what is linear.
-                let share = |k: usize| if k == heavy { 2.0 / 3.0 } else { 1.0 / 6.0 };
-                let uv = uvs[0] * share(0) + uvs[1] * share(1) + uvs[2] * share(2);
-                let flat = corners[0] * share(0) + corners[1] * share(1) + corners[2] * share(2);
-                let square = patch.surface.evaluate(uv).distance_squared(flat);
-                sums[0] += area * square * face.scale * face.scale;
+                let shares = [0, 1, 2].map(|k| if k == heavy { 2.0 / 3.0 } else { 1.0 / 6.0 });
+                let off = face.scale * deviation::at(&exact, uvs, corners, shares);
+                sums[0] += area * off * off;
                 sums[1] += area;
             }
         }
