@@ -58,7 +58,9 @@ pub(super) struct Stretch {
 pub(super) struct Triangles {
     pub(super) vertices: Vec<Vertex>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// How far the surface is from them at most, proven.
+    /// What is no triangle, as two of the corners are one point of space.
+    pub(super) folded: Vec<[u32; 3]>,
+    /// How far the surface is from all of them at most, proven.
     pub(super) proven: f64,
     /// Triangles for which that is more than the tolerance, or that pass another limit.
     pub(super) unproven: usize,
@@ -558,10 +560,11 @@ impl<'a> Mesher<'a> {
             let corners = inner.corners;
             result.proven = result.proven.max(proven);
             result.unproven += usize::from(ratio > 1.0 || proven > self.face.tolerance);
-            // A triangle two corners of which are one point of space has no area.
             let ids = corners.map(|k| self.vertices[k as usize].id);
             let same = |a: Option<u32>, b: Option<u32>| a.is_some() && a == b;
-            if !same(ids[0], ids[1]) && !same(ids[1], ids[2]) && !same(ids[2], ids[0]) {
+            if same(ids[0], ids[1]) || same(ids[1], ids[2]) || same(ids[2], ids[0]) {
+                result.folded.push(corners);
+            } else {
                 result.triangles.push(corners);
             }
         }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::edge::{Chain, Walker};
 use super::face::{Corner, Mesher, Stretch, Triangles};
+use super::pieces::Rect;
 use super::rim::{Face, SNAP};
 use super::room::Room;
 use super::sew::{Edge, Named, sew};
@@ -20,6 +21,15 @@ const ROUNDS: usize = 5;
 /// A point of space that takes more than this share of a domain is a pole, what is shorter a
 /// bridged gap.
 const POLE: f64 = 1e-3;
+
+/// How often what would vanish is made four times finer at most.
+const FINER: u32 = 8;
+
+/// What has as many triangles is not made finer for that.
+const SMALL: usize = 2000;
+
+/// What is no wider than this share of its length is a line.
+const FLAT: f64 = 1e-6;
 
 /// Normals that differ by less than this at a crease are one, in radians: one degree.
 const CREASE: f64 = std::f64::consts::PI / 180.0;
@@ -121,12 +131,25 @@ impl Group {
     }
 
     /// Makes triangles of all members; `None` if there is no room for them.
+    ///
+    /// What hangs together is made again, finer, where something of it that stands alone would vanish.
     pub(super) fn tessellate(
         &self,
         scene: &Scene,
         tolerances: &[f64],
         options: &TessellateOptions,
         room: &Room,
+    ) -> Option<Done> {
+        self.refine(scene, tolerances, (options, room), FINER)
+    }
+
+    /// [`Self::tessellate`], finer as often as that at most.
+    fn refine(
+        &self,
+        scene: &Scene,
+        tolerances: &[f64],
+        (options, room): (&TessellateOptions, &Room),
+        times: u32,
     ) -> Option<Done> {
         let limits = Limits {
             angle: options.angle,
@@ -165,8 +188,45 @@ impl Group {
             limits,
         };
         let (meshes, crossings) = net.mesh()?;
-        let proven = net.edge_bounds();
-        Some(self.finish(&patches, &faces, &meshes, &proven, crossings))
+        let parts = self.parts(&meshes);
+        let gone = if times > 0 {
+            gone(&parts, &faces, &sewn.edges)
+        } else {
+            Vec::new()
+        };
+        if gone.is_empty() {
+            let proven = net.edge_bounds();
+            return Some(self.finish(&patches, &faces, &parts, &proven, crossings));
+        }
+        let mut is_gone = vec![false; faces.len()];
+        let mut done = Vec::new();
+        for own in gone {
+            let part = self.of(&own);
+            let mut finer = tolerances.to_vec();
+            for (&k, id) in own.iter().zip(part.members()) {
+                is_gone[k] = true;
+                finer[id.index()] /= 4.0;
+            }
+            let made = part.refine(scene, &finer, (options, room), times - 1)?;
+            done.push((own, made));
+        }
+        let rest: Vec<usize> = (0..faces.len()).filter(|&k| !is_gone[k]).collect();
+        if !rest.is_empty() {
+            let made = self
+                .of(&rest)
+                .refine(scene, tolerances, (options, room), 0)?;
+            done.push((rest, made));
+        }
+        Some(Done::of(faces.len(), done))
+    }
+
+    /// Some of the members, in their order.
+    fn of(&self, numbers: &[usize]) -> Self {
+        Self {
+            members: numbers.iter().map(|&k| self.members[k]).collect(),
+            scale: self.scale,
+            voids: self.voids.clone(),
+        }
     }
 
     /// The seams that the file names between members.
@@ -183,14 +243,8 @@ impl Group {
         scene.seams().iter().filter_map(named).collect()
     }
 
-    fn finish(
-        &self,
-        patches: &[&Patch],
-        faces: &[Face<'_>],
-        meshes: &[Triangles],
-        proven: &[f64],
-        crossings: usize,
-    ) -> Done {
+    /// The triangles of the members, with numbers for all vertices.
+    fn parts<'m>(&self, meshes: &'m [Triangles]) -> Vec<Part<'m>> {
         let mut next = meshes
             .iter()
             .flat_map(|m| &m.vertices)
@@ -213,14 +267,25 @@ impl Group {
                 is_void: self.voids.contains(&patch),
             });
         }
-        let (turned, shells) = shells(&parts);
+        parts
+    }
+
+    fn finish(
+        &self,
+        patches: &[&Patch],
+        faces: &[Face<'_>],
+        parts: &[Part<'_>],
+        proven: &[f64],
+        crossings: usize,
+    ) -> Done {
+        let (turned, shells) = shells(parts);
         let faces = faces
             .par_iter()
             .zip(patches)
-            .zip(meshes)
+            .zip(parts)
             .enumerate()
-            .map(|(k, ((face, patch), mesh))| {
-                let mut done = face_mesh(face, patch, mesh, turned[k]);
+            .map(|(k, ((face, patch), part))| {
+                let mut done = face_mesh(face, patch, part.mesh, turned[k]);
                 done.proven = done.proven.max(proven[k]);
                 done.scale = self.scale;
                 done
@@ -232,6 +297,109 @@ impl Group {
             crossings,
         }
     }
+}
+
+impl Done {
+    /// What parts of so many members became, each with their numbers.
+    fn of(count: usize, parts: Vec<(Vec<usize>, Self)>) -> Self {
+        let mut faces: Vec<Option<FaceMesh>> = vec![None; count];
+        let (mut shells, mut crossings) = (Vec::new(), 0);
+        for (numbers, part) in parts {
+            for (number, face) in numbers.into_iter().zip(part.faces) {
+                faces[number] = Some(face);
+            }
+            shells.extend(part.shells);
+            crossings += part.crossings;
+        }
+        Self {
+            faces: faces.into_iter().flatten().collect(),
+            shells,
+            crossings,
+        }
+    }
+}
+
+/// What hangs together, by numbers of its faces, and would vanish or lose a part: all that is gone, and what
+/// has few triangles.
+fn gone(parts: &[Part<'_>], faces: &[Face<'_>], edges: &[Edge]) -> Vec<Vec<usize>> {
+    let count = |k: usize| parts[k].mesh.triangles.len();
+    let lost = vanished(parts, faces);
+    if lost.is_empty() && (0..parts.len()).all(|k| count(k) > 0) {
+        return Vec::new();
+    }
+    let is_extended = |k: &usize| {
+        let Rect { min, max } = faces[*k].pieces.domain();
+        has_area(&faces[*k], [min, DVec2::new(max.x, min.y), max])
+    };
+    let mut gone = connected(faces.len(), edges);
+    gone.retain(|own| match own.iter().map(|&k| count(k)).sum() {
+        0 => own.iter().any(is_extended),
+        triangles => triangles < SMALL && own.iter().any(|k| lost.contains(k)),
+    });
+    gone
+}
+
+/// The faces of which a part is next to no triangle: it became a line or a point of space, which is no
+/// side and no corner of any. Those that are no more than that themselves are not among them.
+fn vanished(parts: &[Part<'_>], faces: &[Face<'_>]) -> HashSet<usize> {
+    let mut lost = HashSet::new();
+    if parts.iter().all(|part| part.mesh.folded.is_empty()) {
+        return lost;
+    }
+    let mut corners = HashSet::new();
+    let mut sides = HashSet::new();
+    let side = |a: u32, b: u32| [a.min(b), a.max(b)];
+    for [a, b, c] in parts.iter().flat_map(Part::triangles) {
+        corners.extend([a, b, c]);
+        sides.extend([side(a, b), side(b, c), side(c, a)]);
+    }
+    for (k, (part, face)) in parts.iter().zip(faces).enumerate() {
+        let is_lost = |folded: &[u32; 3]| {
+            let [a, b, c] = folded.map(|k| part.points[k as usize]);
+            let (from, to) = if a == b { (a, c) } else { (a, b) };
+            let is_known = if from == to {
+                corners.contains(&from)
+            } else {
+                sides.contains(&side(from, to))
+            };
+            !is_known && has_area(face, folded.map(|k| part.mesh.vertices[k as usize].uv))
+        };
+        if part.mesh.folded.iter().any(is_lost) {
+            lost.insert(k);
+        }
+    }
+    lost
+}
+
+/// Whether the part of a face over a triangle of parameters is more than a line, as its derivatives in the
+/// middle tell.
+fn has_area(face: &Face<'_>, [a, b, c]: [DVec2; 3]) -> bool {
+    let d = face.pieces.surface.derivatives((a + b + c) / 3.0);
+    let [along, across] = [b - a, c - a].map(|way| d.du * way.x + d.dv * way.y);
+    let longest = along.length_squared().max(across.length_squared());
+    along.cross(across).length() > FLAT * longest
+}
+
+/// The numbers of faces that hang together by edges, each in their order.
+fn connected(count: usize, edges: &[Edge]) -> Vec<Vec<usize>> {
+    let mut first: Vec<usize> = (0..count).collect();
+    let find = |first: &[usize], mut k: usize| {
+        while first[k] != k {
+            k = first[k];
+        }
+        k
+    };
+    for edge in edges {
+        for used in &edge.uses[1..] {
+            let ends = [edge.uses[0].face, used.face].map(|face| find(&first, face));
+            first[ends[0].max(ends[1])] = ends[0].min(ends[1]);
+        }
+    }
+    let mut sets: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for k in 0..count {
+        sets.entry(find(&first, k)).or_default().push(k);
+    }
+    sets.into_values().collect()
 }
 
 /// How many steps each edge must have so that no two edges become one.

@@ -47,7 +47,8 @@ pub(super) struct Part<'a> {
 }
 
 impl Part<'_> {
-    fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+    /// By the numbers of their corners.
+    pub(super) fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
         let point = |k: u32| self.points[k as usize];
         self.mesh.triangles.iter().map(move |t| t.map(point))
     }
