@@ -49,16 +49,13 @@ const fn samples() -> [[f64; 3]; GROUPS * GROUP] {
 /// The largest distance, at sample points that are no corners, between a triangle and the surface
 /// at the parameters that belong to them.
 pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]) -> f64 {
-    let mix = |[a, b, c]: [f64; 3]| {
-        let flat = corners[0] * a + corners[1] * b + corners[2] * c;
-        (pieces.place(uvs, [a, b, c]), flat)
-    };
+    let flat = |[a, b, c]: [f64; 3]| corners[0] * a + corners[1] * b + corners[2] * c;
     let piece = pieces.piece_around(&Rect::around(uvs));
     let fits = |piece: &&BezierSurface| piece.degree_u().max(piece.degree_v()) < ROOM;
     let Some(piece) = piece.filter(fits) else {
         let off = |&shares: &[f64; 3]| {
-            let (uv, flat) = mix(shares);
-            pieces.surface.evaluate(uv).distance(flat)
+            let uv = pieces.place(uvs, shares);
+            pieces.surface.evaluate(uv).distance(flat(shares))
         };
         return SAMPLES[..DISTINCT].iter().map(off).fold(0.0, f64::max);
     };
@@ -67,11 +64,21 @@ pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]
     let mut points = [[[0.0; GROUP]; 3]; GROUPS];
     for (number, shares) in SAMPLES.into_iter().enumerate() {
         let (group, lane) = (number / GROUP, number % GROUP);
-        let (uv, flat) = mix(shares);
+        // For many at once without branches.
+        let uv = uvs[0] * shares[0] + uvs[1] * shares[1] + uvs[2] * shares[2];
         places[group][0][lane] = share(uv.x, &u);
         places[group][1][lane] = share(uv.y, &v);
+        let flat = flat(shares);
         for axis in 0..3 {
             points[group][axis][lane] = flat[axis];
+        }
+    }
+    if let Some(cone) = &pieces.cone {
+        for (number, shares) in SAMPLES.into_iter().enumerate() {
+            let (group, lane) = (number / GROUP, number % GROUP);
+            let uv = cone.place(uvs, shares);
+            places[group][0][lane] = share(uv.x, &u);
+            places[group][1][lane] = share(uv.y, &v);
         }
     }
     let distances = Distances {

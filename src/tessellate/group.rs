@@ -346,19 +346,31 @@ fn vanished(parts: &[Part<'_>], faces: &[Face<'_>]) -> HashSet<usize> {
     if parts.iter().all(|part| part.mesh.folded.is_empty()) {
         return lost;
     }
-    let mut corners = HashSet::new();
+    // Points of what is folded; whether they are corners, and what are sides between them.
+    let count = parts.iter().flat_map(|part| &part.points).max();
+    let mut wanted = vec![false; count.map_or(0, |&most| most as usize + 1)];
+    let mut corners = wanted.clone();
+    for part in parts {
+        for &k in part.mesh.folded.as_flattened() {
+            wanted[part.points[k as usize] as usize] = true;
+        }
+    }
     let mut sides = HashSet::new();
     let side = |a: u32, b: u32| [a.min(b), a.max(b)];
     for [a, b, c] in parts.iter().flat_map(Part::triangles) {
-        corners.extend([a, b, c]);
-        sides.extend([side(a, b), side(b, c), side(c, a)]);
+        for (a, b) in [(a, b), (b, c), (c, a)] {
+            corners[a as usize] = true;
+            if wanted[a as usize] && wanted[b as usize] {
+                sides.insert(side(a, b));
+            }
+        }
     }
     for (k, (part, face)) in parts.iter().zip(faces).enumerate() {
         let is_lost = |folded: &[u32; 3]| {
             let [a, b, c] = folded.map(|k| part.points[k as usize]);
             let (from, to) = if a == b { (a, c) } else { (a, b) };
             let is_known = if from == to {
-                corners.contains(&from)
+                corners[from as usize]
             } else {
                 sides.contains(&side(from, to))
             };

@@ -516,11 +516,16 @@ impl<'a> Pieces<'a> {
     }
 
     /// The parameters that belong to a point of a flat triangle, or of a segment, with shares of its corners.
+    #[inline]
     pub(crate) fn place<const N: usize>(&self, uvs: [DVec2; N], shares: [f64; N]) -> DVec2 {
-        match &self.cone {
-            Some(cone) => cone.place(uvs, shares),
-            None => (0..N).map(|k| uvs[k] * shares[k]).sum(),
+        if let Some(cone) = &self.cone {
+            return cone.place(uvs, shares);
         }
+        let mut sum = DVec2::ZERO;
+        for k in 0..N {
+            sum += uvs[k] * shares[k];
+        }
+        sum
     }
 
     /// Whether a crease passes through the inside of a rectangle.
