@@ -198,26 +198,21 @@ impl Group {
             let proven = net.edge_bounds();
             return Some(self.finish(&patches, &faces, &parts, &proven, crossings));
         }
-        let mut is_gone = vec![false; faces.len()];
-        let mut done = Vec::new();
-        for own in gone {
-            let part = self.of(&own);
-            let mut finer = tolerances.to_vec();
-            for (&k, id) in own.iter().zip(part.members()) {
-                is_gone[k] = true;
-                finer[id.index()] /= 4.0;
-            }
-            let made = part.refine(scene, &finer, (options, room), times - 1)?;
-            done.push((own, made));
+        let is_gone = |k: &usize| gone.binary_search(k).is_ok();
+        let rest: Vec<usize> = (0..faces.len()).filter(|k| !is_gone(k)).collect();
+        let small = self.of(&gone);
+        let mut finer = tolerances.to_vec();
+        for id in small.members() {
+            finer[id.index()] /= 4.0;
         }
-        let rest: Vec<usize> = (0..faces.len()).filter(|&k| !is_gone[k]).collect();
+        let made = small.refine(scene, &finer, (options, room), times - 1)?;
+        let mut parts = vec![(gone, made)];
         if !rest.is_empty() {
-            let made = self
-                .of(&rest)
-                .refine(scene, tolerances, (options, room), 0)?;
-            done.push((rest, made));
+            let large = self.of(&rest);
+            let made = large.refine(scene, tolerances, (options, room), 0)?;
+            parts.push((rest, made));
         }
-        Some(Done::of(faces.len(), done))
+        Some(Done::of(faces.len(), parts))
     }
 
     /// Some of the members, in their order.
@@ -319,9 +314,9 @@ impl Done {
     }
 }
 
-/// What hangs together, by numbers of its faces, and would vanish or lose a part: all that is gone, and what
-/// has few triangles.
-fn gone(parts: &[Part<'_>], faces: &[Face<'_>], edges: &[Edge]) -> Vec<Vec<usize>> {
+/// The faces, in their order, of what hangs together and has vanished or, where it has few triangles, lost
+/// a part.
+fn gone(parts: &[Part<'_>], faces: &[Face<'_>], edges: &[Edge]) -> Vec<usize> {
     let count = |k: usize| parts[k].mesh.triangles.len();
     let lost = vanished(parts, faces);
     if lost.is_empty() && (0..parts.len()).all(|k| count(k) > 0) {
@@ -336,6 +331,8 @@ fn gone(parts: &[Part<'_>], faces: &[Face<'_>], edges: &[Edge]) -> Vec<Vec<usize
         0 => own.iter().any(is_extended),
         triangles => triangles < SMALL && own.iter().any(|k| lost.contains(k)),
     });
+    let mut gone = gone.concat();
+    gone.sort_unstable();
     gone
 }
 
