@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
-use super::expansion::{DIVISION, Expansion, FRAME, HIERARCHY};
+use super::expansion::{DIVISION, Expansion, FRAME, HIERARCHY, ORDER};
 use super::tree::WIDTH;
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
@@ -18,7 +18,8 @@ use crate::simd::{Instructions, Simd, Task};
 pub(crate) struct Halvings {
     /// When the hierarchy is built.
     first: u8,
-    /// The same further, where each of the halves is sure to be more even: not at poles.
+    /// The same further, of pieces of which not all powers are kept, where each of the halves is sure to be
+    /// more even: not at poles.
     further: u8,
     /// What is then still uneven, when rays come to it; the rest is divided ray by ray.
     later: u8,
@@ -271,9 +272,14 @@ impl Parts {
             v: (v.start, v.end - v.start),
         });
         let cell = Cell::whole(number);
+        let further = if degrees.p.max(degrees.q) < ORDER {
+            0
+        } else {
+            halvings.further
+        };
         let divider = Divider {
             instructions: Instructions::best(),
-            further: halvings.further,
+            further,
             later: halvings.later,
             net: PieceNet {
                 degrees,
@@ -287,7 +293,7 @@ impl Parts {
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
         let (cells, groups) = (&mut self.cells, &mut self.groups);
-        let most = halvings.first + halvings.further;
+        let most = halvings.first + further;
         let open = divider.divide(cell, most, trims, (cells, groups));
         groups.push(cells.len() - open..cells.len());
     }
