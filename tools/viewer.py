@@ -83,6 +83,8 @@ def check(browser, nurbray, folder, pictures):
 def main():
     nurbray = pathlib.Path(sys.argv[1]).resolve()
     pictures = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else None
+    if pictures:
+        pictures.mkdir(parents=True, exist_ok=True)
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if not (shutil.which("npm") and chromium):
         print("no npm or no Chromium: glTF files are not looked at")
