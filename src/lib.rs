@@ -45,6 +45,7 @@ pub mod output;
 mod polygons;
 mod random;
 mod render;
+mod sets;
 mod simd;
 mod tessellate;
 mod volume;

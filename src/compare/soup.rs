@@ -6,6 +6,7 @@ use glam::{DAffine3, DVec3};
 use kernel::{Aabb, Mesh, Scene, Shape};
 
 use super::triangles::TriangleTree;
+use crate::sets::Sets;
 
 /// Triangles in the coordinates of the exact scene.
 #[derive(Debug)]
@@ -108,26 +109,17 @@ impl Soup {
     /// For every triangle the number of the part that hangs together with it, and how many
     /// parts there are.
     pub(crate) fn parts(&self) -> (Vec<usize>, usize) {
-        // Points joined to the least point of their part.
-        let mut parent: Vec<u32> = (0..).take(self.points.len()).collect();
-        fn root(parent: &mut [u32], mut k: u32) -> u32 {
-            while parent[k as usize] != k {
-                parent[k as usize] = parent[parent[k as usize] as usize];
-                k = parent[k as usize];
-            }
-            k
+        let mut points = Sets::new(self.points.len());
+        for corners in &self.triangles {
+            let [a, b, c] = corners.map(|k| k as usize);
+            points.join(a, b);
+            points.join(b, c);
         }
-        for &[a, b, c] in &self.triangles {
-            for (p, q) in [(a, b), (b, c)] {
-                let (p, q) = (root(&mut parent, p), root(&mut parent, q));
-                parent[p.max(q) as usize] = p.min(q);
-            }
-        }
-        let mut numbers: HashMap<u32, usize> = HashMap::new();
+        let mut numbers: HashMap<usize, usize> = HashMap::new();
         let mut part = |triangle: &[u32; 3]| {
             let next = numbers.len();
             *numbers
-                .entry(root(&mut parent, triangle[0]))
+                .entry(points.root(triangle[0] as usize))
                 .or_insert(next)
         };
         let parts: Vec<usize> = self.triangles.iter().map(&mut part).collect();

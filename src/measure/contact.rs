@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve, Surface};
 
 use super::Face;
+use crate::sets::Sets;
 
 /// Fewest and most chords of each piece of a trim; there are as many as the surface has pieces along
 /// a side. Sides have the fewest together, but one for each piece.
@@ -33,7 +34,7 @@ pub(super) fn connected<'a>(faces: &[&'a Face]) -> Vec<Connected<'a>> {
     let mut order: Vec<_> = (0..faces.len()).collect();
     let least = |k: usize| borders[k].bounds.min.x;
     order.sort_by(|&a, &b| least(a).total_cmp(&least(b)));
-    let mut roots: Vec<usize> = (0..faces.len()).collect();
+    let mut sets = Sets::new(faces.len());
     let mut near: Vec<Vec<usize>> = (0..faces.len()).map(|k| vec![k]).collect();
     for (position, &a) in order.iter().enumerate() {
         let after = order[position + 1..].iter();
@@ -43,21 +44,12 @@ pub(super) fn connected<'a>(faces: &[&'a Face]) -> Vec<Connected<'a>> {
             }
             near[a].push(b);
             near[b].push(a);
-            let (first, second) = (root(&mut roots, a), root(&mut roots, b));
-            if first != second && borders[a].touches(&borders[b]) {
-                roots[first.max(second)] = first.min(second);
+            if sets.root(a) != sets.root(b) && borders[a].touches(&borders[b]) {
+                sets.join(a, b);
             }
         }
     }
-    let mut sets: Vec<(usize, Vec<usize>)> = Vec::new();
-    for k in 0..faces.len() {
-        let root = root(&mut roots, k);
-        match sets.binary_search_by_key(&root, |set| set.0) {
-            Ok(found) => sets[found].1.push(k),
-            Err(place) => sets.insert(place, (root, vec![k])),
-        }
-    }
-    let set = |(_, members): (usize, Vec<usize>)| {
+    let set = |members: Vec<usize>| {
         let (mut open, mut all) = (0.0, 0.0);
         for &k in &members {
             let around: Vec<_> = near[k].iter().map(|&other| &borders[other]).collect();
@@ -69,16 +61,7 @@ pub(super) fn connected<'a>(faces: &[&'a Face]) -> Vec<Connected<'a>> {
             is_closed: open <= all * OPEN,
         }
     };
-    sets.into_iter().map(set).collect()
-}
-
-/// The set that a face belongs to, by its first face.
-fn root(roots: &mut [usize], mut k: usize) -> usize {
-    while roots[k] != k {
-        roots[k] = roots[roots[k]];
-        k = roots[k];
-    }
-    k
+    sets.members().into_iter().map(set).collect()
 }
 
 /// A straight part of a border.

@@ -8,11 +8,11 @@ use rayon::prelude::*;
 
 use super::edge::{Chain, Walker};
 use super::face::{Corner, Mesher, Stretch, Triangles};
-use super::pieces::Rect;
 use super::rim::{Face, SNAP};
 use super::room::Room;
 use super::sew::{Edge, Named, sew};
 use super::shell::{Part, Shell, shells};
+use super::vanish::gone;
 use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
 
 /// How often edges are divided because their chords cross.
@@ -24,12 +24,6 @@ const POLE: f64 = 1e-3;
 
 /// How often what would vanish is made four times finer at most.
 const FINER: u32 = 8;
-
-/// What has as many triangles is not made finer for that.
-const SMALL: usize = 2000;
-
-/// What is no wider than this share of its length is a line.
-const FLAT: f64 = 1e-6;
 
 /// Normals that differ by less than this at a crease are one, in radians: one degree.
 const CREASE: f64 = std::f64::consts::PI / 180.0;
@@ -314,103 +308,6 @@ impl Done {
     }
 }
 
-/// The faces, in their order, of what hangs together and has vanished or, where it has few triangles, lost
-/// a part.
-fn gone(parts: &[Part<'_>], faces: &[Face<'_>], edges: &[Edge]) -> Vec<usize> {
-    let count = |k: usize| parts[k].mesh.triangles.len();
-    let lost = vanished(parts, faces);
-    if lost.is_empty() && (0..parts.len()).all(|k| count(k) > 0) {
-        return Vec::new();
-    }
-    let is_extended = |k: &usize| {
-        let Rect { min, max } = faces[*k].pieces.domain();
-        has_area(&faces[*k], [min, DVec2::new(max.x, min.y), max])
-    };
-    let mut gone = connected(faces.len(), edges);
-    gone.retain(|own| match own.iter().map(|&k| count(k)).sum() {
-        0 => own.iter().any(is_extended),
-        triangles => triangles < SMALL && own.iter().any(|k| lost.contains(k)),
-    });
-    let mut gone = gone.concat();
-    gone.sort_unstable();
-    gone
-}
-
-/// The faces of which a part is next to no triangle: it became a line or a point of space, which is no
-/// side and no corner of any. Those that are no more than that themselves are not among them.
-fn vanished(parts: &[Part<'_>], faces: &[Face<'_>]) -> HashSet<usize> {
-    let mut lost = HashSet::new();
-    if parts.iter().all(|part| part.mesh.folded.is_empty()) {
-        return lost;
-    }
-    // Points of what is folded; whether they are corners, and what are sides between them.
-    let count = parts.iter().flat_map(|part| &part.points).max();
-    let mut wanted = vec![false; count.map_or(0, |&most| most as usize + 1)];
-    let mut corners = wanted.clone();
-    for part in parts {
-        for &k in part.mesh.folded.as_flattened() {
-            wanted[part.points[k as usize] as usize] = true;
-        }
-    }
-    let mut sides = HashSet::new();
-    let side = |a: u32, b: u32| [a.min(b), a.max(b)];
-    for [a, b, c] in parts.iter().flat_map(Part::triangles) {
-        for (a, b) in [(a, b), (b, c), (c, a)] {
-            corners[a as usize] = true;
-            if wanted[a as usize] && wanted[b as usize] {
-                sides.insert(side(a, b));
-            }
-        }
-    }
-    for (k, (part, face)) in parts.iter().zip(faces).enumerate() {
-        let is_lost = |folded: &[u32; 3]| {
-            let [a, b, c] = folded.map(|k| part.points[k as usize]);
-            let (from, to) = if a == b { (a, c) } else { (a, b) };
-            let is_known = if from == to {
-                corners[from as usize]
-            } else {
-                sides.contains(&side(from, to))
-            };
-            !is_known && has_area(face, folded.map(|k| part.mesh.vertices[k as usize].uv))
-        };
-        if part.mesh.folded.iter().any(is_lost) {
-            lost.insert(k);
-        }
-    }
-    lost
-}
-
-/// Whether the part of a face over a triangle of parameters is more than a line, as its derivatives in the
-/// middle tell.
-fn has_area(face: &Face<'_>, [a, b, c]: [DVec2; 3]) -> bool {
-    let d = face.pieces.surface.derivatives((a + b + c) / 3.0);
-    let [along, across] = [b - a, c - a].map(|way| d.du * way.x + d.dv * way.y);
-    let longest = along.length_squared().max(across.length_squared());
-    along.cross(across).length() > FLAT * longest
-}
-
-/// The numbers of faces that hang together by edges, each in their order.
-fn connected(count: usize, edges: &[Edge]) -> Vec<Vec<usize>> {
-    let mut first: Vec<usize> = (0..count).collect();
-    let find = |first: &[usize], mut k: usize| {
-        while first[k] != k {
-            k = first[k];
-        }
-        k
-    };
-    for edge in edges {
-        for used in &edge.uses[1..] {
-            let ends = [edge.uses[0].face, used.face].map(|face| find(&first, face));
-            first[ends[0].max(ends[1])] = ends[0].min(ends[1]);
-        }
-    }
-    let mut sets: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for k in 0..count {
-        sets.entry(find(&first, k)).or_default().push(k);
-    }
-    sets.into_values().collect()
-}
-
 /// How many steps each edge must have so that no two edges become one.
 fn least_steps(edges: &[Edge]) -> Vec<usize> {
     let mut twins: HashMap<[usize; 2], usize> = HashMap::new();
@@ -539,7 +436,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
     // For every vertex its first copy, and all others, one for each side of a crease.
     let mut first: Vec<Option<u32>> = vec![None; mesh.vertices.len()];
     let mut others: HashMap<u32, Vec<u32>> = HashMap::new();
-    let mut sampled: f64 = 0.0;
+    let mut sampled = off_corners(face, mesh);
     let mut gap: f64 = 0.0;
     for &corners in &mesh.triangles {
         let vertices = corners.map(|k| mesh.vertices[k as usize]);
@@ -549,7 +446,6 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         let flat = (points[1] - points[0])
             .cross(points[2] - points[0])
             .normalize_or(DVec3::Z);
-        sampled = sampled.max(off_corners(face, uvs, points));
         sampled = vertices.iter().fold(sampled, |most, v| most.max(v.gap));
         let mut triangle = corners.map(|k| {
             let vertex = &mesh.vertices[k as usize];
@@ -615,14 +511,21 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
     }
 }
 
-/// The largest distance found between a triangle and the surface; of a plane triangles are as far away as their
+/// The largest distance found between triangles and the surface; of a plane they are as far away as their
 /// corners.
-fn off_corners(face: &Face<'_>, uvs: [DVec2; 3], points: [DVec3; 3]) -> f64 {
+fn off_corners(face: &Face<'_>, mesh: &Triangles) -> f64 {
     if face.pieces.are_straight() {
-        0.0
-    } else {
-        deviation::triangle(&face.pieces, uvs, points)
+        return 0.0;
     }
+    let off = |corners: &[u32; 3]| {
+        let vertices = corners.map(|k| &mesh.vertices[k as usize]);
+        deviation::triangle(
+            &face.pieces,
+            vertices.map(|v| v.uv),
+            vertices.map(|v| v.position),
+        )
+    };
+    mesh.triangles.iter().map(off).fold(0.0, f64::max)
 }
 
 fn empty_mesh() -> Mesh {

@@ -25,6 +25,7 @@ mod shell;
 #[cfg(test)]
 mod tests;
 mod trail;
+mod vanish;
 
 use std::fmt;
 
