@@ -24,6 +24,9 @@ const MEETS: f64 = 1e-6;
 /// So many samples are looked at in the time in which a control point is mixed.
 const LOOKED_AT: usize = 16;
 
+/// Lines through a pole that are looked along.
+const LINES: usize = 16;
+
 /// A point found from a guess is taken if it is no farther away than this share of the size.
 const TRUSTED: f64 = 1e-3;
 
@@ -176,8 +179,56 @@ impl<'a> Nearby<'a> {
         }
     }
 
-    /// Newton's iteration, damped, clamped to the domain where it is not closed.
+    /// Newton's iteration from a guess, and once more from a pole on if it ends there.
     fn iterate(&self, target: DVec3, guess: DVec2) -> Nearest {
+        let first = self.descend(target, guess);
+        let Some(turned) = self.turned(&first, target) else {
+            return first;
+        };
+        let second = self.descend(target, turned);
+        let work = first.work + second.work + LINES * self.mixed;
+        let best = if second.distance < first.distance {
+            second
+        } else {
+            first
+        };
+        Nearest { work, ..best }
+    }
+
+    /// The parameters of a pole on the line that leads from there towards the target, of some lines around it;
+    /// `None` if it is no pole, or no line does.
+    fn turned(&self, found: &Nearest, target: DVec3) -> Option<DVec2> {
+        let on_border = |axis: usize| {
+            let at = found.uv[axis];
+            !self.closed[axis] && (at <= self.start[axis] || at >= self.end[axis])
+        };
+        if !on_border(0) && !on_border(1) {
+            return None;
+        }
+        let (domain, miss) = (self.end - self.start, target - found.point);
+        let (_, ways) = self.surface.tangents(self.wrapped(found.uv));
+        let is_pole = |around: &usize| {
+            let turn = ways[*around].length() * domain[*around];
+            on_border(1 - around) && turn <= MEETS * self.size
+        };
+        let around = (0..2).find(is_pole)?;
+        let side = if found.uv[1 - around] <= self.start[1 - around] {
+            1.0
+        } else {
+            -1.0
+        };
+        let lines = (0..LINES).map(|k| {
+            let mut uv = found.uv;
+            uv[around] = self.start[around] + domain[around] * (k as f64 + 0.5) / LINES as f64;
+            let (_, ways) = self.surface.tangents(uv);
+            (side * ways[1 - around].normalize_or_zero().dot(miss), uv)
+        });
+        let best = lines.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (best.0 > MEETS * miss.length()).then_some(best.1)
+    }
+
+    /// Newton's iteration, damped, clamped to the domain where it is not closed.
+    fn descend(&self, target: DVec3, guess: DVec2) -> Nearest {
         let mut uv = self.clamped(guess);
         let mut damping = 0.0;
         let mut d = self.surface.derivatives(self.wrapped(uv));
@@ -308,6 +359,29 @@ mod tests {
             assert!(found.point.distance(at(1.0)) < 1e-7, "{k}: {found:?}");
             assert!((found.distance - 0.3).abs() < 1e-12);
             guess = Some(found.uv);
+        }
+    }
+
+    #[test]
+    fn the_other_side_of_a_pole_is_reached() {
+        let sphere =
+            modelling::sphere(&Frame::WORLD, 1.0, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2).unwrap();
+        let nearby = Nearby::new(&sphere, [true, false]);
+        for k in 0..40 {
+            let around = DVec2::from_angle(0.3 + 0.17 * f64::from(k)) * 0.04;
+            let target = around.extend(if k % 2 == 0 { 0.99 } else { -0.99 });
+            for u in 0..7 {
+                let guess = DVec2::new(
+                    f64::from(u) * TAU / 7.0,
+                    0.97 * FRAC_PI_2.copysign(target.z),
+                );
+                let found = nearby.near(target, guess);
+                let distance = (1.0 - target.length()).abs();
+                assert!(
+                    (found.distance - distance).abs() < 1e-9,
+                    "{k} {u}: {found:?}"
+                );
+            }
         }
     }
 

@@ -133,10 +133,9 @@ impl Cone {
         }
     }
 
-    /// Parameters of an apex, where all lines meet, on the line through `beside`; `None` if it is none.
-    pub(super) fn apex(&self, mut uv: DVec2, beside: DVec2) -> Option<DVec2> {
-        uv[self.across()] = beside[self.across()];
-        (self.radius(uv) <= 0.0).then_some(uv)
+    /// Whether parameters are those of an apex, where all lines meet.
+    pub(super) fn is_apex(&self, uv: DVec2) -> bool {
+        self.radius(uv) <= 0.0
     }
 
     /// The part of the wider end that a rectangle lies over.

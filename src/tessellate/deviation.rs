@@ -50,6 +50,10 @@ const fn samples() -> [[f64; 3]; GROUPS * GROUP] {
 /// at the parameters that belong to them.
 pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]) -> f64 {
     let flat = |[a, b, c]: [f64; 3]| corners[0] * a + corners[1] * b + corners[2] * c;
+    if let Some(round) = &pieces.round {
+        let off = |&shares: &[f64; 3]| round.distance(flat(shares));
+        return SAMPLES[..DISTINCT].iter().map(off).fold(0.0, f64::max);
+    }
     let piece = pieces.piece_around(&Rect::around(uvs));
     let fits = |piece: &&BezierSurface| piece.degree_u().max(piece.degree_v()) < ROOM;
     let Some(piece) = piece.filter(fits) else {

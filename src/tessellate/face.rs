@@ -2,6 +2,7 @@
 //! proven to be within the tolerance.
 
 mod inside;
+mod plane;
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -11,9 +12,10 @@ use smallvec::SmallVec;
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
+use self::plane::Plane;
 use super::pieces::Rect;
 use super::rim::Face;
-use super::seed::{Seed, seeds, turns};
+use super::seed::{Seed, seeds};
 use super::{Limits, deviation};
 
 /// Rounds of refinement.
@@ -104,12 +106,12 @@ pub(super) struct Mesher<'a> {
     face: &'a Face<'a>,
     limits: &'a Limits<'a>,
     plane: ConstrainedDelaunayTriangulation<Spot>,
+    stretched: Plane,
     vertices: Vec<Vertex>,
     /// Pairs of vertices whose connection is shared with other faces, and how often it
     /// bounds this one.
     fixed: HashMap<[u32; 2], usize>,
     bounds: Rect,
-    scale: DVec2,
     /// What was known of the triangle in each place of the plane: its corners, how much it uses of
     /// the limits, and its proof.
     known: Vec<([u32; 3], (f64, f64))>,
@@ -139,7 +141,7 @@ impl<'a> Mesher<'a> {
             vertices: Vec::new(),
             fixed: HashMap::with_capacity(stretches.len()),
             bounds,
-            scale: scale(face, &bounds, limits),
+            stretched: Plane::new(face, &bounds, limits),
             known: Vec::new(),
             trusts_count: None,
             undrawn: 0,
@@ -245,7 +247,7 @@ impl<'a> Mesher<'a> {
 
     /// Where parameters are in the plane.
     fn spot(&self, uv: DVec2) -> Spot {
-        let p = (uv - self.bounds.min) * self.scale;
+        let p = self.stretched.place(uv);
         // Far below what matters, and below what the triangulation accepts.
         let tidy = |x: f64| if x.abs() < 1e-40 { 0.0 } else { x };
         Spot(Point2::new(tidy(p.x), tidy(p.y)))
@@ -349,9 +351,9 @@ impl<'a> Mesher<'a> {
         let corners: Vec<DVec2> = self.vertices.iter().map(|v| v.uv).collect();
         for [a, b] in std::mem::take(&mut self.poles) {
             for &uv in &corners {
-                if let Some(apex) = cone.apex(a, uv)
-                    && (a - apex).dot(b - apex) < 0.0
-                {
+                let mut apex = a;
+                apex[cone.across()] = uv[cone.across()];
+                if cone.is_apex(a) && (a - apex).dot(b - apex) < 0.0 {
                     self.insert(apex, None);
                 }
             }
@@ -408,8 +410,8 @@ impl<'a> Mesher<'a> {
         if self.face.region.as_ref().is_some_and(outside) {
             return;
         }
-        let p = (seed.uv - self.bounds.min) * self.scale;
-        let unit = (seed.step * self.scale).recip();
+        let p = self.stretched.place(seed.uv);
+        let unit = (seed.step * self.stretched.factors(seed.uv)).recip();
         let here = self.plane.locate(Point2::new(p.x, p.y));
         let spade::PositionInTriangulation::OnFace(face) = here else {
             return;
@@ -451,9 +453,10 @@ impl<'a> Mesher<'a> {
         let uvs = corners.map(|v| v.uv);
         let uses = self.sides(&corners);
         // The side that passes its limit most, else the longest.
+        let places = uvs.map(|uv| self.stretched.place(uv));
         let measure = |side: usize| {
-            let way = (uvs[side] - uvs[(side + 1) % 3]) * self.scale;
-            (uses[side].max(1.0), way.length())
+            let length = places[side].distance(places[(side + 1) % 3]);
+            (uses[side].max(1.0), length)
         };
         let is_free = |side: &usize| {
             let (a, b) = (inner.corners[*side], inner.corners[(side + 1) % 3]);
@@ -501,23 +504,32 @@ impl<'a> Mesher<'a> {
         let gap = corners.iter().map(|v| v.gap).fold(0.0, f64::max);
         let tolerance = AIM * self.face.tolerance;
         let limit = (tolerance - gap).max(0.1 * tolerance);
+        if let Some(round) = &self.face.pieces.round {
+            // What the corners are off is a part of it, and no point is farther away than corners.
+            let bound = round.off_flat(points).min(longest(points) + gap);
+            return ((bound - gap).max(0.0) / limit, bound);
+        }
         // What is seen to be too far needs no better bound.
         let is_far = || deviation::triangle(&self.face.pieces, uvs, points) - gap > limit;
         let bound = self.face.pieces.off_flat(uvs, limit, is_far);
         (bound / limit, bound + gap)
     }
 
-    /// Whether what belongs to a triangle on a cone runs around it the other way than in the parameters,
-    /// so that it may lie beyond a boundary; not where it is too narrow to tell.
+    /// Whether what belongs to a triangle runs around it the other way than in the parameters, so that it may
+    /// lie beyond a boundary; not where it is too narrow to tell.
     fn is_folded(&self, uvs: [DVec2; 3], points: [DVec3; 3]) -> bool {
-        let turn = (uvs[1] - uvs[0]).perp_dot(uvs[2] - uvs[0]);
-        let Some(cone) = &self.face.pieces.cone else {
-            return false;
+        let pieces = &self.face.pieces;
+        let turns_back = match (&pieces.cone, &pieces.round) {
+            (Some(cone), _) => {
+                let turn = (uvs[1] - uvs[0]).perp_dot(uvs[2] - uvs[0]);
+                turn * cone.turn(uvs) < 0.0
+            }
+            (_, Some(round)) => round.is_folded(points),
+            _ => false,
         };
         let [a, b, c] = points;
-        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let height = (b - a).cross(c - a).length() / longest;
-        turn * cone.turn(uvs) < 0.0 && height > NARROW * self.face.tolerance
+        let height = || (b - a).cross(c - a).length() / longest(points);
+        turns_back && height() > NARROW * self.face.tolerance
     }
 
     /// How much the sides of a triangle use of their limits, at least where they pass them: the first
@@ -582,40 +594,13 @@ impl<'a> Mesher<'a> {
     }
 }
 
+/// The longest side of a triangle.
+fn longest([a, b, c]: [DVec3; 3]) -> f64 {
+    a.distance(b).max(b.distance(c)).max(c.distance(a))
+}
+
 fn pair(a: FixedVertexHandle, b: FixedVertexHandle) -> [u32; 2] {
     let number = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
     let (a, b) = (number(a.index()), number(b.index()));
     [a.min(b), a.max(b)]
 }
-
-/// Factors that make steps that use as much of the limits equally long in both directions, over a
-/// rectangle; directions without curvature count by their length.
-fn scale(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> DVec2 {
-    let (mut bend, mut turn, mut length) = (DVec2::ZERO, DVec2::ZERO, DVec2::ZERO);
-    for i in 0..3 {
-        for j in 0..3 {
-            let share = DVec2::new(f64::from(i), f64::from(j)) * 0.4 + 0.1;
-            let uv = bounds.min + bounds.size() * share;
-            let d = face.pieces.surface.derivatives(uv);
-            let turns = turns(&d) / limits.angle;
-            bend += DVec2::new(d.duu.length(), d.dvv.length());
-            // Steps shorter than the tolerance may turn by any angle.
-            let most = DVec2::new(d.du.length(), d.dv.length()) / face.tolerance;
-            let turns = turns.min(most);
-            turn += turns * turns;
-            length += DVec2::new(d.du.length_squared(), d.dv.length_squared());
-        }
-    }
-    let size = bounds.size();
-    let extent = (length / 9.0 * size * size).max_element();
-    // The squares of steps per unit, by what asks for most of them.
-    let steps = (bend / (8.0 * face.tolerance)).max(turn);
-    let mean = (steps / 9.0 + length / 9.0 * (PLAIN / extent)).sqrt();
-    // The larger side becomes one, the smaller one not too short to compute with.
-    let sides = mean * size / (mean * size).max_element();
-    let sides = if sides.is_finite() { sides } else { DVec2::ONE };
-    sides.max(DVec2::splat(1e-6)) / size.max(DVec2::splat(1e-12 * size.max_element()))
-}
-
-/// Steps along a side without curvature, squared.
-const PLAIN: f64 = 16.0;

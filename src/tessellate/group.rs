@@ -1,5 +1,6 @@
 //! Faces that can share edges, and their triangles.
 
+use std::cell::LazyCell;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::{DAffine3, DVec2, DVec3};
@@ -442,32 +443,33 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
         let vertices = corners.map(|k| mesh.vertices[k as usize]);
         let uvs = vertices.map(|v| v.uv);
         let points = vertices.map(|v| v.position);
-        let center = face.pieces.place(uvs, [1.0 / 3.0; 3]);
+        let center = LazyCell::new(|| face.pieces.place(uvs, [1.0 / 3.0; 3]));
         let flat = (points[1] - points[0])
             .cross(points[2] - points[0])
             .normalize_or(DVec3::Z);
         sampled = vertices.iter().fold(sampled, |most, v| most.max(v.gap));
         let mut triangle = corners.map(|k| {
             let vertex = &mesh.vertices[k as usize];
-            // Lines that meet at an apex have normals of their own.
-            let apex = face
-                .pieces
-                .cone
-                .and_then(|cone| cone.apex(vertex.uv, center));
-            let (uv, creased) = (
-                apex.unwrap_or(vertex.uv),
-                apex.is_some() || face.pieces.is_creased(vertex.uv),
-            );
+            // Lines that meet at an apex have parameters and normals of their own.
+            let across = face.pieces.across_apex(vertex.uv, vertex.normal);
+            let mut uv = vertex.uv;
+            if let Some(axis) = across {
+                uv[axis] = center[axis];
+            }
+            let creased = across.is_some() || face.pieces.is_creased(vertex.uv);
             if !creased && let Some(copy) = first[k as usize] {
                 return copy;
             }
             let normal = if creased || vertex.normal == DVec3::ZERO {
-                face.pieces.normal(uv, center).unwrap_or(flat)
+                face.pieces.normal(uv, *center).unwrap_or(flat)
             } else {
                 vertex.normal
             };
             let normal = if flipped { -normal } else { normal };
-            let same = |copy: &u32| normals[*copy as usize].angle_between(normal) < CREASE;
+            let same = |copy: &u32| {
+                let is_there = across.is_none() || parameters[*copy as usize] == uv;
+                is_there && normals[*copy as usize].angle_between(normal) < CREASE
+            };
             let more = others.get(&k).into_iter().flatten().copied();
             if let Some(copy) = first[k as usize].into_iter().chain(more).find(same) {
                 return copy;

@@ -18,6 +18,7 @@ mod net;
 pub(crate) mod pieces;
 mod rim;
 mod room;
+mod round;
 mod seed;
 mod separable;
 mod sew;

@@ -7,6 +7,7 @@ use kernel::{BezierSurface, KnotVector, Surface, regular_normal};
 
 use super::cone::Cone;
 use super::net::{Family, Net, corner_derivatives};
+use super::round::Round;
 use super::separable::{Separable, is_separable};
 use crate::simd::Instructions;
 
@@ -137,7 +138,7 @@ fn over_triangle(means: [DVec3; 3], strays: [f64; 3]) -> f64 {
 }
 
 /// The greatest value over a triangle of half the sum of `l_i l_j` times what is given for its sides.
-fn highest([x, y, z]: [f64; 3]) -> f64 {
+pub(super) fn highest([x, y, z]: [f64; 3]) -> f64 {
     let longest = x.max(y).max(z);
     let others = x + y + z - longest;
     if longest >= others {
@@ -178,6 +179,16 @@ impl Rect {
     pub(crate) fn size(&self) -> DVec2 {
         self.max - self.min
     }
+
+    /// What of it lies in another one; all of that if nothing does.
+    pub(super) fn within(self, other: &Self) -> Self {
+        let (min, max) = (self.min.max(other.min), self.max.min(other.max));
+        if min.cmplt(max).all() {
+            Self { min, max }
+        } else {
+            *other
+        }
+    }
 }
 
 /// A surface with its Bézier pieces.
@@ -195,6 +206,8 @@ pub(crate) struct Pieces<'a> {
     is_costly: bool,
     /// Where it is made of straight lines towards a point.
     pub(super) cone: Option<Cone>,
+    /// Where its points belong to the nearest ones of a sphere or a torus.
+    pub(super) round: Option<Round>,
 }
 
 #[derive(Debug)]
@@ -308,6 +321,7 @@ impl<'a> Pieces<'a> {
             family,
             is_costly,
             cone: Cone::of(surface),
+            round: None,
         };
         pieces.creases = [0, 1].map(|axis| pieces.find_creases(axis));
         pieces
@@ -525,7 +539,22 @@ impl<'a> Pieces<'a> {
         for k in 0..N {
             sum += uvs[k] * shares[k];
         }
+        if let Some(round) = &self.round {
+            let mut flat = DVec3::ZERO;
+            for k in 0..N {
+                flat += self.surface.evaluate(uvs[k]) * shares[k];
+            }
+            return round.place(flat, sum);
+        }
         sum
+    }
+
+    /// The axis of the parameters across the lines that meet at a vertex with a [regular
+    /// normal](Surface::point_and_regular_normal) or none, if they do.
+    pub(super) fn across_apex(&self, uv: DVec2, normal: DVec3) -> Option<usize> {
+        let cone = self.cone.filter(|cone| cone.is_apex(uv));
+        let round = self.round.as_ref().filter(|_| normal == DVec3::ZERO);
+        cone.map(|cone| cone.across()).or(round.map(Round::around))
     }
 
     /// Whether a crease passes through the inside of a rectangle.

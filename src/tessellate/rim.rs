@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use kernel::{Curve, Patch, TrimRegion};
 
 use super::pieces::{Pieces, Rect};
+use super::round::Round;
 
 /// Parameters so near to a border of the domain, as a share of it, are on the border.
 pub(super) const SNAP: f64 = 1e-7;
@@ -30,8 +31,10 @@ pub(crate) struct Face<'a> {
 
 impl<'a> Face<'a> {
     pub(crate) fn new(patch: &'a Patch, tolerance: f64) -> Self {
+        let mut pieces = Pieces::new(&patch.surface);
+        pieces.round = Round::of(patch).filter(|round| round.is_large(tolerance));
         Self {
-            pieces: Pieces::new(&patch.surface),
+            pieces,
             region: patch.region(),
             tolerance,
         }

@@ -11,6 +11,7 @@ use kernel::SurfaceDerivatives;
 use super::Limits;
 use super::pieces::Rect;
 use super::rim::Face;
+use super::round::Round;
 
 /// A point to be, and the steps to its neighbours.
 #[derive(Clone, Copy, Debug)]
@@ -199,12 +200,15 @@ impl Density {
 }
 
 /// The steps along u and v that the limits allow at a point, at most twice `size`.
-fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits<'_>, size: DVec2) -> DVec2 {
+pub(super) fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits<'_>, size: DVec2) -> DVec2 {
     let d = face.pieces.surface.derivatives(uv);
     let (length_u, length_v) = (d.du.length(), d.dv.length());
-    let bends = DVec3::new(d.duu.length(), d.duv.length(), d.dvv.length());
-    // Rows of triangles with all three sides at 6 times the tolerance.
-    let room = 6.0 * 0.95 * face.tolerance;
+    let bends = bends(face, &d);
+    // Rows of triangles with all three sides at 6 times the tolerance; where rows have different numbers of
+    // points, sides between them are longer.
+    let is_sphere = face.pieces.round.as_ref().is_some_and(Round::is_sphere);
+    let share = if is_sphere { 0.8 } else { 0.95 };
+    let room = 6.0 * share * face.tolerance;
     let mut step = DVec2::new((room / bends.x).sqrt(), (0.75 * room / bends.z).sqrt());
     let cap = |step: DVec2| step.min(size * 2.0);
     step = cap(step);
@@ -223,6 +227,16 @@ fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits<'_>, size: DVec2) -> DVec2 
             .min(0.86 * limits.max_edge / length_v),
     );
     cap(step.min(limit))
+}
+
+/// How much second derivatives keep a flat triangle from the surface: of nearest points counts what is across it.
+pub(super) fn bends(face: &Face<'_>, d: &SurfaceDerivatives) -> DVec3 {
+    let bends = [d.duu, d.duv, d.dvv];
+    if face.pieces.round.is_none() {
+        return DVec3::from_array(bends.map(DVec3::length));
+    }
+    let normal = d.du.cross(d.dv).normalize_or_zero();
+    DVec3::from_array(bends.map(|bend| bend.dot(normal).abs()))
 }
 
 /// How fast the normal turns along u and along v, in radians.
