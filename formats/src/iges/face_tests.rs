@@ -97,6 +97,32 @@ fn a_closed_edge_that_begins_elsewhere_than_at_its_vertex() {
     }
 }
 
+#[test]
+fn a_loop_over_the_seam_of_a_surface_of_which_less_is_wanted() {
+    // The sides of a pyramid, of which half a side is not wanted, and a loop on the side beyond and the one before.
+    let pyramid = "1,4,1,1,0,1,1,0,0,0.,0.,1.,1.,0.,0.,1.,2.,3.,4.,4.,1.,1.,1.,1.,1.,1.,1.,1.,1.,1.,\
+                   2.,0.,0.,0.,0.,2.,0.,2.,0.,0.,0.,2.,-2.,0.,0.,0.,0.,2.,0.,-2.,0.,0.,0.,2.,\
+                   2.,0.,0.,0.,0.,2.,0.,1.,0.5,4.";
+    let around = "4,1,0,1,1,0,0.,0.,1.,2.,3.,4.,4.,1.,1.,1.,1.,1.,0.2,3.4,0.,0.8,3.4,0.,0.8,4.6,0.,\
+                  0.2,4.6,0.,0.2,3.4,0.,0.,4.,0.,0.,1.";
+    let patch = patch(&[
+        part(128, 0, pyramid),
+        part(126, 0, around),
+        part(142, 0, "1,1,3,0,1"),
+        made(144, "1,1,0,5"),
+    ]);
+    for (x, y, z, is_in) in [
+        (0.9, -0.1, 1.0, true),
+        (0.9, 0.1, 1.0, true),
+        (0.5, 0.5, 1.0, true),
+        (0.3, 0.7, 1.0, false),
+        (-0.5, 0.5, 1.0, false),
+        (0.1, 0.1, 1.8, false),
+    ] {
+        assert_eq!(shows(&patch, DVec3::new(x, y, z)), is_in, "{x} {y} {z}");
+    }
+}
+
 /// A face on a surface of the entities before, between circles of radius 2 around the z axis
 /// at heights, each run through forwards or backwards.
 fn between_circles(surface: &[Made], circles: &[(f64, bool)]) -> Patch {

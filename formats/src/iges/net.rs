@@ -42,9 +42,13 @@ pub(super) struct Net {
 
 /// Reads a surface from its parameters, in several pieces where it is torn. What had to be
 /// repaired goes to `repairs`; `limit` bounds the control points.
+///
+/// Where loops alone bound it, a closed surface stays closed whatever part of it the file asks for: they may
+/// run over its seam.
 pub(super) fn read(
     parameters: &mut Parameters<'_>,
     limit: usize,
+    is_bounded: bool,
     repairs: &mut Vec<Problem>,
 ) -> Result<Vec<Surface>, Problem> {
     let mut net = Net::read(parameters, limit)?;
@@ -59,7 +63,7 @@ pub(super) fn read(
         let pieces: Result<Vec<_>, _> = pieces.map(Net::into_surface).collect();
         strips.push(pieces?);
     }
-    restricted(strips, wanted, repairs)
+    restricted(strips, wanted, is_bounded, repairs)
 }
 
 impl Net {
@@ -410,6 +414,7 @@ fn straighten(knots: &mut [f64], direction: usize, repairs: &mut Vec<Problem>) {
 fn restricted(
     strips: Vec<Vec<Surface>>,
     mut wanted: [Range<f64>; 2],
+    is_bounded: bool,
     repairs: &mut Vec<Problem>,
 ) -> Result<Vec<Surface>, Problem> {
     if let [strip] = strips.as_slice()
@@ -417,7 +422,7 @@ fn restricted(
     {
         let closed = nearest::closed(surface);
         for (axis, knots) in [surface.knots_u(), surface.knots_v()].iter().enumerate() {
-            if closed[axis] && is_period(&wanted[axis], knots) {
+            if closed[axis] && (is_bounded || is_period(&wanted[axis], knots)) {
                 wanted[axis] = ALL;
             }
         }

@@ -110,12 +110,21 @@ pub(super) fn is_sheet(kind: i64) -> bool {
     )
 }
 
-/// Reads a surface.
-pub(super) fn read(reader: &mut Reader<'_, '_>, index: usize) -> Result<Sheet, Problem> {
-    nested(reader, index, 0)
+/// Reads a surface; loops alone may [bound](net::read) it.
+pub(super) fn read(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    is_bounded: bool,
+) -> Result<Sheet, Problem> {
+    nested(reader, index, is_bounded, 0)
 }
 
-fn nested(reader: &mut Reader<'_, '_>, index: usize, depth: usize) -> Result<Sheet, Problem> {
+fn nested(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    is_bounded: bool,
+    depth: usize,
+) -> Result<Sheet, Problem> {
     let file = reader.file;
     let entry = &file.entries[index];
     let mut place = reader.transforms.follow(file, entry.transform)?;
@@ -149,14 +158,14 @@ fn nested(reader: &mut Reader<'_, '_>, index: usize, depth: usize) -> Result<She
         }
         128 => {
             let mut repairs = Vec::new();
-            let pieces = net::read(p, reader.limit, &mut repairs)?;
+            let pieces = net::read(p, reader.limit, is_bounded, &mut repairs)?;
             reader
                 .repairs
                 .extend(repairs.into_iter().map(|r| (index, r)));
             SheetShape::Splines(pieces, Default::default())
         }
         140 => {
-            let (shape, of_base) = offset(reader, index, p, depth)?;
+            let (shape, of_base) = offset(reader, index, p, is_bounded, depth)?;
             place *= of_base;
             shape
         }
@@ -187,6 +196,7 @@ fn offset(
     reader: &mut Reader<'_, '_>,
     index: usize,
     parameters: &mut Parameters<'_>,
+    is_bounded: bool,
     depth: usize,
 ) -> Result<(SheetShape, DAffine3), Problem> {
     let mut real = || parameters.real();
@@ -200,7 +210,7 @@ fn offset(
         return Err(Problem::Unsupported(text));
     }
     reader.bases.push(base);
-    let base = nested(reader, base, depth + 1)?;
+    let base = nested(reader, base, is_bounded, depth + 1)?;
     let made = offset::surface(&base, side, distance)?;
     if made.is_cut {
         reader.unsupported(index, "the offset of a surface with creases is in pieces");

@@ -490,7 +490,8 @@ impl<'a, 'b> Tree<'a, 'b> {
             if primitives::is_primitive(file.entries[base].kind) {
                 return primitives::read(reader, base);
             }
-            let sheet = sheets::read(reader, base)?;
+            let is_bounded = matches!(boundary, Boundary::Loops(_));
+            let sheet = sheets::read(reader, base, is_bounded)?;
             let name = sheet.name.clone();
             Ok::<_, Problem>((name, trims::faces(reader, edges, index, sheet, boundary)?))
         });

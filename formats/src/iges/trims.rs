@@ -166,7 +166,7 @@ pub(super) fn on_surface(
     let mut parameters = file.parameters(index, SHORT, &mut buffer)?;
     parameters.integer()?;
     let base = file.follow(parameters.integer()?, "the surface")?;
-    let sheet = sheets::read(reader, base)?;
+    let sheet = sheets::read(reader, base, true)?;
     let SheetShape::Splines(pieces, _) = &sheet.shape else {
         let text = "curves in the parameters of planes and quadrics are not shown";
         return Err(Problem::Unsupported(text.to_owned()));

@@ -6,7 +6,7 @@ use crate::iges::parameters::Delimiters;
 fn read_one(record: &str) -> (Result<Vec<Surface>, Problem>, Vec<String>) {
     let mut repairs = Vec::new();
     let mut parameters = Parameters::new(record.as_bytes(), Delimiters::default(), 1);
-    let result = read(&mut parameters, 1000, &mut repairs);
+    let result = read(&mut parameters, 1000, false, &mut repairs);
     (result, repairs.iter().map(ToString::to_string).collect())
 }
 
