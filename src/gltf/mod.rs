@@ -128,8 +128,10 @@ pub fn write(
             ..of_bytes(unpacked, None)
         });
     }
-    // Through a value: keys in the order of their names.
-    let text = serde_json::to_vec(&compact(serde_json::to_value(&root)?))?;
+    // Through a value: keys in the order of their names, and the place of all in full digits.
+    let mut value = serde_json::to_value(&root)?;
+    place.write_in_full(&mut value["nodes"][0]);
+    let text = serde_json::to_vec(&compact(value))?;
     Ok(match container {
         Container::Binary => Export {
             bytes: binary(text, buffer)?,

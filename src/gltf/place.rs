@@ -2,6 +2,7 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf::json::scene::UnitQuaternion;
+use serde_json::{Value, json};
 
 /// A map that scales along the axes, then turns, then moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +59,21 @@ impl Place {
         }
         if self.scale != DVec3::ONE {
             node.scale = Some(self.scale.to_array().map(|x| x as f32));
+        }
+    }
+
+    /// Replaces the numbers of a node that it was [applied to](Self::apply_to) by those of double precision, which
+    /// are the same in single precision.
+    pub(super) fn write_in_full(&self, node: &mut Value) {
+        let exact = [
+            ("translation", json!(self.translation.to_array())),
+            ("rotation", json!(self.rotation.normalize().to_array())),
+            ("scale", json!(self.scale.to_array())),
+        ];
+        for (name, numbers) in exact {
+            if node[name].is_array() {
+                node[name] = numbers;
+            }
         }
     }
 
