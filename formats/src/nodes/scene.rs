@@ -411,6 +411,10 @@ impl<'a> Converter<'a> {
         let (mut shapes, mut problem) = (Vec::new(), None);
         if MESHES.contains(&&*node.kind) {
             match self.mesh(node)? {
+                Ok(mesh) if mesh.triangles().is_empty() => {
+                    let text = format!("this {} has no triangle; it is left out", node.kind);
+                    self.warnings.invalid(node.place(), text);
+                }
                 Ok(mut mesh) => {
                     (mesh.name, mesh.source) = (name, source);
                     shapes.push(self.scene.add_mesh(mesh).map(Shape::Mesh));

@@ -436,3 +436,14 @@ fn layers_hide_their_children_one_by_one() {
     assert_eq!(shown("3.3", "false"), 1);
     assert_eq!(shown("4.0", "false"), 0);
 }
+
+#[test]
+fn meshes_without_triangles_are_left_out() {
+    let import = read_scene(
+        "<Shape><IndexedFaceSet coordIndex='0 1 2 -1'><Coordinate/></IndexedFaceSet></Shape>",
+    );
+    assert_eq!(import.scene.placement_count(), 0);
+    let told = messages(&import);
+    let text = "line 2, IndexedFaceSet: this IndexedFaceSet has no triangle; it is left out";
+    assert!(told.contains(&text.to_owned()), "{told:?}");
+}
