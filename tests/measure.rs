@@ -1,12 +1,13 @@
 //! Boxes, areas and bodies of what files show.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use nurbray::formats::{Import, Limits, NoFiles, ReadOptions, open, read};
-use nurbray::kernel::{Child, Curve, Item, Node, Patch, Scene, Shape, TrimLoop, modelling};
+use nurbray::kernel::modelling::{self, Frame};
+use nurbray::kernel::{Child, Curve, Item, Node, Patch, Scene, Shape, TrimLoop};
 use nurbray::{Measure, measure};
 use serde_json::Value;
 
@@ -128,6 +129,26 @@ fn tile(corner: DVec3, u: DVec3, v: DVec3) -> Patch {
     }
 }
 
+/// The measures of these patches in one group.
+fn of_group(patches: impl IntoIterator<Item = Patch>) -> Measure {
+    let mut scene = Scene::default();
+    let item = |patch| {
+        let shape = Shape::Patch(scene.add_patch(patch).expect("it is small"));
+        Child::Item(Item {
+            shape,
+            material: None,
+        })
+    };
+    let children = patches.into_iter().map(item).collect();
+    let root = Node {
+        children,
+        ..Node::default()
+    };
+    let root = scene.add_node(root).expect("its children are there");
+    scene.set_root(root).expect("it is there");
+    measure(&scene)
+}
+
 /// Pieces of each side of a [`tile`].
 const PIECES: usize = 64;
 
@@ -144,22 +165,7 @@ fn bodies_that_only_their_triangles_close_are_bodies() {
         tile(DVec3::ZERO, y, z),
         tile(x, y, z),
     ];
-    let mut scene = Scene::default();
-    let item = |patch| {
-        let shape = Shape::Patch(scene.add_patch(patch).expect("it is small"));
-        Child::Item(Item {
-            shape,
-            material: None,
-        })
-    };
-    let children = tiles.map(item).into();
-    let root = Node {
-        children,
-        ..Node::default()
-    };
-    let root = scene.add_node(root).expect("its children are there");
-    scene.set_root(root).expect("it is there");
-    let found = measure(&scene);
+    let found = of_group(tiles);
     assert_eq!((found.bodies.len(), found.open_faces), (1, 0));
     let body = &found.bodies[0];
     assert!(
@@ -347,4 +353,23 @@ fn real_files_measure_as_elsewhere() {
     println!("{compared} files compared");
     assert_eq!(bad, [""; 0]);
     assert!(compared > 10);
+}
+
+#[test]
+fn closed_bodies_in_each_other_keep_apart_however_thin_the_wall() {
+    // Cylinders that lie 0.05 apart; chords of their circles are 0.5 away from these.
+    let can = |radius: f64, height: f64| {
+        let side = modelling::cylinder(&Frame::WORLD, radius, 0.0..TAU, -height..height).unwrap();
+        let disc = |z: f64| {
+            let rim = Curve::line(DVec3::Z * z, DVec3::new(radius, 0.0, z), 0.0..1.0).unwrap();
+            modelling::revolve(&rim, DVec3::ZERO, DVec3::Z, 0.0..TAU).unwrap()
+        };
+        [side, disc(-height), disc(height)].map(Patch::from)
+    };
+    let found = of_group([can(100.0, 20.0), can(99.95, 19.95)].concat());
+    assert_eq!((found.bodies.len(), found.open_faces), (2, 0));
+    for (body, [radius, height]) in found.bodies.iter().zip([[100.0, 20.0], [99.95, 19.95]]) {
+        let volume = PI * radius * radius * 2.0 * height;
+        assert!((body.volume / volume - 1.0).abs() < 1e-9, "{}", body.volume);
+    }
 }

@@ -1,7 +1,8 @@
 //! Which faces of a group hang together, and whether they leave a border open.
 //!
-//! Borders are compared as chords: a place on one border meets another one if it is as near to a
-//! chord there as the curve itself may be.
+//! Borders are compared as chords: a place on one border meets another one if it is as near to the arc over a
+//! chord there, a parabola, as the curve itself may be. Thin walls keep faces apart that are no farther from each
+//! other than curves are from their chords.
 
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve, Surface};
@@ -13,9 +14,15 @@ use crate::sets::Sets;
 /// a side. Sides have the fewest together, but one for each piece.
 const CHORDS: [usize; 2] = [16, 64];
 
-/// How far a border may be from another one that it meets: as a share of the chord there, for
-/// what the curve is away from it, and of the size of the face.
-const NEAR: [f64; 2] = [0.05, 1e-5];
+/// How far a border may be from another one that it meets: as a share of how far the curve is from its chord
+/// there, of that chord, and of the size of the face.
+const NEAR: [f64; 3] = [0.01, 3e-4, 1e-5];
+
+/// Steps towards the nearest point of an arc.
+const STEPS: usize = 3;
+
+/// A border is not open if it is no farther from another one than this share of the chord there.
+const GAP: f64 = 0.05;
 
 /// Share of the length of all borders that may meet no other one in a closed body.
 const OPEN: f64 = 0.01;
@@ -77,21 +84,46 @@ impl Chord {
         self.ends[0].distance(self.ends[1])
     }
 
-    /// Whether a point is as near as the curve may be: it passes both ends and the middle.
+    /// Where the point of a segment nearest to `point` is, as a share of it.
+    fn share(point: DVec3, from: DVec3, to: DVec3) -> f64 {
+        let along = to - from;
+        let share = (point - from).dot(along) / along.length_squared();
+        if share.is_finite() {
+            share.clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    }
+
+    /// Whether a point leaves no gap to the curve, which passes both ends and the middle.
     fn is_near(&self, point: DVec3, slack: f64) -> bool {
+        let distance =
+            |from: DVec3, to: DVec3| point.distance(from.lerp(to, Self::share(point, from, to)));
         let [from, to] = self.ends;
-        let distance = |from: DVec3, to: DVec3| {
-            let along = to - from;
-            let share = (point - from).dot(along) / along.length_squared();
-            let share = if share.is_finite() {
-                share.clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
-            point.distance(from + along * share)
-        };
         let near = distance(from, self.middle).min(distance(self.middle, to));
-        near <= self.length() * NEAR[0] + slack
+        near <= self.length() * GAP + slack
+    }
+
+    /// Whether a point is on the curve as far as its ends and its middle tell.
+    fn is_on(&self, point: DVec3, slack: f64) -> bool {
+        if !self.is_near(point, slack) {
+            return false;
+        }
+        // The arc is `from + 2 a t + b t^2`; its nearest point is looked for by steps along its tangents.
+        let [from, to] = self.ends;
+        let b = (from - self.middle * 2.0 + to) * 2.0;
+        let a = (to - from - b) * 0.5;
+        let at = |t: f64| from + (a * 2.0 + b * t) * t;
+        let mut t = Self::share(point, from, to);
+        for _ in 0..STEPS {
+            let tangent = (a + b * t) * 2.0;
+            let step = (point - at(t)).dot(tangent) / tangent.length_squared();
+            if step.is_finite() {
+                t = (t + step).clamp(0.0, 1.0);
+            }
+        }
+        let bend = b.length() * 0.25;
+        point.distance(at(t)) <= bend * NEAR[0] + self.length() * NEAR[1] + slack
     }
 }
 
@@ -112,15 +144,15 @@ impl Stretch {
         Self {
             chords,
             curve,
-            bounds: grown(around, longest * NEAR[0]),
+            bounds: grown(around, longest * GAP),
         }
     }
 
-    /// Whether a point is as near to a chord as the curve may be.
-    fn is_near(&self, point: DVec3, slack: f64) -> bool {
+    /// Whether a chord is, of those whose points may be near.
+    fn has(&self, point: DVec3, slack: f64, is: impl Fn(&Chord, DVec3, f64) -> bool) -> bool {
         let bounds = grown(self.bounds, slack);
         let is_inside = point.cmpge(bounds.min).all() && point.cmple(bounds.max).all();
-        is_inside && self.chords.iter().any(|chord| chord.is_near(point, slack))
+        is_inside && self.chords.iter().any(|chord| is(chord, point, slack))
     }
 
     /// Whether anything of another stretch may be near.
@@ -158,12 +190,12 @@ impl Border {
             let own = parts.into_iter().map(|chords| Stretch::new(chords, number));
             stretches.extend(own);
         }
-        let slack = face.bounds.diagonal() * NEAR[1];
+        let slack = face.bounds.diagonal() * NEAR[2];
         let chords = stretches.iter().flat_map(|stretch| &stretch.chords);
         let longest = chords.map(Chord::length).fold(0.0, f64::max);
         Self {
             stretches,
-            bounds: grown(face.bounds, longest * NEAR[0] + slack),
+            bounds: grown(face.bounds, longest * GAP + slack),
             slack,
             number: face.number,
         }
@@ -185,7 +217,7 @@ impl Border {
         let slack = self.slack.min(other.slack);
         let meets = |a: &Stretch, b: &Stretch| {
             let mut ends = a.chords.iter().map(|chord| chord.ends[0]);
-            ends.any(|end| b.is_near(end, slack))
+            ends.any(|end| b.has(end, slack, Chord::is_on))
         };
         self.stretches.iter().any(|a| {
             let mut near = other.stretches.iter().filter(|b| a.may_meet(b, slack));
@@ -207,9 +239,9 @@ impl Border {
             });
             let near: Vec<_> = near.collect();
             let meets = |chord: &Chord| {
-                let own = chord.length() * NEAR[0];
+                let own = chord.length() * GAP;
                 let mut others = near.iter();
-                others.any(|(other, slack)| other.is_near(chord.middle, own + slack))
+                others.any(|(other, slack)| other.has(chord.middle, own + slack, Chord::is_near))
             };
             let long = stretch.chords.iter().filter(|chord| self.is_long(chord));
             let alone = long.filter(|chord| !meets(chord));
