@@ -195,6 +195,86 @@ fn what_is_wrong_with_a_mesh_is_named() {
     }
 }
 
+/// A surface in a text of X3D, with rows of two control points.
+fn surface(rows: &[[[f64; 3]; 2]]) -> String {
+    let order = rows.len();
+    let knots = ["0 ".repeat(order), "1 ".repeat(order)].concat();
+    let mut text = format!(
+        "Shape {{ geometry NurbsPatchSurface {{ uDimension 2 vDimension {order} uOrder 2 vOrder \
+         {order} uKnot [ 0 0 1 1 ] vKnot [ {knots}] solid FALSE\ncontrolPoint Coordinate {{ point ["
+    );
+    for [x, y, z] in rows.iter().flatten() {
+        write!(text, " {x:?} {y:?} {z:?},").unwrap();
+    }
+    text + " ] } } }\n"
+}
+
+/// A file with a cube whose sides are one, and what else is in it.
+fn cube(rest: &str) -> String {
+    let mut text = String::from("#X3D V3.3 utf8\nPROFILE Full\nDEF cube Group { children [\n");
+    for axis in 0..3 {
+        for side in [0.0, 1.0] {
+            let turned = |p: [f64; 3]| [0, 1, 2].map(|k: usize| p[(k + 3 - axis) % 3]);
+            let row = |v: f64| [0.0, 1.0].map(|u| turned([side, u, v]));
+            text += &surface(&[row(0.0), row(1.0)]);
+        }
+    }
+    format!("{text}] }}\n{rest}")
+}
+
+/// The kinds of the faults of a mesh in a report.
+fn kinds(mesh: &Value) -> Vec<&str> {
+    let faults = mesh["faults"].as_array().unwrap().iter();
+    faults.map(|f| f["kind"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn bodies_that_touch_look_outwards() {
+    let place = Place::new();
+    let beside = cube("Transform { translation 1 0 0 children USE cube }\n");
+    fs::write(place.path("cubes.x3dv"), beside).unwrap();
+    for line in ["-o good.glb", "-o good.obj --triangles"] {
+        assert_eq!(
+            place.run(&format!("convert cubes.x3dv {line}")).code,
+            Some(0)
+        );
+    }
+    let obj = fs::read_to_string(place.path("good.obj")).unwrap();
+    let mirrored = stl(&obj, |[x, y, z]| [2.0 - x, y, z], |_| true);
+    fs::write(place.path("mirrored.stl"), mirrored).unwrap();
+    let found = report(&place, "cubes.x3dv good.glb mirrored.stl");
+    assert!(kinds(&found["meshes"][0]).is_empty(), "{found}");
+    assert_eq!(kinds(&found["meshes"][1]), ["inside out"], "{found}");
+}
+
+#[test]
+fn strips_narrower_than_the_tolerance_miss_nothing() {
+    let place = Place::new();
+    // A strip along a parabola, and chords that stray by most of its width.
+    let (width, height) = (0.01, 0.064);
+    let row = |x: f64, y: f64| [[x, y, 2.0], [x, y + width, 2.0]];
+    let strip = [row(0.0, 0.0), row(0.5, height), row(1.0, 0.0)];
+    fs::write(place.path("strip.x3dv"), cube(&surface(&strip))).unwrap();
+    fs::write(place.path("cube.x3dv"), cube("")).unwrap();
+    let line = "convert cube.x3dv -o cube.obj --triangles";
+    assert_eq!(place.run(line).code, Some(0));
+    let obj = fs::read_to_string(place.path("cube.obj")).unwrap();
+    let bare = stl(&obj, |p| p, |_| true);
+    let mut whole = bare.clone();
+    let top = row(0.5, 0.5 * height);
+    for [[a, b], [c, d]] in [[strip[0], top], [top, strip[2]]] {
+        for [x, y, z] in [a, b, c, c, b, d] {
+            writeln!(whole, "vertex {x:?} {y:?} {z:?}").unwrap();
+        }
+    }
+    for (name, text) in [("whole", &whole), ("bare", &bare)] {
+        fs::write(place.path(&format!("{name}.stl")), text).unwrap();
+    }
+    let found = report(&place, "strip.x3dv whole.stl bare.stl");
+    assert!(kinds(&found["meshes"][0]).is_empty(), "{found}");
+    assert_eq!(kinds(&found["meshes"][1]), ["missing patch"], "{found}");
+}
+
 #[test]
 fn a_report_replaces_an_earlier_one() {
     let place = Place::new();

@@ -97,20 +97,26 @@ const FAR: f64 = 5e-3;
 /// Faces that are told one by one.
 const TOLD: usize = 12;
 
+/// How far a mesh strays from the surfaces of which it is, where its triangles come as far as
+/// `reach`: what is much farther is not of these surfaces.
+pub(crate) fn strays(exact: &Exact<'_>, reach: f64) -> f64 {
+    reach.min(FAR * exact.bounds().diagonal())
+}
+
 /// Looks for faults of a mesh that stands where the surfaces do, or elsewhere by `pose`; no face
-/// that has all its triangles is farther from them than `proven`, if that is finite.
+/// that has all its triangles is farther from them than `coarse`.
 pub(crate) fn faults(
     exact: &Exact<'_>,
     soup: &Soup,
     (samples, feet): (&[Sample], &[Foot]),
-    proven: f64,
+    coarse: f64,
     pose: Option<Fault>,
 ) -> Vec<Fault> {
     let mut found = Vec::new();
     match pose {
         Some(fault) => found.push(fault),
         None => {
-            found.extend(missing(exact, samples, proven));
+            found.extend(missing(exact, samples, coarse));
             found.extend(extra(exact, soup, feet));
         }
     }
@@ -274,7 +280,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 /// What distance a sample may have where the mesh is only coarse: a few times the median of the
 /// better half of the faces, each by its own median, so that a large face without triangles does
 /// not stand for the rest.
-fn typical(exact: &Exact<'_>, samples: &[Sample]) -> f64 {
+pub(crate) fn typical(exact: &Exact<'_>, samples: &[Sample]) -> f64 {
     let mut faces = vec![Vec::new(); exact.faces.len()];
     for sample in samples {
         faces[sample.face as usize].push(sample.distance);
@@ -286,13 +292,8 @@ fn typical(exact: &Exact<'_>, samples: &[Sample]) -> f64 {
     BEYOND * median(medians.into_iter())
 }
 
-/// Faces without triangles.
-fn missing(exact: &Exact<'_>, samples: &[Sample], proven: f64) -> Vec<Fault> {
-    let coarse = if proven.is_finite() {
-        proven
-    } else {
-        typical(exact, samples)
-    };
+/// Faces without triangles: they are farther from the mesh than `coarse`.
+fn missing(exact: &Exact<'_>, samples: &[Sample], coarse: f64) -> Vec<Fault> {
     let mut boxes = vec![Aabb::EMPTY; exact.faces.len()];
     for vertex in &exact.vertices {
         let own = &mut boxes[vertex.face as usize];

@@ -83,14 +83,15 @@ fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault
     };
     let size = exact.bounds().union(soup.bounds()).diagonal();
     let feet = deviation::feet(exact, soup);
-    let samples = sampling::sample(exact, soup);
-    let degrees = |value: fn(&Sample) -> f64| {
-        sampling::statistics(&samples, |sample| value(sample).to_degrees())
-    };
     let mesh_to_surface = if feet.len() == soup.points.len() {
         deviation::from_mesh(exact, soup, &feet, size, budget)
     } else {
         Reach::ENDLESS
+    };
+    let strays = faults::strays(exact, mesh_to_surface.found);
+    let samples = sampling::sample(exact, soup, strays);
+    let degrees = |value: fn(&Sample) -> f64| {
+        sampling::statistics(&samples, |sample| value(sample).to_degrees())
     };
     let deviation = Deviation {
         surface_to_mesh: deviation::from_surface(exact, soup, size, budget),
@@ -99,7 +100,12 @@ fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault
         flat_normals: degrees(|sample| sample.flat),
         smooth_normals: degrees(|sample| sample.smooth),
     };
-    let faults = faults::faults(exact, soup, (&samples, &feet), proven, pose);
+    let coarse = if proven.is_finite() {
+        proven
+    } else {
+        strays.max(faults::typical(exact, &samples))
+    };
+    let faults = faults::faults(exact, soup, (&samples, &feet), coarse, pose);
     (deviation, faults)
 }
 

@@ -1,5 +1,7 @@
 //! Distances and normals at many points of the surfaces: means instead of extremes.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -25,7 +27,7 @@ pub(crate) struct Sample {
     pub(crate) flat: f64,
     /// The same with the normal that a renderer would use.
     pub(crate) smooth: f64,
-    /// Whether the triangle looks out of the body; `None` if there is no body.
+    /// Whether a triangle there looks out of the body; `None` if there is no body.
     pub(crate) outwards: Option<bool>,
 }
 
@@ -42,8 +44,8 @@ pub struct Statistics {
     pub max: f64,
 }
 
-/// Looks at points spread evenly over all faces.
-pub(crate) fn sample(exact: &Exact<'_>, soup: &Soup) -> Vec<Sample> {
+/// Looks at points spread evenly over all faces, whose triangles are about as near as `strays`.
+pub(crate) fn sample(exact: &Exact<'_>, soup: &Soup, strays: f64) -> Vec<Sample> {
     let area = |number: usize| {
         let [a, b, c] = exact.corners(number);
         0.5 * (b - a).cross(c - a).length()
@@ -68,7 +70,8 @@ pub(crate) fn sample(exact: &Exact<'_>, soup: &Soup) -> Vec<Sample> {
         };
         let own = areas[number] / f64::from(count.max(1));
         let own = if wanted < 1.0 { own * stride } else { own };
-        (0..count).filter_map(move |k| sample_one(exact, soup, number, shares(k, count), own))
+        let one = move |k| sample_one((exact, soup, strays), number, shares(k, count), own);
+        (0..count).filter_map(one)
     });
     samples.collect()
 }
@@ -88,8 +91,7 @@ fn shares(k: u32, count: u32) -> [f64; 3] {
 }
 
 fn sample_one(
-    exact: &Exact<'_>,
-    soup: &Soup,
+    (exact, soup, strays): (&Exact<'_>, &Soup, f64),
     number: usize,
     shares: [f64; 3],
     area: f64,
@@ -105,6 +107,18 @@ fn sample_one(
     let flat = soup.flat_normal(triangle);
     let smooth = soup.smooth_normal(triangle, found.closest.shares);
     let angle = |other: DVec3| normal.dot(other).abs().min(1.0).acos();
+    let outwards = |inwards: bool| {
+        let out = if inwards { -normal } else { normal };
+        // Where bodies touch, the triangles of both are there, back to back.
+        let mut any = out.dot(flat) > 0.0;
+        if !any {
+            soup.tree.within(point, strays, |other| {
+                let other = soup.flat_normal(other.triangle as usize);
+                any |= out.dot(other) > FRAC_1_SQRT_2;
+            });
+        }
+        any
+    };
     Some(Sample {
         face,
         point,
@@ -112,9 +126,7 @@ fn sample_one(
         area,
         flat: angle(flat),
         smooth: angle(smooth),
-        outwards: own
-            .inwards
-            .map(|inwards| (normal.dot(flat) > 0.0) != inwards),
+        outwards: own.inwards.map(outwards),
     })
 }
 
