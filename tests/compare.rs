@@ -276,6 +276,39 @@ fn strips_narrower_than_the_tolerance_miss_nothing() {
 }
 
 #[test]
+fn meshes_of_the_exact_file_are_not_measured() {
+    let place = Place::new();
+    let polygons = "Transform { translation 0 0 9 children Shape { geometry IndexedFaceSet { \
+                    coord Coordinate { point [ 0 0 0, 1 0 0, 1 1 0, 0 1 0 ] } coordIndex [ 0 1 2 \
+                    3 -1 ] } } }\n";
+    fs::write(place.path("both.x3dv"), cube(polygons)).unwrap();
+    assert_eq!(place.run("convert both.x3dv -o both.glb").code, Some(0));
+    fs::write(place.path("cube.x3dv"), cube("")).unwrap();
+    let line = "convert cube.x3dv -o cube.obj --triangles";
+    assert_eq!(place.run(line).code, Some(0));
+    let obj = fs::read_to_string(place.path("cube.obj")).unwrap();
+    let surfaces = stl(&obj, |p| p, |_| true);
+    // The same square in other triangles, and what is in no file.
+    let other = "v 0 0 9\nv 1 0 9\nv 1 1 9\nv 0 1 9\nf 1 2 4\nf 2 3 4\n";
+    let other = surfaces.clone() + &stl(other, |p| p, |_| true);
+    let stray = surfaces.clone() + &stl("v 0 0 8\nv 1 0 8\nv 1 1 8\nf 1 2 3\n", |p| p, |_| true);
+    for (name, text) in [("other", other), ("stray", stray), ("surfaces", surfaces)] {
+        fs::write(place.path(&format!("{name}.stl")), text).unwrap();
+    }
+    let found = report(
+        &place,
+        "both.x3dv both.glb other.stl stray.stl surfaces.stl",
+    );
+    let expected = [(2, true), (2, true), (0, false), (0, true)];
+    for (mesh, (unmeasured, right)) in found["meshes"].as_array().unwrap().iter().zip(expected) {
+        assert_eq!(mesh["triangles_not_measured"], unmeasured, "{mesh}");
+        assert_eq!(kinds(mesh).is_empty(), right, "{mesh}");
+        let distance = mesh["hausdorff_found"].as_f64().unwrap();
+        assert_eq!(distance < 1e-6, right, "{mesh}");
+    }
+}
+
+#[test]
 fn a_report_replaces_an_earlier_one() {
     let place = Place::new();
     let line = "compare samples/goblet.x3d -o report --size 32x24 --samples 1 --tolerance";

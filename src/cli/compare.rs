@@ -244,6 +244,13 @@ fn tell(args: &Args, report: &Report, started: Instant) -> anyhow::Result<()> {
             mesh.image.silhouette_pixels,
             mesh.image.flip
         )?;
+        if mesh.unmeasured > 0 {
+            writeln!(
+                out,
+                "  {} of them are meshes of the exact file, which are not measured",
+                mesh.unmeasured
+            )?;
+        }
         for fault in &mesh.faults {
             writeln!(out, "  {}: {}", fault.kind.name(), visible(&fault.text))?;
         }

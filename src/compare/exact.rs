@@ -3,11 +3,12 @@
 //! Our own triangles of the faces, with their parameters and the proof of how far they are from
 //! the surface, tell where to look; the answer is found on the surface.
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use kernel::nearest::{self, Nearby};
 use kernel::{Aabb, Curve, Patch, Scene, Shape, TrimRegion};
 use rayon::prelude::*;
 
+use super::soup::Soup;
 use super::triangles::{BoxTree, Found, TriangleTree, closest, quarters};
 use crate::tessellate::pieces::Pieces;
 use crate::tessellate::{Tessellation, stretch};
@@ -30,6 +31,9 @@ const SEAM: f64 = 1e-9;
 
 /// What distances may differ by after rounding, as a share.
 const ROUNDING: f64 = 1e-12;
+
+/// What a file of triangles may round, as a share of the largest coordinate: half of the sixth digit.
+const WRITTEN: f64 = 5e-6;
 
 /// Faces on which the nearest point is looked for, at most.
 const FACES_TRIED: usize = 6;
@@ -115,6 +119,10 @@ pub(crate) struct Exact<'a> {
     /// How much nearer than its triangles a face is looked for: what is proven of all faces, but
     /// not more than twice the tolerance for the sake of those of which little is.
     reach: f64,
+    /// The polygons that are in the file beside the faces, and how far off they are where they
+    /// have been written once more.
+    polygons: TriangleTree,
+    rounding: f64,
 }
 
 impl<'a> Exact<'a> {
@@ -165,6 +173,8 @@ impl<'a> Exact<'a> {
             chords: Vec::new(),
             boxes: BoxTree::new(&[]),
             reach: 0.0,
+            polygons: Soup::new(scene, &DAffine3::IDENTITY).tree,
+            rounding: 0.0,
         };
         for (face, part) in parts {
             all.reach = all.reach.max(face.proven.min(2.0 * triangles.tolerance));
@@ -172,6 +182,8 @@ impl<'a> Exact<'a> {
         }
         let boxes: Vec<_> = all.faces.iter().map(|face| face.tree.bounds()).collect();
         all.boxes = BoxTree::new(&boxes);
+        let bounds = all.bounds().union(all.polygons.bounds());
+        all.rounding = WRITTEN * bounds.min.abs().max(bounds.max.abs()).max_element();
         all
     }
 
@@ -205,6 +217,17 @@ impl<'a> Exact<'a> {
     /// A box around all faces.
     pub(crate) fn bounds(&self) -> Aabb {
         Aabb::around(self.vertices.iter().map(|vertex| vertex.point))
+    }
+
+    /// Whether a triangle of a mesh is of the polygons of the file, and not of a face.
+    pub(crate) fn is_polygon(&self, [a, b, c]: [DVec3; 3]) -> bool {
+        let places = [(a + b + c) / 3.0, a, b, c];
+        let of_polygons = |p: &DVec3| self.polygons.nearest_within(*p, self.rounding).is_some();
+        let of_faces = |p: &DVec3| {
+            let foot = self.nearest(*p);
+            foot.is_some_and(|foot| foot.distance <= self.rounding)
+        };
+        places.iter().all(of_polygons) && !places.iter().all(of_faces)
     }
 
     /// The nearest triangle of each face that may be the nearest if faces are nearer than their

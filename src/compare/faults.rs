@@ -132,7 +132,7 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
         Some(Fault { kind, text, place })
     };
     if soup.triangles.is_empty() {
-        let text = "the mesh is empty: it has no triangle".to_owned();
+        let text = "the mesh is empty: it has no triangle to measure".to_owned();
         return fault(FaultKind::Empty, text);
     }
     let (own, other) = (exact.bounds(), soup.bounds());

@@ -72,6 +72,12 @@ const PROVEN_BUDGET: usize = 30_000;
 /// The same for a mesh that stands elsewhere, which no proof makes better.
 const FAULTY_BUDGET: usize = 2_000;
 
+/// A mesh without the polygons that are in the exact file, which are exact by themselves; `None`
+/// if there are none.
+fn of_surfaces(exact: &Exact<'_>, soup: &Soup) -> Option<Soup> {
+    soup.without(|corners| exact.is_polygon(corners))
+}
+
 /// Measures a mesh; beside the result what is wrong with the mesh as a whole. The surfaces are
 /// known to be no farther from it than `proven`, which is infinite where nothing is known.
 fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault>) {
@@ -93,13 +99,21 @@ fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault
     let degrees = |value: fn(&Sample) -> f64| {
         sampling::statistics(&samples, |sample| value(sample).to_degrees())
     };
-    let deviation = Deviation {
+    let mut deviation = Deviation {
         surface_to_mesh: deviation::from_surface(exact, soup, size, budget),
         mesh_to_surface,
         distance: sampling::statistics(&samples, |sample| sample.distance),
         flat_normals: degrees(|sample| sample.flat),
         smooth_normals: degrees(|sample| sample.smooth),
     };
+    for way in [
+        &mut deviation.surface_to_mesh,
+        &mut deviation.mesh_to_surface,
+    ] {
+        for place in &mut way.worst {
+            place.triangle = soup.numbers[place.triangle as usize];
+        }
+    }
     let coarse = if proven.is_finite() {
         proven
     } else {
@@ -134,18 +148,18 @@ impl<'a> Subject<'a> {
         Exact::new(self.scene, &self.patches, &self.triangles)
     }
 
-    /// Measures the meshes of another scene, which stand in this one by `scene_from_mesh`.
+    /// Measures the meshes of another scene, which stand in this one by `scene_from_mesh`; what
+    /// is of the meshes of this scene is left out.
     pub fn measure(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Deviation {
-        measure(
-            &self.exact(),
-            &Soup::new(mesh, scene_from_mesh),
-            f64::INFINITY,
-        )
-        .0
+        let (exact, soup) = (self.exact(), Soup::new(mesh, scene_from_mesh));
+        let part = of_surfaces(&exact, &soup);
+        measure(&exact, part.as_ref().unwrap_or(&soup), f64::INFINITY).0
     }
 
     /// Fits the meshes of another scene onto the surfaces.
     pub fn fit(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Fit {
-        align::fit(&self.exact(), &Soup::new(mesh, scene_from_mesh))
+        let (exact, soup) = (self.exact(), Soup::new(mesh, scene_from_mesh));
+        let part = of_surfaces(&exact, &soup);
+        align::fit(&exact, part.as_ref().unwrap_or(&soup))
     }
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
 use kernel::{Aabb, Mesh, Scene, Shape};
+use rayon::prelude::*;
 
 use super::triangles::TriangleTree;
 use crate::sets::Sets;
@@ -14,6 +15,8 @@ pub(crate) struct Soup {
     /// Every place where there is a corner, once.
     pub(crate) points: Vec<DVec3>,
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// Their numbers in the mesh, in the order of the file.
+    pub(crate) numbers: Vec<u32>,
     /// Unit normals at the corners, as the file has them; empty if it has none.
     pub(crate) normals: Vec<[DVec3; 3]>,
     pub(crate) tree: TriangleTree,
@@ -65,12 +68,42 @@ impl Soup {
             .iter()
             .map(|t: &[u32; 3]| t.map(|k| points[k as usize]));
         let tree = TriangleTree::new(corners.collect());
+        let count = u32::try_from(triangles.len()).expect("triangles are numbered by 32 bits");
         Self {
             points,
             triangles,
+            numbers: (0..count).collect(),
             normals,
             tree,
         }
+    }
+
+    /// What is left without these triangles; `None` if that is all.
+    pub(crate) fn without(&self, is_out: impl Fn([DVec3; 3]) -> bool + Sync) -> Option<Self> {
+        let corners = self.tree.corners();
+        let out: Vec<bool> = corners.par_iter().map(|corners| is_out(*corners)).collect();
+        if !out.contains(&true) {
+            return None;
+        }
+        let kept: Vec<usize> = (0..out.len()).filter(|&k| !out[k]).collect();
+        let mut points = Vec::new();
+        let mut known: HashMap<u32, u32> = HashMap::new();
+        let mut number = |k: u32| {
+            *known.entry(k).or_insert_with(|| {
+                points.push(self.points[k as usize]);
+                u32::try_from(points.len() - 1).expect("fewer points than before")
+            })
+        };
+        let triangles = kept.iter().map(|&k| self.triangles[k].map(&mut number));
+        let triangles = triangles.collect();
+        let normals = kept.iter().filter_map(|&k| self.normals.get(k).copied());
+        Some(Self {
+            points,
+            triangles,
+            numbers: kept.iter().map(|&k| self.numbers[k]).collect(),
+            normals: normals.collect(),
+            tree: TriangleTree::new(kept.iter().map(|&k| corners[k]).collect()),
+        })
     }
 
     /// Where the corners of a triangle are.

@@ -22,7 +22,7 @@ use super::faults::Fault;
 use super::read::MeshFile;
 use super::soup::Soup;
 use super::views::{self, ImageDifference, Stage, View};
-use super::{Deviation, Subject, Worst, measure};
+use super::{Deviation, Subject, Worst, measure, of_surfaces};
 use crate::film::Picture;
 use crate::output::{self, OutputOptions};
 use crate::tessellate::{Face, Tessellation, deviation};
@@ -123,6 +123,8 @@ pub struct Compared {
     pub name: String,
     /// Number of triangles.
     pub triangles: usize,
+    /// Those of them that are meshes of the exact file, and are not measured.
+    pub unmeasured: usize,
     /// Size of its files.
     pub bytes: u64,
     /// How it was made, if it is ours.
@@ -290,7 +292,9 @@ fn compare_one(
     let started = Instant::now();
     let soup = Soup::new(&candidate.scene, &candidate.scene_from_mesh);
     let proven = candidate.made.map_or(f64::INFINITY, |made| made.proven);
-    let (deviation, faults) = measure(exact, &soup, proven);
+    let part = of_surfaces(exact, &soup);
+    let measured = part.as_ref().unwrap_or(&soup);
+    let (deviation, faults) = measure(exact, measured, proven);
     let measuring = started.elapsed();
     let worst = worst(&deviation);
     let views = views::take(stage, exact, &soup, &worst, deviation.surface_to_mesh.found);
@@ -338,10 +342,11 @@ fn compare_one(
             None => candidate.name,
         },
         triangles: soup.triangles.len(),
+        unmeasured: soup.triangles.len() - measured.triangles.len(),
         bytes: candidate.bytes,
         made: candidate.made,
         fit: candidate.fit,
-        solid: (soup.triangles.len() <= SOLID).then(|| solid(exact, &soup, &deviation)),
+        solid: (measured.triangles.len() <= SOLID).then(|| solid(exact, measured, &deviation)),
         deviation,
         faults,
         image: views.result,

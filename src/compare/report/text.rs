@@ -38,6 +38,7 @@ impl Compared {
         let mut value = json!({
             "name": self.name,
             "triangles": self.triangles,
+            "triangles_not_measured": self.unmeasured,
             "bytes": self.bytes,
             "hausdorff_found": self.deviation.found(),
             "hausdorff_proven": self.bound(),
@@ -267,6 +268,12 @@ impl Compared {
     /// Faults, fit, worst places and warnings, a sentence each.
     pub(super) fn sentences(&self) -> Vec<String> {
         let mut lines = Vec::new();
+        if self.unmeasured > 0 {
+            lines.push(format!(
+                "{} of its triangles are meshes of the exact file, which are not measured",
+                self.unmeasured
+            ));
+        }
         for fault in &self.faults {
             let at = fault.place.map_or_else(String::new, |p| {
                 let [x, y, z] = p.to_array().map(short);
