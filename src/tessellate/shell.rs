@@ -12,9 +12,9 @@ use super::face::Triangles;
 pub struct Shell {
     /// Its faces.
     pub patches: Vec<PatchId>,
-    /// Sides of triangles that no other triangle has; none in a closed shell.
+    /// Sides of triangles that no other triangle of the shell has; none in a closed one.
     pub naked: usize,
-    /// Sides of more than two triangles, unless they are sides of as many bodies that touch.
+    /// Sides of more than two of its triangles, unless these are as many one way as the other.
     pub crowded: usize,
     /// Sides whose two triangles cannot be turned to the same side.
     pub twisted: usize,
@@ -126,14 +126,23 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         let mut own: SmallVec<[usize; 4]> = uses.iter().map(|used| component[used.face]).collect();
         own.sort_unstable();
         own.dedup();
-        let balanced = is_balanced(uses, &component, &turned);
         for shell in own {
+            // What of others is there too opens nothing, and closes nothing.
+            let uses: SmallVec<[&HalfEdge; 4]> = uses
+                .iter()
+                .filter(|used| component[used.face] == shell)
+                .collect();
+            let upward = uses
+                .iter()
+                .filter(|used| used.upward ^ turned[used.face])
+                .count();
+            let is_balanced = 2 * upward == uses.len();
             let shell = &mut shells[shell];
             shell.euler -= 1;
-            match uses {
-                [_] => shell.naked += 1,
-                [_, _] => shell.twisted += usize::from(!balanced),
-                _ => shell.crowded += usize::from(!balanced),
+            match uses.len() {
+                1 => shell.naked += 1,
+                2 => shell.twisted += usize::from(!is_balanced),
+                _ => shell.crowded += usize::from(!is_balanced),
             }
         }
     }

@@ -215,3 +215,18 @@ fn bodies_that_touch_are_shells_of_their_own() {
         assert!((shell.volume - 1.0).abs() < 1e-12, "{shell:?}");
     }
 }
+
+#[test]
+fn a_sheet_that_ends_on_an_edge_of_a_body_leaves_it_closed() {
+    let mut faces = cube();
+    let sheet = modelling::plane(DVec3::Z, DVec3::X, DVec3::Z, 0.0..1.0, 0.0..1.0).unwrap();
+    faces.push(sheet.into());
+    let result = tessellate(&scene(faces), &TessellateOptions::default()).unwrap();
+    let found: Vec<_> = result
+        .shells
+        .iter()
+        .map(|s| (s.patches.len(), s.naked, s.crowded))
+        .collect();
+    assert_eq!(found, [(6, 0, 0), (1, 4, 0)]);
+    assert!((result.shells[0].volume - 1.0).abs() < 1e-12);
+}
