@@ -31,10 +31,15 @@ pub(crate) struct Face<'a> {
 
 impl<'a> Face<'a> {
     pub(crate) fn new(patch: &'a Patch, tolerance: f64) -> Self {
-        let mut pieces = Pieces::new(&patch.surface);
-        pieces.round = Round::of(patch).filter(|round| round.is_large(tolerance));
+        let mut face = Self::of_edges(patch, tolerance);
+        face.pieces.round = Round::of(patch).filter(|round| round.is_large(tolerance));
+        face
+    }
+
+    /// One of which edges alone are wanted: what is known of triangles over it is not looked for.
+    pub(crate) fn of_edges(patch: &'a Patch, tolerance: f64) -> Self {
         Self {
-            pieces,
+            pieces: Pieces::new(&patch.surface),
             region: patch.region(),
             tolerance,
         }

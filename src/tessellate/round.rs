@@ -91,7 +91,7 @@ impl Round {
         let uneven = lifts.map(|own| (own - lift).abs()).fold(0.0, f64::max);
         let curve = Curve::new(knots[around].clone(), &flat, Some(&rows.across)).ok()?;
         let circle = Circle::of(&curve)?;
-        // Where the middles of all rows are, beside that of the widest.
+        // Where the middles of the circles of all rows are.
         let arm = x * circle.middle.x + y * circle.middle.y + axis * lift;
         let middles = rows
             .means

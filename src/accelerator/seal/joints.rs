@@ -35,7 +35,7 @@ pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<S
     // Boundaries are sewn within half of the tolerance.
     let faces: Vec<Face<'_>> = patches
         .par_iter()
-        .map(|patch| Face::new(patch, 2.0 * tolerance))
+        .map(|patch| Face::of_edges(patch, 2.0 * tolerance))
         .collect();
     let all: Vec<_> = faces
         .par_iter()
