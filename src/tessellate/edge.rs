@@ -1,13 +1,13 @@
 //! Points along an edge, the same for every face that it bounds.
 
-use std::ops::Range;
+mod parts;
 
-use glam::{DVec2, DVec3, DVec4};
-use kernel::{Curve, MAX_DEGREE};
+use glam::{DVec2, DVec3};
+use kernel::Curve;
 use smallvec::SmallVec;
 
+use self::parts::Parts;
 use super::Limits;
-use super::net::{cut, share};
 use super::pieces::{Rect, Spread};
 use super::rim::Face;
 use super::sew::{Edge, Use};
@@ -37,6 +37,8 @@ const BRIDGES: u32 = 6;
 #[derive(Clone, Debug)]
 pub(super) struct Station {
     pub(super) position: DVec3,
+    /// The vertex that it is, where other boundaries cross the edge.
+    pub(super) vertex: Option<usize>,
     /// Its parameters on the curve and on the surface of every use.
     pub(super) places: Places,
 }
@@ -153,7 +155,7 @@ impl<'a> Walker<'a> {
     }
 
     /// The chain of these points, and those where it passes creases.
-    fn linked(&self, mut stations: Vec<Station>) -> Chain {
+    pub(super) fn linked(&self, mut stations: Vec<Station>) -> Chain {
         self.cross_creases(&mut stations);
         let proven = stations
             .windows(2)
@@ -161,31 +163,57 @@ impl<'a> Walker<'a> {
         Chain { stations, proven }
     }
 
-    /// Whether chords of a chain stray from the curves that they stand for, so that halves would
-    /// cross less.
-    pub(super) fn is_coarse(&self, chain: &Chain) -> bool {
-        chain.stations.windows(2).any(|pair| {
-            self.uses.iter().enumerate().any(|(k, used)| {
-                let face = &self.faces[used.face];
-                let (a, b) = (&pair[0].places[k], &pair[1].places[k]);
-                let strays = self.parts[k].strays([a.t, b.t], a.uv, b.uv);
-                let spread = face.pieces.spread(&Rect::around([a.uv, b.uv]));
-                strays
-                    .iter()
-                    .any(|off| spread.step(*off) > FUTILE * face.tolerance)
-            })
+    /// Whether the chord of a step strays from the curves that it stands for, so that halves would cross
+    /// less.
+    pub(super) fn is_coarse(&self, ends: &[Station]) -> bool {
+        self.uses.iter().enumerate().any(|(k, used)| {
+            let face = &self.faces[used.face];
+            let (a, b) = (&ends[0].places[k], &ends[1].places[k]);
+            let strays = self.parts[k].strays([a.t, b.t], a.uv, b.uv);
+            let spread = face.pieces.spread(&Rect::around([a.uv, b.uv]));
+            strays
+                .iter()
+                .any(|off| spread.step(*off) > FUTILE * face.tolerance)
         })
     }
 
-    /// The chain with every step halved.
-    pub(super) fn halved(&self, chain: &Chain) -> Chain {
-        let mut stations = vec![chain.stations[0].clone()];
-        for pair in chain.stations.windows(2) {
-            let middle = 0.5 * (pair[0].places[0].t + pair[1].places[0].t);
-            stations.push(self.station(middle));
-            stations.push(pair[1].clone());
+    /// The station that halves a step.
+    pub(super) fn middle(&self, ends: &[Station]) -> Station {
+        self.station(f64::midpoint(ends[0].places[0].t, ends[1].places[0].t))
+    }
+
+    /// The station on the chord of a step at a share of its length, which is at `uv` in the parameters of
+    /// one of the uses.
+    pub(super) fn between(
+        &self,
+        ends: &[Station],
+        share: f64,
+        (used, uv): (usize, DVec2),
+    ) -> Station {
+        let place = |(k, own): (usize, &Use)| {
+            let (a, b) = (&ends[0].places[k], &ends[1].places[k]);
+            let t = a.t + (b.t - a.t) * share;
+            let on = if k == used {
+                uv
+            } else {
+                a.uv.lerp(b.uv, share)
+            };
+            Place::new(&self.faces[own.face], t, (on, own.curve.tangent(t).1)).0
+        };
+        Station {
+            position: ends[0].position.lerp(ends[1].position, share),
+            vertex: None,
+            places: self.uses.iter().enumerate().map(place).collect(),
         }
-        self.linked(stations)
+    }
+
+    /// Makes a station the vertex of that number and position.
+    pub(super) fn tie(&self, station: &mut Station, (vertex, position): (usize, DVec3)) {
+        station.vertex = Some(vertex);
+        station.position = position;
+        for (place, used) in station.places.iter_mut().zip(self.uses) {
+            place.gap = self.faces[used.face].point(place.uv).distance(position);
+        }
     }
 
     fn divided(&self, steps: usize) -> Vec<Station> {
@@ -343,7 +371,11 @@ impl<'a> Walker<'a> {
         for (place, point) in places.iter_mut().zip(snapped) {
             place.gap = point.distance(position);
         }
-        Station { position, places }
+        Station {
+            position,
+            vertex: None,
+            places,
+        }
     }
 
     /// Where the boundary of a use is at a parameter.
@@ -381,6 +413,7 @@ impl<'a> Walker<'a> {
         };
         Station {
             position,
+            vertex: None,
             places: ts.iter().enumerate().map(place).collect(),
         }
     }
@@ -548,62 +581,3 @@ fn crossing(
     }
     Some(0.5 * (low + high))
 }
-
-/// A boundary in Bézier pieces: where each is on the curve, and its points `(w u, w v, 0, w)`.
-struct Parts {
-    ranges: Vec<Range<f64>>,
-    /// The points of one piece after the other, each of as many.
-    points: Vec<DVec4>,
-}
-
-impl Parts {
-    fn of(curve: &Curve<DVec2>) -> Self {
-        let pieces = curve.bezier_pieces();
-        let points = pieces.iter().flat_map(Curve::homogeneous);
-        Self {
-            ranges: pieces.iter().map(Curve::domain).collect(),
-            points: points.map(|h| DVec4::new(h.x, h.y, 0.0, h.z)).collect(),
-        }
-    }
-
-    /// Ways from the straight one between two points to what lies between two parameters: to the control
-    /// points of its halves, as those of the whole are twice as far away.
-    fn strays(&self, [from, to]: [f64; 2], a: DVec2, b: DVec2) -> Strays {
-        let (from, to) = (from.min(to), from.max(to));
-        let way = b - a;
-        let length = way.length_squared();
-        let mut strays = Strays::new();
-        let mut room = [DVec4::ZERO; MAX_DEGREE + 1];
-        let count = self.points.len() / self.ranges.len();
-        for (range, points) in self.ranges.iter().zip(self.points.chunks_exact(count)) {
-            if range.end < from || to < range.start {
-                continue;
-            }
-            let (start, end) = (share(from, range), share(to, range));
-            let middle = if count > 2 {
-                f64::midpoint(start, end)
-            } else {
-                end
-            };
-            let halves = [[start, middle], [middle, end]];
-            for [start, end] in halves.into_iter().take((count - 1).min(2)) {
-                let own = &mut room[..count];
-                own.copy_from_slice(points);
-                cut(own, count - 1, 1, start, end);
-                for h in own {
-                    let p = h.truncate().truncate() / h.w;
-                    let share = if length > 0.0 {
-                        ((p - a).dot(way) / length).clamp(0.0, 1.0)
-                    } else {
-                        0.0
-                    };
-                    strays.push(p - (a + way * share));
-                }
-            }
-        }
-        strays
-    }
-}
-
-/// Ways from a straight stretch to control points.
-type Strays = SmallVec<[DVec2; 8]>;

@@ -2,13 +2,13 @@
 //! proven to be within the tolerance.
 
 mod inside;
+mod outline;
 mod plane;
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
-use smallvec::SmallVec;
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
 
@@ -18,42 +18,16 @@ use super::rim::Face;
 use super::seed::{Seed, seeds};
 use super::{Limits, deviation};
 
+pub(super) use self::outline::{Conflict, Corner, Step, Stretch};
+
 /// Rounds of refinement.
 const ROUNDS: usize = 60;
-
-/// Vertices for which there is room from the start, for each stretch of boundary.
-const ROOM: usize = 2;
-
-/// Corners that are one point of space, and no farther apart than this share of the domain, are one:
-/// between them is the gap of a loop, which may run back over its own curves.
-const SAME: f64 = 1e-5;
 
 /// Triangles that are narrower than this share of the tolerance may be folded.
 const NARROW: f64 = 1e-3;
 
 /// The part of the tolerance that is aimed at: the rest is for rounding on the way to files.
 const AIM: f64 = 0.99;
-
-/// A corner of a boundary, shared with other faces.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Corner {
-    pub(super) uv: DVec2,
-    pub(super) id: u32,
-    pub(super) position: DVec3,
-    pub(super) gap: f64,
-}
-
-/// A straight stretch of boundary in parameters.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
-    pub(super) ends: [Corner; 2],
-    /// Number of the edge that it is a part of.
-    pub(super) edge: usize,
-    /// Whether it is a point of space, and may be divided.
-    pub(super) pole: bool,
-    /// Whether it is a gap bridged by a point, short in parameters, too.
-    pub(super) dot: bool,
-}
 
 /// The triangles of a face.
 #[derive(Debug, Default)]
@@ -124,96 +98,6 @@ pub(super) struct Mesher<'a> {
 }
 
 impl<'a> Mesher<'a> {
-    /// Puts the boundary into the plane; beside it the numbers of edges that would have to be
-    /// divided because their chords cross.
-    pub(super) fn new(
-        face: &'a Face<'a>,
-        stretches: &[Stretch],
-        limits: &'a Limits<'a>,
-    ) -> (Self, Vec<usize>) {
-        let corners = || stretches.iter().flat_map(|s| s.ends);
-        let count = ROOM * stretches.len();
-        let bounds = Rect::around(corners().map(|c| c.uv));
-        let mut mesher = Self {
-            face,
-            limits,
-            plane: ConstrainedDelaunayTriangulation::with_capacity(count, 3 * count, 2 * count),
-            vertices: Vec::new(),
-            fixed: HashMap::with_capacity(stretches.len()),
-            bounds,
-            stretched: Plane::new(face, &bounds, limits),
-            known: Vec::new(),
-            trusts_count: None,
-            undrawn: 0,
-            poles: Vec::new(),
-        };
-        let poles = stretches.iter().filter(|s| s.pole);
-        mesher.poles = poles.map(|s| s.ends.map(|corner| corner.uv)).collect();
-        let mut known: HashMap<u32, SmallVec<[(DVec2, FixedVertexHandle); 1]>> =
-            HashMap::with_capacity(stretches.len());
-        let near = face.pieces.domain().size() * SAME;
-        // What dots connect is one vertex.
-        let mut spans: HashMap<u32, DVec2> = HashMap::new();
-        for stretch in stretches.iter().filter(|s| s.dot) {
-            let [a, b] = stretch.ends;
-            *spans.entry(a.id).or_insert(near) += (a.uv - b.uv).abs();
-        }
-        let mut owners: HashMap<[u32; 2], usize> = HashMap::with_capacity(stretches.len());
-        let mut conflicts = Vec::new();
-        let mut handles = Vec::new();
-        for stretch in stretches {
-            let ends = stretch.ends.map(|corner| {
-                let list = known.entry(corner.id).or_default();
-                let span = spans.get(&corner.id).copied().unwrap_or(near);
-                let same = list
-                    .iter()
-                    .find(|(uv, _)| (*uv - corner.uv).abs().cmple(span).all());
-                if let Some((_, handle)) = same {
-                    return Some(*handle);
-                }
-                let handle = mesher.insert(corner.uv, Some(&corner))?;
-                list.push((corner.uv, handle));
-                Some(handle)
-            });
-            handles.push(ends);
-        }
-        for (stretch, ends) in stretches.iter().zip(handles) {
-            let [Some(a), Some(b)] = ends else { continue };
-            if a == b {
-                continue;
-            }
-            let pair = pair(a, b);
-            let is_side = mesher.plane.get_edge_from_neighbors(a, b).is_some();
-            if !is_side && !mesher.plane.can_add_constraint(a, b) {
-                conflicts.push(stretch.edge);
-                mesher.undrawn += 1;
-                let crossed: Vec<_> = mesher
-                    .plane
-                    .get_conflicting_edges_between_vertices(a, b)
-                    .map(|edge| edge.vertices().map(|v| v.fix()))
-                    .collect();
-                conflicts.extend(
-                    crossed
-                        .iter()
-                        .filter_map(|[c, d]| owners.get(&self::pair(*c, *d))),
-                );
-                continue;
-            }
-            mesher.plane.add_constraint(a, b);
-            if !is_side && !mesher.plane.exists_constraint(a, b) {
-                // Another vertex lies on the way.
-                conflicts.push(stretch.edge);
-            }
-            owners.insert(pair, stretch.edge);
-            if !stretch.pole {
-                *mesher.fixed.entry(pair).or_default() += 1;
-            }
-        }
-        conflicts.sort_unstable();
-        conflicts.dedup();
-        (mesher, conflicts)
-    }
-
     /// Fills the face and refines it; nothing if there is no room for its points.
     pub(super) fn run(mut self) -> Triangles {
         if self.plane.num_inner_faces() == 0 {

@@ -7,21 +7,14 @@ use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Mesh, Patch, PatchId, Scene, Seam, Shape};
 use rayon::prelude::*;
 
-use super::edge::{Chain, Walker};
-use super::face::{Corner, Mesher, Stretch, Triangles};
-use super::rim::{Face, SNAP};
+use super::chains::Chains;
+use super::face::Triangles;
+use super::rim::Face;
 use super::room::Room;
-use super::sew::{Edge, Named, sew};
+use super::sew::{Named, sew};
 use super::shell::{Part, Shell, shells};
 use super::vanish::gone;
 use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
-
-/// How often edges are divided because their chords cross.
-const ROUNDS: usize = 5;
-
-/// A point of space that takes more than this share of a domain is a pole, what is shorter a
-/// bridged gap.
-const POLE: f64 = 1e-3;
 
 /// How often what would vanish is made four times finer at most.
 const FINER: u32 = 8;
@@ -168,21 +161,8 @@ impl Group {
             })
             .collect();
         let sewn = sew(&faces, rims, &self.named(scene));
-        let leasts = least_steps(&sewn.edges);
-        let chains: Vec<Chain> = sewn
-            .edges
-            .par_iter()
-            .zip(leasts)
-            .map(|(edge, least)| Walker::new(&faces, edge, &sewn.vertices, &limits).chain(least))
-            .collect();
-        let mut net = Net {
-            faces: &faces,
-            edges: &sewn.edges,
-            vertices: &sewn.vertices,
-            chains,
-            limits,
-        };
-        let (meshes, crossings) = net.mesh()?;
+        let mut chains = Chains::new(&faces, &sewn, limits);
+        let (meshes, crossings) = chains.mesh()?;
         let parts = self.parts(&meshes);
         let gone = if times > 0 {
             gone(&parts, &faces, &sewn.edges)
@@ -190,7 +170,7 @@ impl Group {
             Vec::new()
         };
         if gone.is_empty() {
-            let proven = net.edge_bounds();
+            let proven = chains.edge_bounds();
             return Some(self.finish(&patches, &faces, &parts, &proven, crossings));
         }
         let is_gone = |k: &usize| gone.binary_search(k).is_ok();
@@ -306,125 +286,6 @@ impl Done {
             shells,
             crossings,
         }
-    }
-}
-
-/// How many steps each edge must have so that no two edges become one.
-fn least_steps(edges: &[Edge]) -> Vec<usize> {
-    let mut twins: HashMap<[usize; 2], usize> = HashMap::new();
-    let key = |edge: &Edge| {
-        [
-            edge.ends[0].min(edge.ends[1]),
-            edge.ends[0].max(edge.ends[1]),
-        ]
-    };
-    for edge in edges.iter().filter(|e| !e.collapsed) {
-        *twins.entry(key(edge)).or_default() += 1;
-    }
-    let least = |edge: &Edge| match edge.ends {
-        _ if edge.collapsed => 1,
-        [a, b] if a == b => 3,
-        _ if twins[&key(edge)] > 1 => 2,
-        _ => 1,
-    };
-    edges.iter().map(least).collect()
-}
-
-/// Faces and the chains of points along their edges.
-struct Net<'a> {
-    faces: &'a [Face<'a>],
-    edges: &'a [Edge],
-    vertices: &'a [DVec3],
-    chains: Vec<Chain>,
-    limits: Limits<'a>,
-}
-
-impl Net<'_> {
-    /// The triangles of every face, and how many boundaries could not be kept apart; `None` if there
-    /// is no room for them.
-    fn mesh(&mut self) -> Option<(Vec<Triangles>, usize)> {
-        for round in 0..ROUNDS {
-            if !self.limits.room.is_left() {
-                return None;
-            }
-            let stretches = self.stretches();
-            let outlines: Vec<_> = self
-                .faces
-                .par_iter()
-                .zip(&stretches)
-                .map(|(face, own)| Mesher::new(face, own, &self.limits))
-                .collect();
-            let crossed = outlines.iter().map(|(_, crossed)| crossed.len()).sum();
-            let mut split: Vec<usize> = outlines.iter().flat_map(|o| o.1.iter().copied()).collect();
-            split.sort_unstable();
-            split.dedup();
-            split.retain(|&edge| self.walker(edge).is_coarse(&self.chains[edge]));
-            if split.is_empty() || round + 1 == ROUNDS {
-                let meshes = outlines.into_par_iter().map(|(mesher, _)| mesher.run());
-                let meshes = meshes.collect();
-                return self.limits.room.is_left().then_some((meshes, crossed));
-            }
-            drop(outlines);
-            for edge in split {
-                self.chains[edge] = self.walker(edge).halved(&self.chains[edge]);
-            }
-        }
-        None
-    }
-
-    fn walker(&self, edge: usize) -> Walker<'_> {
-        Walker::new(self.faces, &self.edges[edge], self.vertices, &self.limits)
-    }
-
-    /// The boundary of every face in straight pieces.
-    fn stretches(&self) -> Vec<Vec<Stretch>> {
-        let mut result: Vec<Vec<Stretch>> = vec![Vec::new(); self.faces.len()];
-        let mut next = self.vertices.len();
-        let number = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
-        for (index, (edge, chain)) in self.edges.iter().zip(&self.chains).enumerate() {
-            let last = chain.stations.len() - 1;
-            let id = |k: usize| match k {
-                // One point of space stays one, however often it is divided.
-                _ if edge.collapsed => number(edge.ends[0]),
-                0 => number(edge.ends[0]),
-                k if k == last => number(edge.ends[1]),
-                k => number(next + k - 1),
-            };
-            for (k, used) in edge.uses.iter().enumerate() {
-                let corner = |s: usize| Corner {
-                    uv: chain.stations[s].places[k].uv,
-                    id: id(s),
-                    position: chain.stations[if edge.collapsed { 0 } else { s }].position,
-                    gap: chain.stations[s].places[k].gap,
-                };
-                let face = &self.faces[used.face];
-                let size = face.pieces.domain().size();
-                result[used.face].extend((0..last).map(|s| {
-                    let ends = [corner(s), corner(s + 1)];
-                    let way = (ends[0].uv - ends[1].uv).abs() / size;
-                    let is_long = way.max_element() > POLE;
-                    Stretch {
-                        ends,
-                        edge: index,
-                        pole: edge.collapsed && is_long && way.min_element() <= SNAP,
-                        dot: edge.collapsed && !is_long,
-                    }
-                }));
-            }
-            next += last - 1;
-        }
-        result
-    }
-
-    /// For every face the largest distance of its boundary from the chains.
-    fn edge_bounds(&self) -> Vec<f64> {
-        let mut bounds = vec![0.0_f64; self.faces.len()];
-        for (edge, chain) in self.edges.iter().zip(&self.chains) {
-            for used in &edge.uses {
-                bounds[used.face] = bounds[used.face].max(chain.proven);
-            }
-        }
-        bounds
     }
 }
 

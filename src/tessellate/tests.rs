@@ -183,9 +183,9 @@ fn a_long_thin_cylinder_is_divided_across_only() {
     }
 }
 
-/// A circle around the origin of the parameters.
-fn round(radius: f64) -> kernel::TrimLoop {
-    let frame = modelling::Frame::about(DVec3::ZERO, DVec3::Z).unwrap();
+/// A circle around a place of the first axis of the parameters.
+fn round(center: f64, radius: f64) -> kernel::TrimLoop {
+    let frame = modelling::Frame::about(DVec3::X * center, DVec3::Z).unwrap();
     let circle = modelling::circle(&frame, radius).unwrap();
     let points: Vec<DVec2> = circle.points().map(DVec3::truncate).collect();
     let weights: Vec<f64> = circle.weights().collect();
@@ -204,7 +204,7 @@ fn a_loop_may_touch_the_border_of_its_domain() {
         -1.0..1.0,
     );
     let mut face: Patch = square.unwrap().into();
-    for turned in [round(1.0), round(1.0).reversed()] {
+    for turned in [round(0.0, 1.0), round(0.0, 1.0).reversed()] {
         face.loops = vec![turned];
         let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default()).unwrap();
         let shell = &result.shells[0];
@@ -248,19 +248,58 @@ fn around(low: f64, high: f64) -> kernel::TrimLoop {
 }
 
 #[test]
-fn where_boundaries_cross_nothing_is_proven() {
-    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
+fn boundaries_that_cross_meet_in_points() {
+    let side = 2.0 * DVec3::ONE;
+    let square = modelling::plane(
+        -0.5 * side,
+        side * DVec3::X,
+        side * DVec3::Y,
+        -1.0..1.0,
+        -1.0..1.0,
+    );
     let mut face: Patch = square.unwrap().into();
-    for (low, crosses) in [(0.4, true), (0.6, false)] {
-        face.loops = vec![around(0.0, 1.0), around(0.2, 0.5), around(low, 0.8)];
-        let result = tessellate(&scene(vec![face.clone()]), &TessellateOptions::default()).unwrap();
+    // Two squares that overlap in a corner, and two that touch in one; two discs.
+    let squares = |low: f64| vec![around(-0.8, 0.8), around(0.2, 0.5), around(low, 0.7)];
+    let lens = 0.5 * 0.5_f64.acos() - 0.25 * 0.75_f64.sqrt();
+    let cases = [
+        (squares(0.4), 2.56 - 0.09 - 0.09 + 0.02, 1e-12),
+        (squares(0.5), 2.56 - 0.09 - 0.04, 1e-12),
+        (
+            vec![round(-0.25, 0.5), round(0.25, 0.5)],
+            0.5 * PI - 2.0 * lens,
+            2e-3,
+        ),
+    ];
+    for (loops, area, error) in cases {
+        face.loops = loops;
+        let result = with_tolerance_of(vec![face.clone()], 1e-3);
         let made = result.faces[0].as_ref().unwrap();
-        assert_eq!(result.crossings > 0, crosses);
-        assert_eq!(made.undrawn > 0, crosses);
-        assert_eq!(made.proven.is_infinite(), crosses);
-        let count = made.mesh.triangles().len();
-        assert_eq!(made.unproven, if crosses { count } else { 0 });
+        assert_eq!((result.crossings, made.undrawn, made.unproven), (0, 0, 0));
+        let found = result.shells[0].area;
+        assert!((found - area).abs() < error, "{found} instead of {area}");
     }
+}
+
+#[test]
+fn neighbours_share_the_points_where_boundaries_cross() {
+    // A bow tie, and a wall on one of the two sides that cross.
+    let corners = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]];
+    let outline = kernel::Curve::polyline(&corners.map(DVec2::from_array)).unwrap();
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
+    let mut tie: Patch = square.unwrap().into();
+    tie.loops = vec![kernel::TrimLoop::new(vec![outline], 1e-12).unwrap()];
+    let along = DVec3::new(1.0, 1.0, 0.0);
+    let wall = modelling::plane(DVec3::ZERO, along, DVec3::Z, 0.0..1.0, 0.0..1.0).unwrap();
+    let result = with_tolerance_of(vec![tie, wall.into()], 1e-3);
+    assert_eq!(result.crossings, 0);
+    let shell = &result.shells[0];
+    assert!(
+        (shell.area - 0.5 - 2.0_f64.sqrt()).abs() < 1e-12,
+        "{}",
+        shell.area
+    );
+    // Of the 6 sides of two triangles and the 5 of the wall two are shared.
+    assert_eq!((result.shells.len(), shell.naked), (1, 7));
 }
 
 #[test]
@@ -376,7 +415,7 @@ fn rings_narrower_than_their_chords_bulge_are_whole() {
     let (x, y) = (DVec3::X * 2.0, DVec3::Y * 2.0);
     let square = modelling::plane(DVec3::ZERO, x, y, -1.0..1.0, -1.0..1.0);
     let mut ring: Patch = square.unwrap().into();
-    ring.loops = [0.9, 0.895].map(round).into();
+    ring.loops = [0.9, 0.895].map(|radius| round(0.0, radius)).into();
     for tolerance in [0.04, 0.018, 0.0108, 0.006, 0.002] {
         let shell = &with_tolerance_of(vec![ring.clone()], tolerance).shells[0];
         assert_eq!((shell.euler, shell.crowded), (0, 0), "{tolerance}");

@@ -1,0 +1,208 @@
+//! The boundary of a face in the plane of its triangles.
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3};
+use smallvec::SmallVec;
+use spade::handles::FixedVertexHandle;
+use spade::{
+    ConstrainedDelaunayTriangulation, Intersection, LineIntersectionIterator, Triangulation as _,
+};
+
+use super::super::Limits;
+use super::super::pieces::Rect;
+use super::super::rim::Face;
+use super::plane::Plane;
+use super::{Mesher, pair};
+
+/// Vertices for which there is room from the start, for each stretch of boundary.
+const ROOM: usize = 2;
+
+/// Corners that are one point of space, and no farther apart than this share of the domain, are one:
+/// between them is the gap of a loop, which may run back over its own curves.
+const SAME: f64 = 1e-5;
+
+/// A corner of a boundary, shared with other faces.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::tessellate) struct Corner {
+    pub(in crate::tessellate) uv: DVec2,
+    pub(in crate::tessellate) id: u32,
+    pub(in crate::tessellate) position: DVec3,
+    pub(in crate::tessellate) gap: f64,
+}
+
+/// A straight stretch of boundary in parameters.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::tessellate) struct Stretch {
+    pub(in crate::tessellate) ends: [Corner; 2],
+    /// What it is a part of.
+    pub(in crate::tessellate) step: Step,
+    /// Whether it is a point of space, and may be divided.
+    pub(in crate::tessellate) pole: bool,
+    /// Whether it is a gap bridged by a point, short in parameters, too.
+    pub(in crate::tessellate) dot: bool,
+}
+
+/// A step of the chain of an edge, as one of the faces sees it.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::tessellate) struct Step {
+    pub(in crate::tessellate) edge: usize,
+    /// Which use of the edge.
+    pub(in crate::tessellate) used: usize,
+    /// The station at which it starts.
+    pub(in crate::tessellate) start: usize,
+}
+
+/// Two stretches of boundary that cross, or of which one ends on the other.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::tessellate) struct Conflict {
+    /// Their numbers.
+    pub(in crate::tessellate) stretches: [usize; 2],
+    /// Where on each, as a share of its length.
+    pub(in crate::tessellate) shares: [f64; 2],
+}
+
+/// What was drawn of a boundary.
+#[derive(Default)]
+struct Drawn {
+    /// The ends of every stretch.
+    handles: Vec<[Option<FixedVertexHandle>; 2]>,
+    /// The stretch between two vertices.
+    owners: HashMap<[u32; 2], usize>,
+}
+
+impl<'a> Mesher<'a> {
+    /// Puts the boundary into the plane; beside it where it crosses itself.
+    pub(in crate::tessellate) fn new(
+        face: &'a Face<'a>,
+        stretches: &[Stretch],
+        limits: &'a Limits<'a>,
+    ) -> (Self, Vec<Conflict>) {
+        let corners = || stretches.iter().flat_map(|s| s.ends);
+        let count = ROOM * stretches.len();
+        let bounds = Rect::around(corners().map(|c| c.uv));
+        let mut mesher = Self {
+            face,
+            limits,
+            plane: ConstrainedDelaunayTriangulation::with_capacity(count, 3 * count, 2 * count),
+            vertices: Vec::new(),
+            fixed: HashMap::with_capacity(stretches.len()),
+            bounds,
+            stretched: Plane::new(face, &bounds, limits),
+            known: Vec::new(),
+            trusts_count: None,
+            undrawn: 0,
+            poles: Vec::new(),
+        };
+        let poles = stretches.iter().filter(|s| s.pole);
+        mesher.poles = poles.map(|s| s.ends.map(|corner| corner.uv)).collect();
+        let mut known: HashMap<u32, SmallVec<[(DVec2, FixedVertexHandle); 1]>> =
+            HashMap::with_capacity(stretches.len());
+        let near = face.pieces.domain().size() * SAME;
+        // What dots connect is one vertex.
+        let mut spans: HashMap<u32, DVec2> = HashMap::new();
+        for stretch in stretches.iter().filter(|s| s.dot) {
+            let [a, b] = stretch.ends;
+            *spans.entry(a.id).or_insert(near) += (a.uv - b.uv).abs();
+        }
+        let mut drawn = Drawn::default();
+        for stretch in stretches {
+            let ends = stretch.ends.map(|corner| {
+                let list = known.entry(corner.id).or_default();
+                let span = spans.get(&corner.id).copied().unwrap_or(near);
+                let same = list
+                    .iter()
+                    .find(|(uv, _)| (*uv - corner.uv).abs().cmple(span).all());
+                if let Some((_, handle)) = same {
+                    return Some(*handle);
+                }
+                let handle = mesher.insert(corner.uv, Some(&corner))?;
+                list.push((corner.uv, handle));
+                Some(handle)
+            });
+            drawn.handles.push(ends);
+        }
+        drawn.owners.reserve(stretches.len());
+        let mut conflicts = Vec::new();
+        for (number, stretch) in stretches.iter().enumerate() {
+            let [Some(a), Some(b)] = drawn.handles[number] else {
+                continue;
+            };
+            if a == b {
+                continue;
+            }
+            let pair = pair(a, b);
+            let is_side = mesher.plane.get_edge_from_neighbors(a, b).is_some();
+            if !is_side && !mesher.has_room(number, [a, b], &drawn, &mut conflicts) {
+                mesher.undrawn += 1;
+                continue;
+            }
+            mesher.plane.add_constraint(a, b);
+            drawn.owners.insert(pair, number);
+            if !stretch.pole {
+                *mesher.fixed.entry(pair).or_default() += 1;
+            }
+        }
+        (mesher, conflicts)
+    }
+
+    /// Whether a stretch of boundary crosses nothing that was drawn. Appends where it does, and where it
+    /// passes through the end of another.
+    fn has_room(
+        &self,
+        number: usize,
+        [a, b]: [FixedVertexHandle; 2],
+        drawn: &Drawn,
+        conflicts: &mut Vec<Conflict>,
+    ) -> bool {
+        let mut has_room = true;
+        let place = |vertex: FixedVertexHandle| {
+            let p = self.plane.vertex(vertex).position();
+            DVec2::new(p.x, p.y)
+        };
+        let (from, way) = (place(a), place(b) - place(a));
+        for found in LineIntersectionIterator::new_from_handles(&self.plane, a, b) {
+            let conflict = match found {
+                Intersection::VertexIntersection(vertex) => {
+                    let vertex = vertex.fix();
+                    if vertex == a || vertex == b {
+                        continue;
+                    }
+                    let ends_there =
+                        |ends: &[Option<_>; 2]| ends[0] != ends[1] && ends.contains(&Some(vertex));
+                    let Some(other) = drawn.handles.iter().position(ends_there) else {
+                        continue;
+                    };
+                    let share = (place(vertex) - from).dot(way) / way.length_squared();
+                    let end = f64::from(u8::from(drawn.handles[other][1] == Some(vertex)));
+                    Conflict {
+                        stretches: [number, other],
+                        shares: [share.clamp(0.0, 1.0), end],
+                    }
+                }
+                Intersection::EdgeIntersection(edge) if edge.is_constraint_edge() => {
+                    has_room = false;
+                    let [c, d] = edge.vertices().map(|v| v.fix());
+                    let Some(&other) = drawn.owners.get(&pair(c, d)) else {
+                        continue;
+                    };
+                    let [c, d] = drawn.handles[other].map(|v| v.map_or(from, place));
+                    let across = way.perp_dot(d - c);
+                    let shares = [
+                        (c - from).perp_dot(d - c) / across,
+                        (c - from).perp_dot(way) / across,
+                    ];
+                    Conflict {
+                        stretches: [number, other],
+                        shares: shares.map(|share| share.clamp(0.0, 1.0)),
+                    }
+                }
+                _ => continue,
+            };
+            if conflict.shares.iter().all(|share| share.is_finite()) {
+                conflicts.push(conflict);
+            }
+        }
+        has_room
+    }
+}
