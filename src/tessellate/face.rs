@@ -9,11 +9,15 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
+use smallvec::SmallVec;
 use spade::handles::{FixedFaceHandle, FixedVertexHandle, InnerTag};
-use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation as _};
+use spade::{
+    ConstrainedDelaunayTriangulation, HasPosition, Point2, PositionInTriangulation,
+    Triangulation as _,
+};
 
 use self::plane::Plane;
-use super::pieces::Rect;
+use super::pieces::{LINE, Rect};
 use super::rim::Face;
 use super::seed::{Seed, seeds};
 use super::{Limits, deviation};
@@ -22,6 +26,9 @@ pub(super) use self::outline::{Conflict, Corner, Step, Stretch};
 
 /// Rounds of refinement.
 const ROUNDS: usize = 60;
+
+/// Rounds in which triangles are divided all at once.
+const ALIKE: usize = 5;
 
 /// Triangles that are narrower than this share of the tolerance may be folded.
 const NARROW: f64 = 1e-3;
@@ -109,7 +116,7 @@ impl<'a> Mesher<'a> {
             self.sow(&seed);
         }
         let room = self.limits.room;
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let inner = self.inner();
             let places: Vec<(DVec2, u32)> = inner
                 .iter()
@@ -121,12 +128,52 @@ impl<'a> Mesher<'a> {
             if !room.take(places.len() as f64) {
                 return Triangles::default();
             }
+            let before = self.vertices.len();
             for (place, near) in places {
                 self.insert_beside(place, FixedVertexHandle::from_index(near as usize));
+            }
+            if round >= ALIKE {
+                self.follow(before);
             }
         }
         let inner = self.inner();
         self.finish(&inner)
+    }
+
+    /// Divides what is around vertices from a number on, and around those that this makes: where each division
+    /// asks for the next one a round for each would not end. No more than there were vertices before.
+    fn follow(&mut self, from: usize) {
+        let most = 2 * self.vertices.len();
+        self.make_known();
+        let mut next = from;
+        while next < self.vertices.len() && self.vertices.len() < most {
+            let vertex = self.plane.vertex(FixedVertexHandle::from_index(next));
+            next += 1;
+            // Around others not all belongs to the face.
+            if vertex.out_edges().any(|edge| edge.is_constraint_edge()) {
+                continue;
+            }
+            let around = vertex.out_edges().filter_map(|edge| edge.face().as_inner());
+            let around: SmallVec<[FixedFaceHandle<InnerTag>; 8]> =
+                around.map(|face| face.fix()).collect();
+            for face in around {
+                let inner = Inner {
+                    place: face.index(),
+                    corners: self.corners(face),
+                };
+                if let Some(place) = self.division(&inner) {
+                    self.insert_beside(place, FixedVertexHandle::from_index(next - 1));
+                    self.make_known();
+                }
+            }
+        }
+        self.limits.room.take((self.vertices.len() - from) as f64);
+    }
+
+    /// Makes room for what is known of the triangle in each place of the plane.
+    fn make_known(&mut self) {
+        let unknown = ([u32::MAX; 3], (f64::INFINITY, f64::INFINITY));
+        self.known.resize(self.plane.num_all_faces(), unknown);
     }
 
     /// Where parameters are in the plane.
@@ -139,7 +186,17 @@ impl<'a> Mesher<'a> {
 
     /// Puts a point inside the face into the plane, beside a vertex: the way from there is short.
     fn insert_beside(&mut self, uv: DVec2, near: FixedVertexHandle) {
-        if let Ok(handle) = self.plane.insert_with_hint(self.spot(uv), near)
+        let spot = self.spot(uv);
+        if let PositionInTriangulation::OnEdge(side) =
+            self.plane.locate_with_hint(spot.position(), near)
+        {
+            // Neighbours know nothing of a point on a shared side.
+            let [a, b] = self.plane.directed_edge(side).vertices();
+            if self.fixed.contains_key(&pair(a.fix(), b.fix())) {
+                return;
+            }
+        }
+        if let Ok(handle) = self.plane.insert_with_hint(spot, near)
             && handle.index() == self.vertices.len()
         {
             let vertex = self.inner_vertex(uv);
@@ -297,7 +354,7 @@ impl<'a> Mesher<'a> {
         let p = self.stretched.place(seed.uv);
         let unit = (seed.step * self.stretched.factors(seed.uv)).recip();
         let here = self.plane.locate(Point2::new(p.x, p.y));
-        let spade::PositionInTriangulation::OnFace(face) = here else {
+        let PositionInTriangulation::OnFace(face) = here else {
             return;
         };
         let face = self.plane.face(face);
@@ -335,17 +392,14 @@ impl<'a> Mesher<'a> {
         }
         let corners = inner.corners.map(|k| self.vertices[k as usize]);
         let uvs = corners.map(|v| v.uv);
-        let uses = self.sides(&corners);
+        let uses = self.sides(inner, &corners);
         // The side that passes its limit most, else the longest.
         let places = uvs.map(|uv| self.stretched.place(uv));
         let measure = |side: usize| {
             let length = places[side].distance(places[(side + 1) % 3]);
             (uses[side].max(1.0), length)
         };
-        let is_free = |side: &usize| {
-            let (a, b) = (inner.corners[*side], inner.corners[(side + 1) % 3]);
-            !self.fixed.contains_key(&[a.min(b), a.max(b)])
-        };
+        let is_free = |side: &usize| !self.is_fixed(inner, *side);
         let side = (0..3).filter(is_free).max_by(|&x, &y| {
             let (x, y) = (measure(x), measure(y));
             x.0.total_cmp(&y.0).then(x.1.total_cmp(&y.1))
@@ -368,7 +422,10 @@ impl<'a> Mesher<'a> {
             return known;
         }
         let corners = inner.corners.map(|k| self.vertices[k as usize]);
-        let shape = self.sides(&corners).into_iter().fold(0.0, f64::max);
+        let mut shape = self.sides(inner, &corners).into_iter().fold(0.0, f64::max);
+        if shape > 1.0 && self.is_line(corners.map(|v| v.uv)) {
+            shape = 0.0;
+        }
         let found = if shape > 1.0 && !proven {
             (shape, f64::INFINITY)
         } else {
@@ -388,7 +445,9 @@ impl<'a> Mesher<'a> {
         let gap = corners.iter().map(|v| v.gap).fold(0.0, f64::max);
         let tolerance = AIM * self.face.tolerance;
         let limit = (tolerance - gap).max(0.1 * tolerance);
-        if let Some(round) = &self.face.pieces.round {
+        if let Some(round) = &self.face.pieces.round
+            && !self.is_line(uvs)
+        {
             // What the corners are off is a part of it, and no point is farther away than corners.
             let bound = round.off_flat(points).min(longest(points) + gap);
             return ((bound - gap).max(0.0) / limit, bound);
@@ -413,12 +472,28 @@ impl<'a> Mesher<'a> {
         };
         let [a, b, c] = points;
         let height = || (b - a).cross(c - a).length() / longest(points);
-        turns_back && height() > NARROW * self.face.tolerance
+        turns_back && height() > NARROW * self.face.tolerance && !self.is_line(uvs)
+    }
+
+    /// Whether a triangle is no wider in the parameters than a line, as beside a boundary that runs straight: what
+    /// belongs to its points are those of that.
+    fn is_line(&self, uvs: [DVec2; 3]) -> bool {
+        let size = self.face.pieces.domain().size();
+        let [a, b, c] = uvs.map(|uv| uv / size);
+        let length = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        (b - a).perp_dot(c - a).abs() <= LINE * length
+    }
+
+    /// Whether a side of a triangle is shared with other faces.
+    fn is_fixed(&self, inner: &Inner, side: usize) -> bool {
+        let (a, b) = (inner.corners[side], inner.corners[(side + 1) % 3]);
+        self.fixed.contains_key(&[a.min(b), a.max(b)])
     }
 
     /// How much the sides of a triangle use of their limits, at least where they pass them: the first
-    /// from the first corner to the second, and so on.
-    fn sides(&self, corners: &[Vertex; 3]) -> [f64; 3] {
+    /// from the first corner to the second, and so on. Those that are shared keep to them already, as far as they
+    /// can.
+    fn sides(&self, inner: &Inner, corners: &[Vertex; 3]) -> [f64; 3] {
         let center = (corners[0].uv + corners[1].uv + corners[2].uv) / 3.0;
         // Slightly more than asked of seeds, which are spaced for it exactly.
         let most = 1.02 * self.limits.angle;
@@ -440,7 +515,7 @@ impl<'a> Mesher<'a> {
             let angle = from.angle_between(to);
             // How far it goes the way that the normal turns: less than the tolerance means nothing.
             let turned = way.dot((to - from).normalize_or_zero()).abs();
-            if angle > most && turned > self.face.tolerance {
+            if angle > most && turned > self.face.tolerance && !self.is_fixed(inner, side) {
                 ratio.max(angle / self.limits.angle)
             } else {
                 ratio

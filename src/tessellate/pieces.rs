@@ -606,8 +606,11 @@ impl<'a> Pieces<'a> {
 fn part(range: Range<f64>, piece: &Range<f64>) -> Range<f64> {
     let (start, end) = (range.start.max(piece.start), range.end.min(piece.end));
     let least = NARROW * (piece.end - piece.start);
-    if range.start >= range.end || end - start >= least {
-        return start..end.max(start);
+    if end - start >= least {
+        return start..end;
+    }
+    if range.end - range.start <= LINE * (piece.end - piece.start) {
+        return start..start;
     }
     let middle = 0.5 * (start + end);
     let start = (middle - 0.5 * least).clamp(piece.start, piece.end - least);
@@ -622,6 +625,9 @@ const STRAIGHT: f64 = 1e-13;
 
 /// Narrower parts of a piece are made this wide, as a share of it.
 const NARROW: f64 = 1e-4;
+
+/// What is no wider than this share of a piece is a line.
+pub(super) const LINE: f64 = 1e-11;
 
 /// First derivatives that differ by this share are the same.
 const SMOOTH: f64 = 1e-7;
@@ -687,5 +693,27 @@ mod tests {
             exact += usize::from(found > 0.8 * bound);
         }
         assert!(exact > count * 3 / 4, "{exact} of {count}");
+    }
+
+    #[test]
+    fn a_triangle_no_wider_than_a_line_is_as_far_off_as_its_longest_side() {
+        // Along its border the surface bends little, beside it much.
+        let heights = [[0.0, 0.1, 0.1, 0.0], [0.0, 1e5, 1e5, 0.0]];
+        let point = |i: usize, j: usize| DVec3::new(j as f64, i as f64, heights[i][j]);
+        let points: Vec<DVec3> = (0..8).map(|k| point(k / 4, k % 4)).collect();
+        let [u, v] = [1, 3].map(|degree| KnotVector::bezier(degree, 0.0..1.0).unwrap());
+        let surface = Surface::new(u, v, &points, None).unwrap();
+        let pieces = Pieces::new(&surface);
+        let off = |width: f64| {
+            let middle = DVec2::new(width, 0.5);
+            pieces.off_flat([DVec2::ZERO, DVec2::Y, middle], 0.0, || false)
+        };
+        assert!(
+            off(1e-16) <= off(0.0) * (1.0 + 1e-9),
+            "{} {}",
+            off(1e-16),
+            off(0.0)
+        );
+        assert!(off(1e-6) > 1.1 * off(0.0));
     }
 }

@@ -446,3 +446,15 @@ fn more_points_than_there_is_room_for_are_an_error() {
         assert_eq!(found.err(), Some(TooManyPoints { most }));
     }
 }
+
+#[test]
+fn a_twisted_strip_is_proven_where_each_division_asks_for_the_next() {
+    // Lines between two half circles, one of them turned.
+    let half = |z: f64, from: f64| {
+        let [x, y] = [DVec3::X, DVec3::Y].map(|axis| axis * 2.4);
+        modelling::arc(DVec3::Z * z, x, y, from..from + PI).unwrap()
+    };
+    let strip = modelling::ruled(&half(0.0, 0.0), &half(16.0, 0.2)).unwrap();
+    let result = with_tolerance(strip, 3e-5);
+    assert_eq!(result.faces[0].as_ref().unwrap().unproven, 0);
+}

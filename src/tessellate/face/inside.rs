@@ -5,13 +5,20 @@ use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, InnerTag};
 use spade::{CdtEdge, Triangulation as _};
 
 use super::{Inner, Mesher, Spot, pair};
+use crate::sets::Sets;
 
 /// Counting boundaries and looking at the middles of triangles may differ in this share of the
 /// face's parameters: where its boundaries are chords.
 const DIFFERENCE: f64 = 0.5;
 
+/// This share of an area is not what decides about all of it.
+const MINOR: f64 = 0.1;
+
 /// How far beside its corners, as a share of the way to its middle, a triangle is looked at as well.
 const BESIDE: f64 = 0.1;
+
+/// A side of a triangle of the plane.
+type Side<'a> = DirectedEdgeHandle<'a, Spot, (), CdtEdge<()>, ()>;
 
 impl Mesher<'_> {
     /// The triangles that belong to the face.
@@ -23,19 +30,16 @@ impl Mesher<'_> {
             trusted.unwrap_or_else(|| self.agrees(inside))
         });
         self.trusts_count = Some(counted.is_some());
+        // There is none, it is not closed, or it runs twice: look at every triangle.
+        let inside = counted.unwrap_or_else(|| self.looked_up());
         let faces = self.plane.inner_faces().map(|face| face.fix());
-        let belongs = |face: &FixedFaceHandle<InnerTag>| match &counted {
-            Some(inside) => inside[face.index()],
-            // There is none, it is not closed, or it runs twice: look at every triangle.
-            None => self.is_inside(*face),
-        };
+        let belongs = |face: &FixedFaceHandle<InnerTag>| inside[face.index()];
         let named = |face: FixedFaceHandle<InnerTag>| Inner {
             place: face.index(),
             corners: self.corners(face),
         };
         let inner = faces.filter(belongs).map(named).collect();
-        let unknown = ([u32::MAX; 3], (f64::INFINITY, f64::INFINITY));
-        self.known.resize(self.plane.num_all_faces(), unknown);
+        self.make_known();
         inner
     }
 
@@ -75,6 +79,44 @@ impl Mesher<'_> {
         sound.then(|| inside.collect())
     }
 
+    /// By number which triangles belong to the face, by their middles: alike what no boundary keeps apart if
+    /// that is plain. So what lies between a boundary and its chord does not.
+    fn looked_up(&self) -> Vec<bool> {
+        let count = self.plane.num_all_faces();
+        let mut sets = Sets::new(count);
+        for edge in self.plane.undirected_edges() {
+            let edge = edge.as_directed();
+            if self.borders(edge) == 0 {
+                sets.join(edge.face().index(), edge.rev().face().index());
+            }
+        }
+        let outside = sets.root(self.plane.outer_face().index());
+        let mut inside = vec![false; count];
+        // The area of each set, and of what of it has its middle inside.
+        let mut areas = vec![[0.0; 2]; count];
+        for face in self.plane.inner_faces() {
+            let is_inside = self.is_inside(face.fix());
+            inside[face.index()] = is_inside;
+            let own = &mut areas[sets.root(face.index())];
+            own[0] += face.area();
+            own[1] += if is_inside { face.area() } else { 0.0 };
+        }
+        let all: f64 = areas.iter().map(|own| own[1]).sum();
+        for face in self.plane.inner_faces() {
+            let set = sets.root(face.index());
+            let [own, within] = areas[set];
+            let inside = &mut inside[face.index()];
+            if set == outside {
+                *inside &= within > MINOR * all;
+            } else if within <= MINOR * own {
+                *inside = false;
+            } else if within >= (1.0 - MINOR) * own {
+                *inside = true;
+            }
+        }
+        inside
+    }
+
     /// Whether most of what was counted belongs to the face by its loops, and the other way
     /// round.
     fn agrees(&self, inside: &[bool]) -> bool {
@@ -90,13 +132,18 @@ impl Mesher<'_> {
     }
 
     /// Whether an edge bounds the face, rather than lie inside it or outside.
-    fn is_border(&self, edge: DirectedEdgeHandle<'_, Spot, (), CdtEdge<()>, ()>) -> bool {
+    fn is_border(&self, edge: Side<'_>) -> bool {
+        self.borders(edge) % 2 == 1
+    }
+
+    /// How often an edge is a part of the boundary.
+    fn borders(&self, edge: Side<'_>) -> usize {
         if !edge.is_constraint_edge() {
-            return false;
+            return 0;
         }
         let [a, b] = edge.vertices().map(|v| v.fix());
         if let Some(count) = self.fixed.get(&pair(a, b)) {
-            return count % 2 == 1;
+            return *count;
         }
         // What is left of a pole, as opposed to a crease, runs along the domain's border.
         let domain = self.face.pieces.domain();
@@ -104,7 +151,9 @@ impl Mesher<'_> {
         let along = |axis: usize, border: f64| {
             (a[axis] - border).abs() <= 0.0 && (b[axis] - border).abs() <= 0.0
         };
-        (0..2).any(|axis| along(axis, domain.min[axis]) || along(axis, domain.max[axis]))
+        let is_pole =
+            (0..2).any(|axis| along(axis, domain.min[axis]) || along(axis, domain.max[axis]));
+        usize::from(is_pole)
     }
 
     /// Whether the middle of a triangle belongs to the face.
