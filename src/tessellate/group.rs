@@ -30,6 +30,8 @@ pub(super) struct Group {
     scale: f64,
     /// Those of the members that bound voids, where the file says so.
     voids: HashSet<PatchId>,
+    /// The number of the node that shows each member.
+    owners: HashMap<PatchId, usize>,
 }
 
 /// What a group becomes.
@@ -56,6 +58,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     // Whether all below a node bounds a void, and the patches of which this is so.
     let mut in_void = vec![false; nodes.len()];
     let mut voids = HashSet::new();
+    let mut owners: HashMap<PatchId, usize> = HashMap::new();
     if let Some(root) = scene.root() {
         scales[root.index()] = stretch(&scene.node(root).parent_from_node);
         frames[root.index()] = Some((root.index(), DAffine3::IDENTITY));
@@ -89,6 +92,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
                         if is_void {
                             voids.insert(id);
                         }
+                        owners.insert(id, index);
                         let (own, scale) = places.entry(id).or_default();
                         own.push(number);
                         *scale = scale.max(scales[index]);
@@ -103,6 +107,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         let group = groups.entry(own).or_default();
         group.members.push(id);
         group.voids.extend(voids.get(&id));
+        group.owners.extend(owners.get_key_value(&id));
         group.scale = group.scale.max(scale);
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
@@ -196,6 +201,7 @@ impl Group {
             members: numbers.iter().map(|&k| self.members[k]).collect(),
             scale: self.scale,
             voids: self.voids.clone(),
+            owners: self.owners.clone(),
         }
     }
 
@@ -235,6 +241,7 @@ impl Group {
                 mesh,
                 points,
                 is_void: self.voids.contains(&patch),
+                owner: self.owners.get(&patch).copied().unwrap_or_default(),
             });
         }
         parts

@@ -44,6 +44,8 @@ pub(super) struct Part<'a> {
     pub(super) points: Vec<u32>,
     /// Whether it bounds a void of a solid.
     pub(super) is_void: bool,
+    /// The node of the scene that shows it: what a file calls a body or a shell is one.
+    pub(super) owner: usize,
 }
 
 impl Part<'_> {
@@ -105,7 +107,7 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<bool>, Vec<Shell>) {
         })
         .collect();
     let (mut component, mut turned) = turn(parts.len(), &meetings);
-    link(shared(), &mut component, &mut turned);
+    link(parts, &uses, &mut component, &mut turned);
     let count = component.iter().max().map_or(0, |k| k + 1);
     let mut shells: Vec<Shell> = (0..count).map(|_| Shell::empty()).collect();
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); count];
@@ -182,19 +184,40 @@ fn is_balanced(uses: &[HalfEdge], component: &[usize], turned: &[bool]) -> bool 
     })
 }
 
-/// Joins components along sides of several pairs of triangles, where bodies touch: faces of one body
-/// follow each other in files, so that each pair is one of neighbours.
-fn link<'a>(
-    shared: impl Iterator<Item = &'a [HalfEdge]>,
-    component: &mut [usize],
-    turned: &mut [bool],
-) {
+/// Joins components along sides of more than two triangles, where bodies and sheets touch: in pairs of one owner,
+/// else of faces that follow each other in the file, as those of one body do.
+fn link(parts: &[Part<'_>], uses: &[HalfEdge], component: &mut [usize], turned: &mut [bool]) {
+    let shared = || uses.chunk_by(|a, b| a.side == b.side);
+    let mut is_open = vec![false; parts.len()];
+    for uses in shared().filter(|uses| uses.len() == 1) {
+        is_open[component[uses[0].face]] = true;
+    }
+    let owner = |used: &HalfEdge| parts[used.face].owner;
     let mut links = Vec::new();
-    for uses in shared.filter(|uses| uses.len() > 2 && uses.len().is_multiple_of(2)) {
+    for uses in shared().filter(|uses| uses.len() > 2) {
         if is_balanced(uses, component, turned) {
             continue;
         }
-        for pair in uses.chunks_exact(2) {
+        let mut uses: SmallVec<[HalfEdge; 4]> = uses.into();
+        uses.sort_by_key(owner);
+        let (mut paired, mut left) = (Vec::new(), Vec::new());
+        for own in uses.chunk_by(|a, b| owner(a) == owner(b)) {
+            let list = if own.len().is_multiple_of(2) {
+                &mut paired
+            } else {
+                &mut left
+            };
+            list.extend_from_slice(own);
+        }
+        if !left.len().is_multiple_of(2) {
+            // What is open elsewhere too is a sheet.
+            left.retain(|used| !is_open[component[used.face]]);
+        }
+        if left.len().is_multiple_of(2) {
+            left.sort_unstable_by_key(|used| used.face);
+            paired.extend(left);
+        }
+        for pair in paired.chunks_exact(2) {
             let upward = [0, 1].map(|k| pair[k].upward ^ turned[pair[k].face]);
             links.push(Meeting {
                 faces: [0, 1].map(|k| component[pair[k].face]),

@@ -230,3 +230,57 @@ fn a_sheet_that_ends_on_an_edge_of_a_body_leaves_it_closed() {
     assert_eq!(found, [(6, 0, 0), (1, 4, 0)]);
     assert!((result.shells[0].volume - 1.0).abs() < 1e-12);
 }
+
+#[test]
+fn a_sheet_around_a_body_does_not_divide_it() {
+    // A can of two bands, and a sheet that ends where they meet: a collar, or a wall inside.
+    let turned = |from: [f64; 2], to: [f64; 2]| -> Patch {
+        let point = |[r, z]: [f64; 2]| DVec3::new(r, 0.0, z);
+        let line = kernel::Curve::line(point(from), point(to), 0.0..1.0).unwrap();
+        modelling::revolve(&line, DVec3::ZERO, DVec3::Z, 0.0..TAU)
+            .unwrap()
+            .into()
+    };
+    let can = || {
+        vec![
+            turned([0.0, 0.0], [1.0, 0.0]),
+            turned([1.0, 0.0], [1.0, 1.0]),
+            turned([1.0, 1.0], [1.0, 2.0]),
+            turned([1.0, 2.0], [0.0, 2.0]),
+        ]
+    };
+    let check = |scene: &Scene, sheet: usize| {
+        let result = tessellate(scene, &TessellateOptions::default()).unwrap();
+        assert_eq!(result.shells.len(), 2);
+        for shell in &result.shells {
+            let is_sheet = shell.patches.len() == 1;
+            assert_eq!(is_sheet, shell.patches[0].index() == sheet);
+            assert_eq!(is_sheet, !shell.is_closed());
+            assert!(is_sheet || (6.1..2.0 * PI).contains(&shell.volume));
+        }
+    };
+    // In front of the body's faces, among them, and behind them.
+    for place in [0, 2, 4] {
+        let mut faces = can();
+        faces.insert(place, turned([1.0, 1.0], [2.0, 1.0]));
+        check(&scene(faces), place);
+    }
+    // What divides it inside as well stands in another node.
+    let mut apart = Scene::default();
+    let mut root = Node::default();
+    for faces in [can(), vec![turned([1.0, 1.0], [0.0, 1.5])]] {
+        let mut node = Node::default();
+        for face in faces {
+            let shape = Shape::Patch(apart.add_patch(face).unwrap());
+            node.children.push(Child::Item(Item {
+                shape,
+                material: None,
+            }));
+        }
+        let node = apart.add_node(node).unwrap();
+        root.children.push(Child::Node(node));
+    }
+    let root = apart.add_node(root).unwrap();
+    apart.set_root(root).unwrap();
+    check(&apart, 4);
+}
