@@ -275,6 +275,13 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
                 face.unproven, face.proven, face.sampled, face.tolerance
             );
             warnings.unsupported(place(), text);
+        } else if face.proven > face.tolerance {
+            let text = format!(
+                "triangles along the boundary of the face are proven to be within {:.3e} of it, and found \
+                 within {:.3e}, for a tolerance of {:.3e}",
+                face.proven, face.sampled, face.tolerance
+            );
+            warnings.unsupported(place(), text);
         }
     }
 }
