@@ -35,6 +35,10 @@ const MEETS: f64 = 1e-5;
 /// not close otherwise, gaps are bridged up to it.
 const COARSE: f64 = 1e-3;
 
+/// Gaps are bridged up to this share of the surface's size at last: without its loop a face would be
+/// shown whole.
+const BRIDGED: f64 = 1e-2;
+
 /// Which curves a loop is made of.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Source {
@@ -341,7 +345,7 @@ impl<'a> Trimmer<'a> {
             Err(problem) => problem,
             made => return made,
         };
-        let others: [(Choice<'_>, f64, &str); 3] = [
+        let others: [(Choice<'_>, f64, &str); 4] = [
             (
                 &other,
                 self.accuracy,
@@ -358,6 +362,12 @@ impl<'a> Trimmer<'a> {
                 &preferred,
                 self.size * COARSE,
                 "the curves of a trim loop meet within a thousandth of its surface only; the \
+                 gaps are bridged",
+            ),
+            (
+                &preferred,
+                self.size * BRIDGED,
+                "the curves of a trim loop meet within a hundredth of its surface only; the \
                  gaps are bridged",
             ),
         ];

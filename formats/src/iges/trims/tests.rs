@@ -231,16 +231,20 @@ fn a_hole_that_is_the_border_counts_as_that() {
 
 #[test]
 fn wide_gaps_in_narrow_loops_are_bridged_before_the_loops_are_given_up() {
-    // As far apart as six hundredths of the width, and six ten thousandths of the length.
-    let mut entities = trimmed("0.,0.,0.,1.,0.06,0.");
-    let narrow = entities[5]
-        .parameters
-        .replace(",1.,0.,4.0,1.,0.,0.,1.", ",0.01,0.,4.0,0.01,0.,0.,1.");
-    entities[5].parameters = narrow;
-    let (scene, warnings) = read(&entities);
-    assert_eq!(scene.patches()[0].loops.len(), 1);
-    let text = "a trim loop meet within a thousandth of its surface only; the gaps are bridged";
-    assert!(warnings[0].ends_with(text), "{warnings:?}");
+    // As far apart as six hundredths of the width, and six ten thousandths of the length; ten times that.
+    for (end, share) in [("0.06", "thousandth"), ("0.6", "hundredth")] {
+        let mut entities = trimmed(&format!("0.,0.,0.,1.,{end},0."));
+        let narrow = entities[5]
+            .parameters
+            .replace(",1.,0.,4.0,1.,0.,0.,1.", ",0.01,0.,4.0,0.01,0.,0.,1.");
+        entities[5].parameters = narrow;
+        let (scene, warnings) = read(&entities);
+        assert_eq!(scene.patches()[0].loops.len(), 1);
+        let text = format!(
+            "the curves of a trim loop meet within a {share} of its surface only; the gaps are bridged"
+        );
+        assert!(warnings[0].ends_with(&text), "{warnings:?}");
+    }
 }
 
 #[test]
