@@ -288,7 +288,48 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+    use nurbray::FaceMesh;
+    use nurbray::kernel::{Child, Item, Node, Shape, modelling};
+
     use super::*;
+
+    #[test]
+    fn faces_that_are_not_proven_are_named() {
+        let mut scene = Scene::default();
+        let (x, y) = (DVec3::X, DVec3::Y);
+        let square = modelling::plane(DVec3::ZERO, x, y, 0.0..1.0, 0.0..1.0).unwrap();
+        let shape = Shape::Patch(scene.add_patch(square.into()).unwrap());
+        let mut root = Node::default();
+        root.children.push(Child::Item(Item {
+            shape,
+            material: None,
+        }));
+        let root = scene.add_node(root).unwrap();
+        scene.set_root(root).unwrap();
+        let made = nurbray::tessellate(&scene, &TessellateOptions::default()).unwrap();
+        let said = |change: fn(&mut FaceMesh)| {
+            let mut made = made.clone();
+            change(made.faces[0].as_mut().unwrap());
+            let mut warnings = Warnings::default();
+            note_flaws(&scene, &made, &mut warnings);
+            let list = warnings.as_slice();
+            list.iter().map(ToString::to_string).collect::<String>()
+        };
+        assert_eq!(said(|_| ()), "");
+        let crossed = said(|face| (face.undrawn, face.unproven) = (1, 2));
+        assert!(
+            crossed.contains("cross each other: its 2 triangles"),
+            "{crossed}"
+        );
+        let passed = said(|face| face.unproven = 1);
+        assert!(
+            passed.contains("1 triangles of the face may pass"),
+            "{passed}"
+        );
+        let beside = said(|face| face.proven = 2.0 * face.tolerance);
+        assert!(beside.contains("along the boundary"), "{beside}");
+    }
 
     #[test]
     fn lengths() {

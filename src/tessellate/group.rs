@@ -165,7 +165,8 @@ impl Group {
                 face.rims(patch).into_iter().map(move |curve| (k, curve))
             })
             .collect();
-        let sewn = sew(&faces, rims, &self.named(scene));
+        let owners: Vec<usize> = self.members.iter().map(|id| self.owner(*id)).collect();
+        let sewn = sew(&faces, rims, &self.named(scene), &owners);
         let mut chains = Chains::new(&faces, &sewn, limits);
         let (meshes, crossings) = chains.mesh()?;
         let parts = self.parts(&meshes);
@@ -193,6 +194,11 @@ impl Group {
             parts.push((rest, made));
         }
         Some(Done::of(faces.len(), parts))
+    }
+
+    /// The number of the node that shows a member.
+    fn owner(&self, member: PatchId) -> usize {
+        self.owners.get(&member).copied().unwrap_or_default()
     }
 
     /// Some of the members, in their order.
@@ -241,7 +247,7 @@ impl Group {
                 mesh,
                 points,
                 is_void: self.voids.contains(&patch),
-                owner: self.owners.get(&patch).copied().unwrap_or_default(),
+                owner: self.owner(patch),
             });
         }
         parts

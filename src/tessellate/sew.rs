@@ -95,15 +95,18 @@ pub(crate) struct Named<'s> {
     pub(super) gap: f64,
 }
 
-/// Sews the boundary curves of faces, given with the number of their face.
+/// Sews the boundary curves of faces, given with the number of their face, first to those of faces with the same
+/// owner, if there are owners: bodies that touch stay what they are.
 pub(crate) fn sew(
     faces: &[Face<'_>],
     rims: Vec<(usize, Curve<DVec2>)>,
     named: &[Named<'_>],
+    owners: &[usize],
 ) -> Sewn {
     let tolerance = faces.iter().fold(f64::INFINITY, |m, f| m.min(f.tolerance));
     let mut sewer = Sewer {
         faces,
+        owners: &[],
         tolerance,
         strands: Vec::new(),
         nodes: Vec::new(),
@@ -118,15 +121,13 @@ pub(crate) fn sew(
             [trail.points[0].1, trail.points[trail.points.len() - 1].1].map(|p| sewer.add_node(p));
         sewer.add_strand(face, curve, ends, trail);
     }
-    for (pass, share) in REACHES.into_iter().enumerate() {
-        let reach = tolerance * share;
-        let seams = pass < SEAM_PASSES;
-        sewer.merge_nodes(reach, pass == 0);
-        if pass == 0 {
-            sewer.collapse(reach);
-        }
-        sewer.split_at_nodes(reach, seams);
-        sewer.match_strands(reach, seams);
+    if owners.iter().any(|owner| *owner != owners[0]) {
+        sewer.owners = owners;
+        (0..REACHES.len()).for_each(|pass| sewer.pass(pass));
+        sewer.owners = &[];
+    }
+    for pass in 0..REACHES.len() {
+        sewer.pass(pass);
     }
     let widest = tolerance * REACHES[REACHES.len() - 1];
     // Wider ones would move a border by more than the tolerance.
@@ -144,6 +145,8 @@ pub(crate) fn sew(
 
 struct Sewer<'f, 's> {
     faces: &'f [Face<'s>],
+    /// The owner of each face while those of others are not looked at.
+    owners: &'f [usize],
     /// The least of the faces.
     tolerance: f64,
     strands: Vec<Strand>,
@@ -158,6 +161,22 @@ struct Sewer<'f, 's> {
 }
 
 impl Sewer<'_, '_> {
+    fn pass(&mut self, pass: usize) {
+        let reach = self.tolerance * REACHES[pass];
+        let seams = pass < SEAM_PASSES;
+        self.merge_nodes(reach, pass == 0);
+        if pass == 0 {
+            self.collapse(reach);
+        }
+        self.split_at_nodes(reach, seams);
+        self.match_strands(reach, seams);
+    }
+
+    /// Whether one face is to be looked at for another one.
+    fn is_seen(&self, a: usize, b: usize) -> bool {
+        self.owners.is_empty() || self.owners[a] == self.owners[b]
+    }
+
     fn add_node(&mut self, point: DVec3) -> usize {
         self.nodes.push(point);
         self.parents.push(self.parents.len());
@@ -288,7 +307,9 @@ impl Sewer<'_, '_> {
                 .iter()
                 .take_while(|b| b.point.x <= a.point.x + reach);
             for b in near.filter(|b| a.point.distance(b.point) <= reach) {
-                visit(self, a.node, b.node);
+                if self.is_seen(a.face, b.face) {
+                    visit(self, a.node, b.node);
+                }
             }
         }
     }
@@ -328,7 +349,8 @@ impl Sewer<'_, '_> {
         for s in 0..self.strands.len() {
             let ends = self.roots(&self.strands[s]);
             let strand = &mut self.strands[s];
-            strand.collapsed = ends[0] == ends[1] && strand.trail.length() <= 4.0 * reach;
+            let is_point = ends[0] == ends[1] && strand.trail.length() <= 4.0 * reach;
+            strand.collapsed = strand.edge.is_none() && is_point;
         }
     }
 
@@ -361,6 +383,7 @@ impl Sewer<'_, '_> {
             .take_while(|other| other.point.x <= high.x)
             .filter(|other| other.point.cmpge(low).all() && other.point.cmple(high).all())
             .filter(|other| seams || other.face != strand.face)
+            .filter(|other| self.is_seen(other.face, strand.face))
             .filter(|other| {
                 let is_away = |e: &DVec3| e.distance(other.point) > 2.0 * reach;
                 end_points.iter().all(is_away) && !ends.contains(&self.root(other.node))
@@ -420,8 +443,13 @@ impl Sewer<'_, '_> {
                 }
                 for &other in &group[k + 1..] {
                     let free = self.strands[other].edge.is_none();
+                    let faces = [s, other].map(|k| self.strands[k].face);
                     let allowed = seams || self.may_meet(s, other, reach);
-                    if free && allowed && self.stay_together(s, other, reach) {
+                    if free
+                        && allowed
+                        && self.is_seen(faces[0], faces[1])
+                        && self.stay_together(s, other, reach)
+                    {
                         self.join(s, other);
                     }
                 }

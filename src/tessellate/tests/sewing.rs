@@ -266,21 +266,51 @@ fn a_sheet_around_a_body_does_not_divide_it() {
         check(&scene(faces), place);
     }
     // What divides it inside as well stands in another node.
-    let mut apart = Scene::default();
+    let apart = bodies(vec![can(), vec![turned([1.0, 1.0], [0.0, 1.5])]]);
+    check(&apart, 4);
+}
+
+#[test]
+fn faces_of_one_body_find_each_other_first() {
+    // The lid of a cube does not quite meet its walls; on it lies a sheet that is the same.
+    let mut faces = cube();
+    let origin = DVec3::Z * (1.0 + 1e-4);
+    let lid: Patch = modelling::plane(origin, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0)
+        .unwrap()
+        .into();
+    // Of the three planes at the far corner it is the first.
+    faces[3] = lid.clone();
+    let scene = bodies(vec![faces, vec![lid]]);
+    let options = TessellateOptions {
+        tolerance: Tolerance::Length(3e-4),
+        ..TessellateOptions::default()
+    };
+    let result = tessellate(&scene, &options).unwrap();
+    let found: Vec<_> = result
+        .shells
+        .iter()
+        .map(|s| (s.patches.len(), s.naked))
+        .collect();
+    assert_eq!(found, [(6, 0), (1, 4)]);
+}
+
+/// A scene with a node for the patches of each list.
+fn bodies(lists: Vec<Vec<Patch>>) -> Scene {
+    let mut scene = Scene::default();
     let mut root = Node::default();
-    for faces in [can(), vec![turned([1.0, 1.0], [0.0, 1.5])]] {
+    for patches in lists {
         let mut node = Node::default();
-        for face in faces {
-            let shape = Shape::Patch(apart.add_patch(face).unwrap());
+        for patch in patches {
+            let shape = Shape::Patch(scene.add_patch(patch).unwrap());
             node.children.push(Child::Item(Item {
                 shape,
                 material: None,
             }));
         }
-        let node = apart.add_node(node).unwrap();
+        let node = scene.add_node(node).unwrap();
         root.children.push(Child::Node(node));
     }
-    let root = apart.add_node(root).unwrap();
-    apart.set_root(root).unwrap();
-    check(&apart, 4);
+    let root = scene.add_node(root).unwrap();
+    scene.set_root(root).unwrap();
+    scene
 }
