@@ -281,6 +281,31 @@ fn boundaries_that_cross_meet_in_points() {
 }
 
 #[test]
+fn boundaries_that_cross_too_often_are_told() {
+    // To and fro, then up and down: ten thousand crossings.
+    let count = 100;
+    let lines = |at: fn(f64, f64) -> DVec2| {
+        (0..count).flat_map(move |k| {
+            let (along, odd) = (0.1 + 0.8 * f64::from(k) / f64::from(count), k % 2 == 1);
+            let [from, to] = if odd { [0.95, 0.05] } else { [0.05, 0.95] };
+            [at(from, along), at(to, along)]
+        })
+    };
+    let mut corners: Vec<DVec2> = lines(DVec2::new).collect();
+    corners.extend(lines(|a, b| DVec2::new(b + 1e-3, a - 1e-3)));
+    corners.push(corners[0]);
+    let outline = kernel::Curve::polyline(&corners).unwrap();
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
+    let mut face: Patch = square.unwrap().into();
+    face.loops = vec![kernel::TrimLoop::new(vec![outline], 1e-12).unwrap()];
+    let result = with_tolerance_of(vec![face], 1e-3);
+    let made = result.faces[0].as_ref().unwrap();
+    assert!(result.crossings > 0 && made.undrawn == result.crossings);
+    assert!(made.proven.is_infinite());
+    assert_eq!(made.unproven, made.mesh.triangles().len());
+}
+
+#[test]
 fn neighbours_share_the_points_where_boundaries_cross() {
     // A bow tie, and a wall on one of the two sides that cross.
     let corners = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]];

@@ -18,6 +18,9 @@ use super::{Mesher, pair};
 /// Vertices for which there is room from the start, for each stretch of boundary.
 const ROOM: usize = 2;
 
+/// Where a boundary crosses itself more often, no more is told of it than that.
+const CONFLICTS: usize = 1000;
+
 /// Corners that are one point of space, and no farther apart than this share of the domain, are one:
 /// between them is the gap of a loop, which may run back over its own curves.
 const SAME: f64 = 1e-5;
@@ -133,7 +136,13 @@ impl<'a> Mesher<'a> {
             }
             let pair = pair(a, b);
             let is_side = mesher.plane.get_edge_from_neighbors(a, b).is_some();
-            if !is_side && !mesher.has_room(number, [a, b], &drawn, &mut conflicts) {
+            let has_room = is_side
+                || if conflicts.len() < CONFLICTS {
+                    mesher.has_room(number, [a, b], &drawn, &mut conflicts)
+                } else {
+                    mesher.plane.can_add_constraint(a, b)
+                };
+            if !has_room {
                 mesher.undrawn += 1;
                 continue;
             }
