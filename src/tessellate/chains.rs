@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::Limits;
 use super::edge::{Chain, Station, Walker};
-use super::face::{Conflict, Corner, Mesher, Step, Stretch, Triangles};
+use super::face::{Corner, Meeting, Mesher, Step, Stretch, Triangles};
 use super::rim::{Face, SNAP};
 use super::sew::{Edge, Sewn};
 
@@ -34,9 +34,6 @@ pub(super) struct Chains<'a> {
     chains: Vec<Chain>,
     limits: Limits<'a>,
 }
-
-/// Two steps that come upon each other, and where on each, as a share of its length.
-type Meeting = [(Step, f64); 2];
 
 /// A station that is to divide a step.
 struct Cut {
@@ -74,8 +71,7 @@ impl<'a> Chains<'a> {
                 .zip(&stretches)
                 .map(|(face, own)| Mesher::new(face, own, &self.limits))
                 .collect();
-            let own = outlines.iter().zip(&stretches);
-            let found = own.flat_map(|((_, found), own)| found.iter().map(|c| c.meeting(own)));
+            let found = outlines.iter().flat_map(|(_, found)| found).copied();
             let meetings: Vec<Meeting> = found.filter(|m| !self.is_slight(m)).collect();
             if meetings.is_empty() || ties == TIES && untied.is_none() {
                 let meshes: Vec<_> = outlines.into_par_iter().map(|(m, _)| m.run()).collect();
@@ -290,12 +286,6 @@ impl<'a> Chains<'a> {
             }
         }
         bounds
-    }
-}
-
-impl Conflict {
-    fn meeting(&self, stretches: &[Stretch]) -> Meeting {
-        [0, 1].map(|k| (stretches[self.stretches[k]].step, self.shares[k]))
     }
 }
 

@@ -22,7 +22,7 @@ use super::rim::Face;
 use super::seed::{Seed, seeds};
 use super::{Limits, deviation};
 
-pub(super) use self::outline::{Conflict, Corner, Step, Stretch};
+pub(super) use self::outline::{Corner, Meeting, Step, Stretch};
 
 /// Rounds of refinement.
 const ROUNDS: usize = 60;

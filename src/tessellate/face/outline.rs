@@ -19,7 +19,7 @@ use super::{Mesher, pair};
 const ROOM: usize = 2;
 
 /// Where a boundary crosses itself more often, no more is told of it than that.
-const CONFLICTS: usize = 1000;
+const MEETINGS: usize = 1000;
 
 /// Corners that are one point of space, and no farther apart than this share of the domain, are one:
 /// between them is the gap of a loop, which may run back over its own curves.
@@ -56,18 +56,13 @@ pub(in crate::tessellate) struct Step {
     pub(in crate::tessellate) start: usize,
 }
 
-/// Two stretches of boundary that cross, or of which one ends on the other.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::tessellate) struct Conflict {
-    /// Their numbers.
-    pub(in crate::tessellate) stretches: [usize; 2],
-    /// Where on each, as a share of its length.
-    pub(in crate::tessellate) shares: [f64; 2],
-}
+/// Two steps of boundaries that cross, or of which one ends on the other, and where on each, as a share of
+/// its length.
+pub(in crate::tessellate) type Meeting = [(Step, f64); 2];
 
 /// What was drawn of a boundary.
-#[derive(Default)]
-struct Drawn {
+struct Drawn<'s> {
+    stretches: &'s [Stretch],
     /// The ends of every stretch.
     handles: Vec<[Option<FixedVertexHandle>; 2]>,
     /// The stretch between two vertices.
@@ -80,7 +75,7 @@ impl<'a> Mesher<'a> {
         face: &'a Face<'a>,
         stretches: &[Stretch],
         limits: &'a Limits<'a>,
-    ) -> (Self, Vec<Conflict>) {
+    ) -> (Self, Vec<Meeting>) {
         let corners = || stretches.iter().flat_map(|s| s.ends);
         let count = ROOM * stretches.len();
         let bounds = Rect::around(corners().map(|c| c.uv));
@@ -108,7 +103,11 @@ impl<'a> Mesher<'a> {
             let [a, b] = stretch.ends;
             *spans.entry(a.id).or_insert(near) += (a.uv - b.uv).abs();
         }
-        let mut drawn = Drawn::default();
+        let mut drawn = Drawn {
+            stretches,
+            handles: Vec::new(),
+            owners: HashMap::with_capacity(stretches.len()),
+        };
         for stretch in stretches {
             let ends = stretch.ends.map(|corner| {
                 let list = known.entry(corner.id).or_default();
@@ -125,8 +124,7 @@ impl<'a> Mesher<'a> {
             });
             drawn.handles.push(ends);
         }
-        drawn.owners.reserve(stretches.len());
-        let mut conflicts = Vec::new();
+        let mut meetings = Vec::new();
         for (number, stretch) in stretches.iter().enumerate() {
             let [Some(a), Some(b)] = drawn.handles[number] else {
                 continue;
@@ -137,8 +135,8 @@ impl<'a> Mesher<'a> {
             let pair = pair(a, b);
             let is_side = mesher.plane.get_edge_from_neighbors(a, b).is_some();
             let has_room = is_side
-                || if conflicts.len() < CONFLICTS {
-                    mesher.has_room(number, [a, b], &drawn, &mut conflicts)
+                || if meetings.len() < MEETINGS {
+                    mesher.has_room(number, [a, b], &drawn, &mut meetings)
                 } else {
                     mesher.plane.can_add_constraint(a, b)
                 };
@@ -152,7 +150,7 @@ impl<'a> Mesher<'a> {
                 *mesher.fixed.entry(pair).or_default() += 1;
             }
         }
-        (mesher, conflicts)
+        (mesher, meetings)
     }
 
     /// Whether a stretch of boundary crosses nothing that was drawn. Appends where it does, and where it
@@ -161,8 +159,8 @@ impl<'a> Mesher<'a> {
         &self,
         number: usize,
         [a, b]: [FixedVertexHandle; 2],
-        drawn: &Drawn,
-        conflicts: &mut Vec<Conflict>,
+        drawn: &Drawn<'_>,
+        meetings: &mut Vec<Meeting>,
     ) -> bool {
         let mut has_room = true;
         let place = |vertex: FixedVertexHandle| {
@@ -171,7 +169,7 @@ impl<'a> Mesher<'a> {
         };
         let (from, way) = (place(a), place(b) - place(a));
         for found in LineIntersectionIterator::new_from_handles(&self.plane, a, b) {
-            let conflict = match found {
+            let (other, shares) = match found {
                 Intersection::VertexIntersection(vertex) => {
                     let vertex = vertex.fix();
                     if vertex == a || vertex == b {
@@ -184,10 +182,7 @@ impl<'a> Mesher<'a> {
                     };
                     let share = (place(vertex) - from).dot(way) / way.length_squared();
                     let end = f64::from(u8::from(drawn.handles[other][1] == Some(vertex)));
-                    Conflict {
-                        stretches: [number, other],
-                        shares: [share.clamp(0.0, 1.0), end],
-                    }
+                    (other, [share, end])
                 }
                 Intersection::EdgeIntersection(edge) if edge.is_constraint_edge() => {
                     has_room = false;
@@ -197,19 +192,15 @@ impl<'a> Mesher<'a> {
                     };
                     let [c, d] = drawn.handles[other].map(|v| v.map_or(from, place));
                     let across = way.perp_dot(d - c);
-                    let shares = [
-                        (c - from).perp_dot(d - c) / across,
-                        (c - from).perp_dot(way) / across,
-                    ];
-                    Conflict {
-                        stretches: [number, other],
-                        shares: shares.map(|share| share.clamp(0.0, 1.0)),
-                    }
+                    let shares = [(c - from).perp_dot(d - c), (c - from).perp_dot(way)];
+                    (other, shares.map(|share| share / across))
                 }
                 _ => continue,
             };
-            if conflict.shares.iter().all(|share| share.is_finite()) {
-                conflicts.push(conflict);
+            if shares.iter().all(|share| share.is_finite()) {
+                let step = |number: usize| drawn.stretches[number].step;
+                let [own, others] = shares.map(|share| share.clamp(0.0, 1.0));
+                meetings.push([(step(number), own), (step(other), others)]);
             }
         }
         has_room
