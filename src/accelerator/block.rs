@@ -190,7 +190,14 @@ impl Block {
         // A comparison with what is not a number must fail.
         let known = (q1 < f32::INFINITY) & (q2 < f32::INFINITY);
         lanes.stray[k] = if known { stray } else { f32::INFINITY };
-        (lanes.time[k], lanes.near[k]) = (time, time - spread);
+        // Of a cell seen from its edge nothing is known of where along the ray it begins.
+        let near = time - spread;
+        lanes.time[k] = time;
+        lanes.near[k] = if near.is_nan() {
+            f32::NEG_INFINITY
+        } else {
+            near
+        };
     }
 }
 

@@ -55,6 +55,74 @@ fn all_hits(accelerator: &Accelerator<'_>, ray: &Ray) -> Vec<Hit> {
     hits
 }
 
+/// The ray crosses the surface at a hundred thousandth of a degree next to where it would touch it;
+/// where it does was found with fifty digits.
+#[test]
+fn a_crossing_at_almost_no_angle_is_found_exactly() {
+    let heights = |row: usize, k: usize| {
+        if (1..3).contains(&row) && (1..3).contains(&k) {
+            2.0
+        } else {
+            0.0
+        }
+    };
+    let net = (0..16).map(|n| {
+        let (row, k) = (n / 4, n % 4);
+        DVec3::new(row as f64 - 1.5, k as f64 - 1.5, heights(row, k))
+    });
+    let knots = || KnotVector::new(2, vec![0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0]).unwrap();
+    let surface = Surface::new(knots(), knots(), &net.collect::<Vec<_>>(), None).unwrap();
+    let scene = scene_of(vec![Patch::from(surface)]);
+    let ray = Ray {
+        origin: DVec3::new(
+            -1.5284628731387968,
+            -1.503763687814236,
+            -0.053752515462347786,
+        ),
+        direction: DVec3::new(1.1379056939845225, 0.0455220606914768, 0.1275275804322196),
+    };
+    let accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let hits = all_hits(&accelerator, &ray);
+    assert!(
+        hits.iter()
+            .any(|hit| (hit.t - 1.0216484436688526).abs() < 1e-10),
+        "{hits:?}"
+    );
+}
+
+/// In single precision the ray runs along the square, while it crosses it: others that run the other
+/// way must not matter.
+#[test]
+fn a_face_seen_from_its_edge_is_found_by_rays_that_go_their_own_ways() {
+    let knots = || KnotVector::new(1, vec![0.0, 0.0, 1.0, 1.0]).unwrap();
+    let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
+    let corners = corners.map(|(x, y)| DVec3::new(x, -x, y));
+    let surface = Surface::new(knots(), knots(), &corners, None).unwrap();
+    let scene = scene_of(vec![Patch::from(surface)]);
+    let target = DVec3::new(0.3, -0.3, -0.2);
+    for angle in [1e-6, 1e-8, 1e-10] {
+        let direction = DVec3::new(0.6, angle - 0.6, 0.8);
+        let ray = Ray {
+            origin: target - direction * 3.0,
+            direction,
+        };
+        let back = Ray {
+            origin: DVec3::new(9.0, 9.0, 9.0),
+            direction: -direction,
+        };
+        let ranges = [0.0..f64::INFINITY, 0.0..f64::INFINITY];
+        let mut hits = Vec::new();
+        for instructions in Instructions::ALL {
+            let accelerator = Accelerator::build(&scene, &METHODS[0]);
+            let accelerator = accelerator.with_instructions(instructions);
+            let room = &mut Workspace::default();
+            accelerator.nearest_many(&[ray, back], &ranges, room, &mut hits);
+            let t = hits[0].map(|hit| hit.t);
+            assert!(t.is_some_and(|t| (t - 3.0).abs() < 1e-3), "{angle}: {t:?}");
+        }
+    }
+}
+
 #[test]
 fn every_method_agrees_with_the_sphere_at_every_scale() {
     for method in METHODS.iter().filter(|m| m.picture.is_none()) {

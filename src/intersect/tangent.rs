@@ -76,8 +76,16 @@ impl Touch<'_> {
         match contact(&|at| self.distances(at), near, slacks) {
             Contact::None => [None; 2],
             Contact::Roots(roots) => roots,
-            Contact::Unclear => [Some(root), None],
+            Contact::Unclear => [Some(self.improved(root)), None],
         }
+    }
+
+    /// A root that is no simple contact, where Newton's steps lead to if they lead to a root.
+    fn improved(&self, root: Root) -> Root {
+        let at = refined(&|at| self.distances(at), DVec2::new(root.u, root.v));
+        let off = self.distances(at).value.abs().max_element();
+        let better = if off <= self.slack { inside(at) } else { None };
+        better.unwrap_or(root)
     }
 
     /// As [`distances`], with values of twice the precision: only the parameters are rounded.
