@@ -1,6 +1,7 @@
 //! Rays at surfaces: across, along, and past their silhouettes.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use fastrand::Rng;
 use glam::{DVec2, DVec3};
@@ -86,6 +87,23 @@ impl Targets {
         })
     }
 
+    /// A ray along an axis, or exactly along a face in the middle, at a border or in a corner of it.
+    fn straight(&self, dice: &mut Rng) -> Option<Ray> {
+        let (surface, _) = self.face(dice)?;
+        let place = |domain: Range<f64>, dice: &mut Rng| {
+            let share = [0.0, 0.25, 0.5, 1.0, dice.f64(), dice.f64()][dice.usize(0..6)];
+            domain.start + (domain.end - domain.start) * share
+        };
+        let u = place(surface.knots_u().domain(), dice);
+        let v = place(surface.knots_v().domain(), dice);
+        let d = surface.derivatives(DVec2::new(u, v));
+        let axis = DVec3::AXES[dice.usize(0..3)];
+        let along = [axis, axis, d.du, d.dv][dice.usize(0..4)].try_normalize()?;
+        let direction = if dice.bool() { along } else { -along };
+        let origin = d.point - direction * (self.size * (0.2 + 2.0 * dice.f64()));
+        Some(Ray { origin, direction })
+    }
+
     /// Rays that leave a face side by side in one direction, nearly along it, as towards a light.
     fn leaving(&self, dice: &mut Rng, count: u32) -> Option<Vec<Ray>> {
         let (surface, _) = self.face(dice)?;
@@ -126,9 +144,18 @@ impl Targets {
         if dice.f64() < 0.25 {
             return self.leaving(dice, count).unwrap_or_default();
         }
-        let Some(ray) = self.ray(dice) else {
-            return Vec::new();
-        };
+        let ray = self.ray(dice);
+        ray.map_or_else(Vec::new, |ray| self.beside(&ray, dice, count))
+    }
+
+    /// As [`Self::bundle`] about [`Self::straight`], as from a camera that looks straight ahead.
+    #[allow(dead_code, reason = "each test uses a part of this file")]
+    pub(crate) fn ahead(&self, dice: &mut Rng, count: u32) -> Vec<Ray> {
+        let ray = self.straight(dice);
+        ray.map_or_else(Vec::new, |ray| self.beside(&ray, dice, count))
+    }
+
+    fn beside(&self, ray: &Ray, dice: &mut Rng, count: u32) -> Vec<Ray> {
         let (right, up) = ray.direction.normalize().any_orthonormal_pair();
         let apart = 10.0_f64.powf(-2.0 - 4.0 * dice.f64()) * ray.direction.length();
         let parallel = dice.f64() < 0.3;
@@ -136,10 +163,10 @@ impl Targets {
             let shift = (right * f64::from(k % 8) + up * f64::from(k / 8)) * apart;
             if parallel {
                 let origin = ray.origin + shift * self.size / ray.direction.length();
-                Ray { origin, ..ray }
+                Ray { origin, ..*ray }
             } else {
                 let direction = ray.direction + shift;
-                Ray { direction, ..ray }
+                Ray { direction, ..*ray }
             }
         };
         (0..count).map(beside).collect()
