@@ -483,6 +483,13 @@ fn render_scene(
 ) -> anyhow::Result<Value> {
     if shown_count(args, &loaded.import.scene) == 0 {
         let import = &loaded.import;
+        let wires = import.scene.wire_placement_count();
+        if wires > 0 {
+            bail!(
+                "{}: there is no surface to render, only {wires} curves and points; --curves draws them",
+                input::display(file)
+            );
+        }
         let place = import.warnings.as_slice().first().map_or_else(
             || "the file: nothing that can be shown".to_owned(),
             ToString::to_string,

@@ -224,7 +224,10 @@ impl<'a> Builder<'a> {
 
     /// Stores a node, or what the prototype of that name makes of it.
     fn keep(&mut self, mut open: Open) -> Result<(), Error> {
-        if let Some(prototype) = self.prototype(&mut open.node)? {
+        // The scene itself is no instance, even where a prototype is called so, too.
+        let is_scene = |open: &Open| &*open.node.kind == "Scene";
+        let is_outermost = is_scene(&open) && !self.open.iter().any(is_scene);
+        if !is_outermost && let Some(prototype) = self.prototype(&mut open.node)? {
             return self.instance(&prototype, open);
         }
         if is_inline(&open.node.kind) {

@@ -145,6 +145,13 @@ fn instances_fill_the_fields_of_a_prototype() {
 }
 
 #[test]
+fn a_prototype_may_be_called_like_the_scene() {
+    let import = read_scene("PROTO Scene [] { Shape { geometry Sphere {} } } Scene {} Scene {}");
+    assert_eq!(messages(&import), [""; 0]);
+    assert_eq!(import.scene.placement_count(), 2);
+}
+
+#[test]
 fn names_in_a_prototype_are_its_own() {
     let import = read_scene(&format!(
         "DEF A {TRIANGLE}\n\
