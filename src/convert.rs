@@ -143,11 +143,6 @@ impl Target {
         matches!(self, Self::Triangles(_))
     }
 
-    /// Whether curves and points without a surface are written.
-    pub fn has_curves(self) -> bool {
-        matches!(self, Self::Surfaces(writer) if writer.has_curves)
-    }
-
     /// Name in messages and on the command line.
     pub fn name(self) -> &'static str {
         match self {

@@ -81,7 +81,7 @@ fn options_without_effect_are_named() {
 fn who_renders_curves_alone_is_told_how() {
     let place = Place::new();
     let text = "v 0 0 0\nv 1 2 0\nv 2 0 0\ncstype bezier\ndeg 2\ncurv 0 1 1 2 3\nparm u 0 1\nend\n";
-    std::fs::write(place.path("curve.obj"), text).unwrap();
+    fs::write(place.path("curve.obj"), text).unwrap();
     let run = place.run("render curve.obj -o curve.png --size 8x8");
     assert_eq!(run.code, Some(2));
     let words =

@@ -15,8 +15,6 @@ pub struct Writer {
     pub name: &'static str,
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],
-    /// Whether it holds curves and points that stand for themselves.
-    pub has_curves: bool,
     /// Scene to bytes.
     pub write: Write,
 }
@@ -97,15 +95,6 @@ impl Import {
     }
 }
 
-/// Notes the curves and points that stand for themselves.
-pub(crate) fn tell_wires(scene: &Scene, warnings: &mut Warnings) {
-    for wire in scene.wires() {
-        let place = Place::item(0, format!("\"{}\", {}", wire.name, wire.source));
-        let text = "curves and points without a surface are not written";
-        warnings.unsupported(place, text);
-    }
-}
-
 /// Notes the solids of which some shells bound voids.
 pub(crate) fn tell_voids(scene: &Scene, warnings: &mut Warnings) {
     for node in scene.nodes().iter().filter(|node| node.voids > 0) {
@@ -161,20 +150,16 @@ impl Distinct {
 }
 
 /// The outermost node that does more than hold one other node, and its place if `world` takes
-/// the scene to the coordinates of the file; wires count if the format `has_wires`.
+/// the scene to the coordinates of the file.
 ///
 /// A scene that has been turned for one format and is turned back for another has no trace of
 /// that.
-pub(crate) fn outermost(
-    scene: &Scene,
-    world: DMat3,
-    has_wires: bool,
-) -> Option<(&Node, NodeId, DAffine3)> {
+pub(crate) fn outermost(scene: &Scene, world: DMat3) -> Option<(&Node, NodeId, DAffine3)> {
     let mut id = scene.root()?;
     let mut place = DAffine3::from_mat3(world) * scene.node(id).parent_from_node;
     loop {
         let node = scene.node(id);
-        let is_wrapper = node.name.is_empty() && (node.wires.is_empty() || !has_wires);
+        let is_wrapper = node.name.is_empty() && node.wires.is_empty();
         match node.children[..] {
             [Child::Node(only)] if is_wrapper => id = only,
             _ => return Some((node, id, place)),

@@ -286,10 +286,11 @@ fn write(
         input::warnings_json(&import.warnings),
     );
     let scene = &import.scene;
-    let curves = if target.has_curves() {
-        scene.wire_placement_count()
-    } else {
+    // Triangles hold no curves.
+    let curves = if target.has_triangles() {
         0
+    } else {
+        scene.wire_placement_count()
     };
     if scene.placement_count() == 0 && curves == 0 {
         bail!("{}: there is nothing to convert", input::display(source));

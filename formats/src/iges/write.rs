@@ -1,7 +1,7 @@
 //! From scene to IGES 5.3, in its fixed form.
 //!
 //! Faces become trimmed surfaces (144, or 128 where nothing is cut away) with the curves of
-//! the parameter domain as their master, nodes become groups (402) and subfigures (308, 408).
+//! the parameter domain as their master, curves and points stand for themselves (126, 116), nodes become groups (402) and subfigures (308, 408).
 //! The standard lets instances turn, mirror, scale and move; what nodes do besides is done to
 //! control points. Every number is written with the digits that give it back.
 
@@ -15,14 +15,13 @@ use kernel::{Scene, UpAxis};
 use self::cards::Record;
 use self::tree::Tree;
 use super::{error, global};
-use crate::write::{Export, Writer, tell_voids, tell_wires, turn};
+use crate::write::{Export, Writer, tell_voids, turn};
 use crate::{Error, Place};
 
 /// The row of this format.
 pub(crate) const WRITER: Writer = Writer {
     name: "IGES",
     extensions: &["igs", "iges"],
-    has_curves: false,
     write,
 };
 
@@ -35,7 +34,6 @@ const DATE: &str = "19700101.000000";
 
 fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let mut tree = Tree::new(scene);
-    tell_wires(scene, &mut tree.warnings);
     tell_voids(scene, &mut tree.warnings);
     let what = [
         (scene.cameras.len(), "cameras"),

@@ -22,19 +22,16 @@ use crate::{Error, Place};
 pub(crate) const X3D: Writer = Writer {
     name: "X3D",
     extensions: &["x3d"],
-    has_curves: true,
     write: |scene, stem| write(scene, stem, Dialect::Xml),
 };
 pub(crate) const CLASSIC: Writer = Writer {
     name: "X3D ClassicVRML",
     extensions: &["x3dv"],
-    has_curves: true,
     write: |scene, stem| write(scene, stem, Dialect::Classic),
 };
 pub(crate) const VRML97: Writer = Writer {
     name: "VRML 97",
     extensions: &["wrl", "vrml"],
-    has_curves: true,
     write: |scene, stem| write(scene, stem, Dialect::Vrml97),
 };
 

@@ -23,7 +23,6 @@ use crate::{Error, Place, Warnings};
 pub(crate) const WRITER: Writer = Writer {
     name: FORMAT.name,
     extensions: FORMAT.extensions,
-    has_curves: true,
     write,
 };
 

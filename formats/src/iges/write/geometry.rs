@@ -1,7 +1,7 @@
 //! Surfaces, curves and boundaries as entities.
 
-use glam::{DVec2, DVec3};
-use kernel::{Curve, Patch, Point, Surface, TrimLoop, nesting};
+use glam::{DMat3, DVec2, DVec3};
+use kernel::{Curve, Patch, Point, Surface, TrimLoop, WireShape, nesting};
 
 use super::cards::{Deck, Entity, Record, Status};
 use super::model::Carrier;
@@ -49,6 +49,29 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
         }));
     }
     Ok(faces)
+}
+
+/// A curve (type 126), or points (type 116 each), with `outer` done to them.
+pub(super) fn wire(deck: &mut Deck, shape: &WireShape, outer: DMat3) -> Vec<usize> {
+    match shape {
+        WireShape::Curve(own) => {
+            let record = curve(own, false, |point| outer * point);
+            vec![spline(deck, Status::Independent, record)]
+        }
+        WireShape::Points(points) => {
+            let point = |&point: &DVec3| {
+                let mut record = Record::new(116);
+                record.point(outer * point);
+                record.integer(0);
+                deck.add(Entity {
+                    kind: 116,
+                    record,
+                    ..Entity::default()
+                })
+            };
+            points.iter().map(point).collect()
+        }
+    }
 }
 
 /// A rational B-spline surface (type 128).

@@ -26,7 +26,7 @@ pub(super) struct Tree<'a> {
     pub(super) warnings: Warnings,
     /// How often nodes are children, and patches are shown.
     uses: Uses,
-    /// For every node whether it or one below shows a shape.
+    /// For every node whether it or one below shows a shape or a wire.
     shows: Vec<bool>,
     colors: HashMap<MaterialId, usize>,
     /// Definitions by what they show, how it is distorted, and its material.
@@ -43,14 +43,16 @@ enum Defined {
     Item(Shape, Option<MaterialId>),
 }
 
-/// For every node whether it or one below shows a shape; children stand before their parents.
+/// For every node whether it or one below shows a shape or a wire; children stand before their
+/// parents.
 fn shows(scene: &Scene) -> Vec<bool> {
     let mut shows = Vec::new();
     for node in scene.nodes() {
-        let any = node.children.iter().any(|child| match child {
-            Child::Item(_) => true,
-            Child::Node(id) => shows[id.index()],
-        });
+        let any = !node.wires.is_empty()
+            || node.children.iter().any(|child| match child {
+                Child::Item(_) => true,
+                Child::Node(id) => shows[id.index()],
+            });
         shows.push(any);
     }
     shows
@@ -73,13 +75,14 @@ impl<'a> Tree<'a> {
 
     /// Adds all that is shown; `world` takes the scene to the coordinates of the file.
     pub(super) fn add_all(&mut self, world: DMat3) -> Result<(), Problem> {
-        let Some((node, id, place)) = outermost(self.scene, world, false) else {
+        let Some((node, id, place)) = outermost(self.scene, world) else {
             return Ok(());
         };
         if node.name.is_empty() && place == DAffine3::IDENTITY {
             for child in &node.children {
                 self.reference(child, place.matrix3, Status::Independent, 0)?;
             }
+            self.wires(node, place.matrix3, Status::Independent);
         } else {
             self.node(id, place, Status::Independent, 0)?;
         }
@@ -126,26 +129,29 @@ impl<'a> Tree<'a> {
         if self.shows[id.index()] {
             children.retain(|child| self.is_of_use(child));
         }
-        match children.as_slice() {
-            [Child::Item(item)] if once && self.is_leaf(node, item, &place) => {
-                let transform = self.transform(&place);
+        match (children.as_slice(), node.wires.as_slice()) {
+            ([Child::Item(item)], []) if once && self.is_leaf(node, item, &place) => {
                 let faces = self.faces(item, inner, status)?;
-                for &face in &faces {
-                    self.deck.entity(face).transform = transform;
-                }
-                Ok(faces)
+                Ok(self.placed(faces, &place))
             }
-            [Child::Node(only)]
+            ([], [only])
+                if once && self.is_alone(&node.name, &self.scene.wire(*only).name, &place) =>
+            {
+                let wires = self.wires(node, inner, status);
+                Ok(self.placed(wires, &place))
+            }
+            ([Child::Node(only)], [])
                 if self.scene.node(*only).parent_from_node == DAffine3::IDENTITY =>
             {
                 let definition = self.definition(Defined::Node(*only), inner, depth)?;
                 Ok(self.instance(definition, &place, &node.name, status))
             }
-            children if once && place == DAffine3::IDENTITY => {
+            (children, _) if once && place == DAffine3::IDENTITY => {
                 let mut members = Vec::new();
                 for child in children {
                     members.extend(self.reference(child, inner, Status::Member, depth + 1)?);
                 }
+                members.extend(self.wires(node, inner, Status::Member));
                 Ok(self.group(&node.name, &members, status))
             }
             _ => {
@@ -169,8 +175,22 @@ impl<'a> Tree<'a> {
         let Shape::Patch(id) = item.shape else {
             return false;
         };
-        let is_named = node.name.is_empty() || node.name == self.scene.patch(id).name;
-        is_named && self.is_shown_once(item) && scale_of(&place.matrix3) == Some(1.0)
+        let is_alone = self.is_alone(&node.name, &self.scene.patch(id).name, place);
+        is_alone && self.is_shown_once(item)
+    }
+
+    /// Whether the name and place of a node can be those of the one thing in it.
+    fn is_alone(&self, name: &str, own: &str, place: &DAffine3) -> bool {
+        (name.is_empty() || name == own) && scale_of(&place.matrix3) == Some(1.0)
+    }
+
+    /// Gives some entities their place.
+    fn placed(&mut self, entities: Vec<usize>, place: &DAffine3) -> Vec<usize> {
+        let transform = self.transform(place);
+        for &entity in &entities {
+            self.deck.entity(entity).transform = transform;
+        }
+        entities
     }
 
     fn is_shown_once(&self, item: &Item) -> bool {
@@ -213,13 +233,31 @@ impl<'a> Tree<'a> {
             let text = "its loops leave nothing of the surface; it is left out";
             self.warnings.unsupported(place, text);
         }
-        for &face in &faces {
-            let entity = self.deck.entity(face);
+        self.finish(&faces, color, status, &patch.name);
+        Ok(faces)
+    }
+
+    /// The entities of the curves and points of a node.
+    fn wires(&mut self, node: &Node, outer: DMat3, status: Status) -> Vec<usize> {
+        let scene = self.scene;
+        let mut all = Vec::new();
+        for wire in node.wires.iter().map(|&id| scene.wire(id)) {
+            let color = wire.material.map_or(0, |material| self.color(material));
+            let entities = geometry::wire(&mut self.deck, &wire.shape, outer);
+            self.finish(&entities, color, status, &wire.name);
+            all.extend(entities);
+        }
+        all
+    }
+
+    /// Says what the entities of one thing have in common.
+    fn finish(&mut self, entities: &[usize], color: usize, status: Status, name: &str) {
+        for &pointer in entities {
+            let entity = self.deck.entity(pointer);
             entity.color = color;
             entity.status = status;
-            self.name(face, &patch.name);
+            self.name(pointer, name);
         }
-        Ok(faces)
     }
 
     /// A group (type 402) of some entities; nothing if there are none.
@@ -281,6 +319,7 @@ impl<'a> Tree<'a> {
                 for child in &node.children {
                     members.extend(self.reference(child, outer, Status::Dependent, depth + 1)?);
                 }
+                members.extend(self.wires(node, outer, Status::Dependent));
                 (node.name.as_str(), members)
             }
         };
@@ -398,7 +437,12 @@ impl<'a> Tree<'a> {
         let material = self.scene.material(id);
         let mut record = Record::new(314);
         let model = material.metallic_roughness;
-        let base = model.map_or(material.diffuse, |model| model.base_color);
+        let plain = if material.is_unlit() {
+            material.emissive
+        } else {
+            material.diffuse
+        };
+        let base = model.map_or(plain, |model| model.base_color);
         record.point(srgb_from_linear(base) * 100.0);
         record.text(&material.name);
         let color = self.deck.add(Entity {
