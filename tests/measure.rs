@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::path::Path;
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use nurbray::formats::{Import, Limits, NoFiles, ReadOptions, open, read};
 use nurbray::kernel::modelling::{self, Frame};
 use nurbray::kernel::{Child, Curve, Item, Node, Patch, Scene, Shape, TrimLoop};
@@ -172,6 +172,21 @@ fn bodies_that_only_their_triangles_close_are_bodies() {
         (body.volume - 1.0).abs() < body.volume_error + 3e-4,
         "{body:?}"
     );
+}
+
+#[test]
+fn closed_surfaces_that_touch_are_bodies_of_their_own() {
+    // They have both poles in common.
+    let frame = Frame::about(DVec3::ZERO, DVec3::Z).unwrap();
+    let sphere = modelling::sphere(&frame, 2.0, 0.0..TAU, -PI / 2.0..PI / 2.0).unwrap();
+    let wide = DAffine3::from_scale(DVec3::new(2.0, 1.5, 1.0));
+    let ellipsoid = sphere.transformed(&wide);
+    let found = of_group([sphere, ellipsoid].map(Patch::from));
+    let volumes: Vec<_> = found.bodies.iter().map(|body| body.volume).collect();
+    let ball = 4.0 / 3.0 * PI * 8.0;
+    assert_eq!((volumes.len(), found.open_faces), (2, 0));
+    assert!((volumes[0] - ball).abs() < 1e-9, "{volumes:?}");
+    assert!((volumes[1] - 3.0 * ball).abs() < 1e-9, "{volumes:?}");
 }
 
 #[test]

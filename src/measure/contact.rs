@@ -51,7 +51,9 @@ pub(super) fn connected<'a>(faces: &[&'a Face]) -> Vec<Connected<'a>> {
             }
             near[a].push(b);
             near[b].push(a);
-            if sets.root(a) != sets.root(b) && borders[a].touches(&borders[b]) {
+            // What is closed on its own needs no other, also where it touches one.
+            let is_whole = borders[a].is_whole || borders[b].is_whole;
+            if !is_whole && sets.root(a) != sets.root(b) && borders[a].touches(&borders[b]) {
                 sets.join(a, b);
             }
         }
@@ -175,6 +177,8 @@ struct Border {
     bounds: Aabb,
     slack: f64,
     number: u32,
+    /// Whether the face is a closed surface as a whole, such as a sphere or a torus.
+    is_whole: bool,
 }
 
 impl Border {
@@ -193,12 +197,21 @@ impl Border {
         let slack = face.bounds.diagonal() * NEAR[2];
         let chords = stretches.iter().flat_map(|stretch| &stretch.chords);
         let longest = chords.map(Chord::length).fold(0.0, f64::max);
-        Self {
+        let mut border = Self {
             stretches,
             bounds: grown(face.bounds, longest * GAP + slack),
             slack,
             number: face.number,
-        }
+            is_whole: false,
+        };
+        let closed = surface.closed();
+        let ends_in_points = |axis: usize| {
+            let mut stretches = border.stretches.iter().filter(|s| SIDES[s.curve].0 != axis);
+            stretches.all(|s| s.chords.iter().all(|chord| !border.is_long(chord)))
+        };
+        border.is_whole =
+            face.patch.loops.is_empty() && (0..2).all(|axis| closed[axis] || ends_in_points(axis));
+        border
     }
 
     /// Whether a chord has a length.
@@ -251,10 +264,13 @@ impl Border {
     }
 }
 
+/// The sides of a domain: the axis along each, and whether it is at the start or end of the other.
+const SIDES: [(usize, usize); 4] = [(0, 0), (1, 1), (0, 1), (1, 0)];
+
 /// The chords of the four sides of a domain, between each two knots along it.
 fn sides(surface: &Surface) -> [Vec<Vec<Chord>>; 4] {
     let knots = [surface.knots_u(), surface.knots_v()];
-    [(0, 0), (1, 1), (0, 1), (1, 0)].map(|(along, end)| {
+    SIDES.map(|(along, end)| {
         let other = knots[1 - along].domain();
         let mut uv = DVec2::splat(if end == 0 { other.start } else { other.end });
         let breaks = knots[along].breaks();
