@@ -12,7 +12,7 @@ use super::face::Triangles;
 use super::rim::Face;
 use super::room::Room;
 use super::sew::{Named, sew};
-use super::shell::{Part, Shell, shells};
+use super::shell::{Part, Shell, Turned, shells};
 use super::vanish::gone;
 use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
 
@@ -268,7 +268,7 @@ impl Group {
             .zip(parts)
             .enumerate()
             .map(|(k, ((face, patch), part))| {
-                let mut done = face_mesh(face, patch, part.mesh, turned[k]);
+                let mut done = face_mesh(face, patch, part.mesh, &turned[k]);
                 done.proven = done.proven.max(proven[k]);
                 done.scale = self.scale;
                 done
@@ -303,7 +303,8 @@ impl Done {
 }
 
 /// Triangles with normals and texture coordinates, measured.
-fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) -> FaceMesh {
+fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, turned: &Turned) -> FaceMesh {
+    let flipped = turned.face;
     let mut positions: Vec<DVec3> = Vec::new();
     let mut normals: Vec<DVec3> = Vec::new();
     let mut parameters: Vec<DVec2> = Vec::new();
@@ -313,7 +314,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
     let mut others: HashMap<u32, Vec<u32>> = HashMap::new();
     let mut sampled = off_corners(face, mesh);
     let mut gap: f64 = 0.0;
-    for &corners in &mesh.triangles {
+    for (number, &corners) in (0..).zip(&mesh.triangles) {
         let vertices = corners.map(|k| mesh.vertices[k as usize]);
         let uvs = vertices.map(|v| v.uv);
         let points = vertices.map(|v| v.position);
@@ -359,7 +360,7 @@ fn face_mesh(face: &Face<'_>, patch: &Patch, mesh: &Triangles, flipped: bool) ->
             gap = gap.max(vertex.gap);
             copy
         });
-        if flipped {
+        if flipped ^ turned.against.binary_search(&number).is_ok() {
             triangle.swap(1, 2);
         }
         triangles.push(triangle);

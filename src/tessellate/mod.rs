@@ -146,7 +146,8 @@ pub struct FaceMesh {
     /// Parameters of the vertices on the surface.
     pub parameters: Vec<DVec2>,
     /// Whether triangles and normals are turned against those of the surface, so that all
-    /// of a shell look to the same side.
+    /// of a shell look to the same side. Triangles of strips in which boundaries overlap look to the
+    /// other side.
     pub flipped: bool,
     /// The tolerance of this face, in its own units.
     pub tolerance: f64,
