@@ -17,6 +17,9 @@ use crate::simd::Instructions;
 pub(crate) use self::spread::Spread;
 pub(super) use self::spread::{Ball, highest};
 
+/// Where coarse bounds are so many times too large better ones are seldom enough.
+const HOPELESS: f64 = 2.0;
+
 /// A rectangle of parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rect {
@@ -265,7 +268,8 @@ impl<'a> Pieces<'a> {
             // What has no extent one way takes as long either way.
             let is_area = self.is_costly && rect.size().min_element() > 0.0;
             let rough = is_area.then(|| bound(&part.rough()));
-            let rough = rough.filter(|rough| *rough <= enough || futile());
+            let known = |rough: &f64| *rough <= enough || *rough > HOPELESS * enough || futile();
+            let rough = rough.filter(known);
             return rough.unwrap_or_else(|| bound(&part.spread()));
         }
         let whole = bound(&self.joint(around.clone(), |i, j| self.piece(i, j).spread));
@@ -274,7 +278,7 @@ impl<'a> Pieces<'a> {
         }
         if self.is_costly {
             let rough = bound(&self.joint(around, |i, j| self.part(i, j, rect).rough()));
-            if rough <= enough || futile() {
+            if rough <= enough || rough > HOPELESS * enough || futile() {
                 return rough;
             }
         }
