@@ -123,6 +123,58 @@ fn a_face_seen_from_its_edge_is_found_by_rays_that_go_their_own_ways() {
     }
 }
 
+/// A plane with the frame `turned` about z, of which a triangle with these corners belongs to the face.
+fn triangle(turned: f64, from: DVec2, corners: [DVec2; 3]) -> Patch {
+    let knots = || KnotVector::new(1, vec![0.0, 0.0, 1.0, 1.0]).unwrap();
+    let (along, across) = (
+        DVec2::from_angle(turned) * 9.0,
+        DVec2::from_angle(turned).perp() * 7.0,
+    );
+    let net = [DVec2::ZERO, across, along, along + across].map(|way| (from + way).extend(0.0));
+    let mut face = Patch::from(Surface::new(knots(), knots(), &net, None).unwrap());
+    let place = |p: DVec2| {
+        let way = p - from;
+        DVec2::new(way.dot(along) / 81.0, way.dot(across) / 49.0)
+    };
+    let [a, b, c] = corners.map(place);
+    let outline = KnotVector::clamped_uniform(1, 4, 0.0..1.0).unwrap();
+    let outline = Curve::new(outline, &[a, b, c, a], None).unwrap();
+    face.loops = vec![TrimLoop::new(vec![outline], 1e-12).unwrap()];
+    face
+}
+
+#[test]
+fn rays_through_a_common_border_of_trimmed_faces_meet_one_of_them() {
+    let (from, to) = (DVec2::new(1.0, 1.3), DVec2::new(2.1, 3.4));
+    let left = triangle(0.3, DVec2::new(2.0, -4.0), [from, to, DVec2::new(0.2, 3.0)]);
+    let right = triangle(
+        -0.4,
+        DVec2::new(-2.0, -1.0),
+        [from, to, DVec2::new(3.0, 1.5)],
+    );
+    let scene = scene_of(vec![left, right]);
+    let rays: Vec<_> = (1..1024)
+        .map(|k| {
+            let direction = DVec3::new(0.01 * f64::from(k % 7), 0.02 * f64::from(k % 5), 1.0);
+            let target = from.lerp(to, f64::from(k) / 1024.0).extend(0.0);
+            Ray {
+                origin: target - direction * 5.0,
+                direction,
+            }
+        })
+        .collect();
+    let ranges = vec![0.0..f64::INFINITY; rays.len()];
+    for instructions in Instructions::ALL {
+        let accelerator = Accelerator::build(&scene, &METHODS[0]).with_instructions(instructions);
+        let room = &mut Workspace::default();
+        let mut hits = Vec::new();
+        accelerator.nearest_many(&rays, &ranges, room, &mut hits);
+        assert!(hits.iter().all(Option::is_some), "{instructions:?}");
+        let alone = |ray: &Ray| accelerator.nearest(ray, 0.0..f64::INFINITY, room).is_some();
+        assert!(rays.iter().all(alone), "{instructions:?}");
+    }
+}
+
 #[test]
 fn every_method_agrees_with_the_sphere_at_every_scale() {
     for method in METHODS.iter().filter(|m| m.picture.is_none()) {

@@ -147,11 +147,11 @@ pub(super) type Rooms<'a> = (
     &'a mut Scratch,
 );
 
-/// Whether a point of a piece belongs to its face.
+/// Whether a point of a piece belongs to its face, or to its border.
 pub(super) fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
     let uv = piece.parameters(local);
     let region = cluster.items[piece.item as usize].region;
-    region.is_none_or(|k| cluster.regions[k as usize].contains(uv))
+    region.is_none_or(|k| cluster.regions[k as usize].holds(uv))
 }
 
 /// Asks again about roots with a piece that are blurred, or not proven to be simple crossings;

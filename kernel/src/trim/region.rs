@@ -18,6 +18,9 @@ use crate::{Curve, Patch};
 /// Points of loops so near to a border of the domain, as a share of the domain, are on it.
 const SNAP: f64 = 1e-9;
 
+/// How far rounding may move a point where a ray meets a surface, as a share of the domain.
+const CLOSE: f64 = 1e-11;
+
 /// Segments stay out of cells that they miss by more than this share of the domain.
 const MARGIN: f64 = 1e-12;
 
@@ -127,6 +130,14 @@ impl TrimRegion {
                 }
             }
         }
+    }
+
+    /// As [`Self::contains`], and for points that are no farther from a loop than rounding may move them: what
+    /// neighbours have in common belongs to both of them.
+    pub fn holds(&self, uv: DVec2) -> bool {
+        let near = (self.domain.max - self.domain.min) * CLOSE;
+        let around = Rect { min: uv, max: uv }.grown(near);
+        self.contains(uv) || self.is_passed(0, &around)
     }
 
     /// What is known about a rectangle. Nearby loops count as passing through it, so that an
