@@ -481,14 +481,24 @@ fn curves_points_and_seams_come_back_from_obj() {
 }
 
 #[test]
-fn curves_without_a_surface_are_reported() {
+fn curves_and_points_come_back_from_iges() {
     let scene = wires_and_a_seam();
-    for writer in WRITERS.iter().filter(|w| w.name == "IGES") {
-        let export = (writer.write)(&scene, "wires").expect("a file");
-        let mut places = export.warnings.as_slice().iter().flat_map(|w| &w.places);
-        let is_told = places.any(|place| place.what == "\"axis\", line 1");
-        assert!(is_told, "{}", writer.name);
-    }
+    let writer = WRITERS.iter().find(|w| w.name == "IGES").expect("a writer");
+    let again = through(&scene, writer, "wires");
+    // Every point is an entity of its own.
+    assert_eq!(again.wires().len(), 4);
+    assert!(again.wires().iter().all(|wire| wire.name == "axis"));
+    let curves = |scene: &Scene| -> Vec<(kernel::KnotVector, Vec<f64>, f64)> {
+        let curve = |wire: &kernel::Wire| match &wire.shape {
+            kernel::WireShape::Curve(curve) => {
+                let size = curve.points().map(DVec3::length).sum();
+                Some((curve.knots().clone(), curve.weights().collect(), size))
+            }
+            kernel::WireShape::Points(_) => None,
+        };
+        scene.wires().iter().filter_map(curve).collect()
+    };
+    assert_eq!((curves(&again).len(), curves(&again)), (2, curves(&scene)));
 }
 
 #[test]

@@ -92,7 +92,11 @@ impl<'a> Region<'a> {
         for uses in shared().filter(|uses| is_inner(uses)) {
             sets.join(uses[0].region, uses[1].region);
         }
-        let members = sets.members();
+        let mut members = sets.members();
+        if members.is_empty() {
+            // A face without triangles is there, too.
+            members.push(Vec::new());
+        }
         let mut regions: Vec<Self> = Vec::new();
         let mut region_of = vec![0; count];
         for members in members {
