@@ -78,20 +78,6 @@ fn options_without_effect_are_named() {
 }
 
 #[test]
-fn who_renders_curves_alone_is_told_how() {
-    let place = Place::new();
-    let text = "v 0 0 0\nv 1 2 0\nv 2 0 0\ncstype bezier\ndeg 2\ncurv 0 1 1 2 3\nparm u 0 1\nend\n";
-    fs::write(place.path("curve.obj"), text).unwrap();
-    let run = place.run("render curve.obj -o curve.png --size 8x8");
-    assert_eq!(run.code, Some(2));
-    let words =
-        "curve.obj: there is no surface to render, only 1 curves and points; --curves draws";
-    assert!(run.stderr.contains(words), "{}", run.stderr);
-    let run = place.run("render curve.obj -o curve.png --size 8x8 --curves");
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
-}
-
-#[test]
 fn a_picture_of_nothing_is_named() {
     let place = Place::new();
     let line = "render samples/teapot.obj -o t.png --size 8x6 --eye 0,0,50 --target 0,0,90";

@@ -254,6 +254,7 @@ impl<'a> Pieces<'a> {
         enough: f64,
         futile: impl Fn() -> bool,
     ) -> f64 {
+        let will_do = |rough: f64| rough <= enough || rough > HOPELESS * enough || futile();
         let around = self.around(rect);
         let [rows, columns] = &around;
         if let ([i, j], 1, 1) = ([rows.start, columns.start], rows.len(), columns.len()) {
@@ -268,8 +269,7 @@ impl<'a> Pieces<'a> {
             // What has no extent one way takes as long either way.
             let is_area = self.is_costly && rect.size().min_element() > 0.0;
             let rough = is_area.then(|| bound(&part.rough()));
-            let known = |rough: &f64| *rough <= enough || *rough > HOPELESS * enough || futile();
-            let rough = rough.filter(known);
+            let rough = rough.filter(|rough| will_do(*rough));
             return rough.unwrap_or_else(|| bound(&part.spread()));
         }
         let whole = bound(&self.joint(around.clone(), |i, j| self.piece(i, j).spread));
@@ -278,7 +278,7 @@ impl<'a> Pieces<'a> {
         }
         if self.is_costly {
             let rough = bound(&self.joint(around, |i, j| self.part(i, j, rect).rough()));
-            if rough <= enough || rough > HOPELESS * enough || futile() {
+            if will_do(rough) {
                 return rough;
             }
         }

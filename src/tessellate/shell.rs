@@ -69,28 +69,28 @@ struct Region<'a> {
     triangles: Vec<u32>,
     /// How many sides have two triangles, once each way.
     inner: usize,
-    /// All other sides, with this region still as the first.
-    others: Vec<HalfEdge>,
+    /// All other sides, and whether they run from the lower point.
+    others: Vec<(Side, bool)>,
 }
 
 impl<'a> Region<'a> {
     /// The regions of a face.
     fn all(part: &'a Part<'a>, face: usize) -> Vec<Self> {
         let ways = |(number, [a, b, c]): (usize, [u32; 3])| {
-            [[a, b], [b, c], [c, a]].map(|[p, q]| HalfEdge {
-                side: Side::from(p.min(q)) << 32 | Side::from(p.max(q)),
-                region: number,
-                upward: p < q,
+            [[a, b], [b, c], [c, a]].map(|[p, q]| {
+                let side = Side::from(p.min(q)) << 32 | Side::from(p.max(q));
+                (side, p < q, number)
             })
         };
         let count = part.mesh.triangles.len();
-        let mut uses: Vec<HalfEdge> = (0..).zip(part.triangles()).flat_map(ways).collect();
-        uses.sort_unstable_by_key(|used| (used.side, used.upward));
-        let is_inner = |uses: &[HalfEdge]| matches!(uses, [a, b] if a.upward != b.upward);
-        let shared = || uses.chunk_by(|a, b| a.side == b.side);
+        let mut uses: Vec<(Side, bool, usize)> =
+            (0..).zip(part.triangles()).flat_map(ways).collect();
+        uses.sort_unstable();
+        let is_inner = |uses: &[(Side, bool, usize)]| matches!(uses, [a, b] if a.1 != b.1);
+        let shared = || uses.chunk_by(|a, b| a.0 == b.0);
         let mut sets = Sets::new(count);
         for uses in shared().filter(|uses| is_inner(uses)) {
-            sets.join(uses[0].region, uses[1].region);
+            sets.join(uses[0].2, uses[1].2);
         }
         let mut members = sets.members();
         if members.is_empty() {
@@ -112,12 +112,11 @@ impl<'a> Region<'a> {
         }
         for uses in shared() {
             if is_inner(uses) {
-                regions[region_of[uses[0].region]].inner += 1;
+                regions[region_of[uses[0].2]].inner += 1;
                 continue;
             }
-            for used in uses {
-                let region = &mut regions[region_of[used.region]];
-                region.others.push(HalfEdge { region: 0, ..*used });
+            for &(side, upward, triangle) in uses {
+                regions[region_of[triangle]].others.push((side, upward));
             }
         }
         regions
@@ -189,10 +188,11 @@ fn regions<'a>(parts: &'a [Part<'a>]) -> (Vec<Region<'a>>, Vec<HalfEdge>) {
     let mut regions: Vec<Region<'_>> = regions.into_iter().flatten().collect();
     let mut uses = Vec::new();
     for (number, region) in regions.iter_mut().enumerate() {
-        let others = region.others.drain(..);
-        uses.extend(others.map(|used| HalfEdge {
+        let others = std::mem::take(&mut region.others);
+        uses.extend(others.into_iter().map(|(side, upward)| HalfEdge {
+            side,
             region: number,
-            ..used
+            upward,
         }));
     }
     uses.sort_unstable();

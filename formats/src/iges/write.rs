@@ -1,7 +1,8 @@
 //! From scene to IGES 5.3, in its fixed form.
 //!
 //! Faces become trimmed surfaces (144, or 128 where nothing is cut away) with the curves of
-//! the parameter domain as their master, curves and points stand for themselves (126, 116), nodes become groups (402) and subfigures (308, 408).
+//! the parameter domain as their master, nodes become groups (402) and subfigures (308, 408);
+//! curves and points (126, 116) stand for themselves.
 //! The standard lets instances turn, mirror, scale and move; what nodes do besides is done to
 //! control points. Every number is written with the digits that give it back.
 

@@ -225,8 +225,9 @@ impl<'a> Builder<'a> {
     /// Stores a node, or what the prototype of that name makes of it.
     fn keep(&mut self, mut open: Open) -> Result<(), Error> {
         // The scene itself is no instance, even where a prototype is called so, too.
-        let is_scene = |open: &Open| &*open.node.kind == "Scene";
-        let is_outermost = is_scene(&open) && !self.open.iter().any(is_scene);
+        let holds_scene = |open: &Open| &*open.node.kind == "Scene";
+        let is_scene = holds_scene(&open);
+        let is_outermost = is_scene && !self.open.iter().any(holds_scene);
         if !is_outermost && let Some(prototype) = self.prototype(&mut open.node)? {
             return self.instance(&prototype, open);
         }
@@ -240,7 +241,7 @@ impl<'a> Builder<'a> {
         let Open {
             node, slot, height, ..
         } = open;
-        let (def, is_scene) = (Arc::clone(&node.def), &*node.kind == "Scene");
+        let def = Arc::clone(&node.def);
         let index = self.store(node, height)?;
         if let (false, Some(scope)) = (def.is_empty(), self.scopes.last_mut()) {
             scope.nodes.insert(def, index);

@@ -135,9 +135,11 @@ impl TrimRegion {
     /// As [`Self::contains`], and for points that are no farther from a loop than rounding may move them: what
     /// neighbours have in common belongs to both of them.
     pub fn holds(&self, uv: DVec2) -> bool {
+        if self.contains(uv) {
+            return true;
+        }
         let near = (self.domain.max - self.domain.min) * CLOSE;
-        let around = Rect { min: uv, max: uv }.grown(near);
-        self.contains(uv) || self.is_passed(0, &around)
+        self.is_passed(0, &Rect { min: uv, max: uv }.grown(near))
     }
 
     /// What is known about a rectangle. Nearby loops count as passing through it, so that an

@@ -134,9 +134,7 @@ impl<'a> Tree<'a> {
                 let faces = self.faces(item, inner, status)?;
                 Ok(self.placed(faces, &place))
             }
-            ([], [only])
-                if once && self.is_alone(&node.name, &self.scene.wire(*only).name, &place) =>
-            {
+            ([], [only]) if once && is_alone(&node.name, &self.scene.wire(*only).name, &place) => {
                 let wires = self.wires(node, inner, status);
                 Ok(self.placed(wires, &place))
             }
@@ -175,13 +173,7 @@ impl<'a> Tree<'a> {
         let Shape::Patch(id) = item.shape else {
             return false;
         };
-        let is_alone = self.is_alone(&node.name, &self.scene.patch(id).name, place);
-        is_alone && self.is_shown_once(item)
-    }
-
-    /// Whether the name and place of a node can be those of the one thing in it.
-    fn is_alone(&self, name: &str, own: &str, place: &DAffine3) -> bool {
-        (name.is_empty() || name == own) && scale_of(&place.matrix3) == Some(1.0)
+        is_alone(&node.name, &self.scene.patch(id).name, place) && self.is_shown_once(item)
     }
 
     /// Gives some entities their place.
@@ -466,6 +458,11 @@ impl<'a> Tree<'a> {
         self.colors.insert(id, color);
         color
     }
+}
+
+/// Whether the name and place of a node can be those of the one thing in it.
+fn is_alone(name: &str, own: &str, place: &DAffine3) -> bool {
+    (name.is_empty() || name == own) && scale_of(&place.matrix3) == Some(1.0)
 }
 
 /// How much larger a matrix makes things, if it does no more than turning, mirroring and
