@@ -1,6 +1,7 @@
 //! Points along an edge, the same for every face that it bounds.
 
 mod parts;
+mod steps;
 
 use glam::{DVec2, DVec3};
 use kernel::Curve;
@@ -13,7 +14,7 @@ use super::rim::Face;
 use super::sew::{Edge, Use};
 
 /// The part of a tolerance that edges may use: triangles beside them need a little more.
-const SHARE: f64 = 0.97;
+const SHARE: f64 = 0.93;
 
 /// Chords that stray less than this part of the tolerance do not cross others because of that.
 const FUTILE: f64 = 1e-3;
@@ -21,17 +22,14 @@ const FUTILE: f64 = 1e-3;
 /// A step this small, as a share of the edge, is not made smaller.
 const LEAST: f64 = 1e-6;
 
-/// More than this part of what equal steps can use is too much for them.
-const HOPE: f64 = 1.03;
-
 /// What is nearer to a vertex than this share of the tolerance is there.
 const SAME: f64 = 1e-3;
 
 /// What is on one side of a crease is looked up this share of a step beside it.
 const INSIDE: f64 = 1e-6;
 
-/// Halvings of a step that jumps.
-const BRIDGES: u32 = 6;
+/// A normal of less than this share of the length of others is what rounding leaves of it at a pole.
+const POLE: f64 = 1e-9;
 
 /// A point of an edge.
 #[derive(Clone, Debug)]
@@ -115,39 +113,12 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Walks with the longest steps that the limits allow, then again with equal ones.
+    /// Walks with as few and as equal steps as the limits allow.
     ///
     /// `least` is how many steps there are at least.
     pub(super) fn chain(&self, least: usize) -> Chain {
-        let kinks = self.kinks();
-        let (mut stations, ratios) = self.walk(1.0, &kinks, f64::INFINITY, |_, _| false);
-        let steps = ratios.len();
-        // What each step uses of the limits, and what those from there on use together.
-        let uses: Vec<f64> = ratios.iter().map(|r| r.sqrt()).collect();
-        let mut rest = vec![0.0; steps + 1];
-        for k in (0..steps).rev() {
-            rest[k] = rest[k + 1] + uses[k];
-        }
-        let even = ((rest[0] / steps as f64).powi(2) * 1.02).max(0.1);
-        if steps > 1 && even < 1.0 {
-            let place = |k: usize| stations[k].places[0].t;
-            let first = (place(1) - place(0)) * (even / ratios[0].max(1e-9)).sqrt();
-            // As the first walk tells: more is left than as many steps can use.
-            let is_hopeless = |done: usize, t: f64| {
-                let next = stations[1..].partition_point(|s| s.places[0].t <= t);
-                let own = uses.get(next).filter(|_| stations.len() == steps + 1);
-                own.is_some_and(|own| {
-                    let share = (place(next + 1) - t) / (place(next + 1) - place(next));
-                    let room = steps.saturating_sub(done) as f64 * even.sqrt();
-                    own * share + rest[next + 1] > HOPE * room
-                })
-            };
-            let (again, shares) = self.walk(even, &kinks, first, is_hopeless);
-            let end = place(stations.len() - 1);
-            if shares.len() <= steps && again[again.len() - 1].places[0].t >= end {
-                stations = again;
-            }
-        }
+        let mut stations = self.walk(&self.kinks());
+        self.straighten(&mut stations);
         if stations.len() <= least {
             stations = self.divided(least);
         }
@@ -259,94 +230,6 @@ impl<'a> Walker<'a> {
         kinks
     }
 
-    /// Steps of which none uses more than `share` of the limits, and what each uses; none passes one
-    /// of the `kinks`. The first one is tried with a length. Ends before its time where it `is_hopeless`
-    /// after so many steps to a parameter.
-    fn walk(
-        &self,
-        share: f64,
-        kinks: &[f64],
-        first: f64,
-        is_hopeless: impl Fn(usize, f64) -> bool,
-    ) -> (Vec<Station>, Vec<f64>) {
-        let range = self.uses[0].curve.domain();
-        let whole = range.end - range.start;
-        let shortest = whole * LEAST;
-        let mut stations = vec![self.end_station(0)];
-        let mut ratios = Vec::new();
-        let (mut t, mut step) = (range.start, first.clamp(shortest, whole));
-        while t < range.end && self.limits.room.is_left() && !is_hopeless(ratios.len(), t) {
-            let before = stations.len();
-            let last = &stations[stations.len() - 1];
-            let limit = kinks[kinks.partition_point(|&kink| kink <= t)];
-            let reached = |to: f64| {
-                if to < range.end {
-                    self.station(to)
-                } else {
-                    self.end_station(1)
-                }
-            };
-            step = step.min(limit - t);
-            // The best step so far, and lengths known to be too long.
-            let mut good: Option<(f64, Station, f64)> = None;
-            let mut bad = f64::INFINITY;
-            for _ in 0..24 {
-                let to = if step < limit - t { t + step } else { limit };
-                let next = reached(to);
-                let ratio = self.ratio(last, &next);
-                let smallest = step <= shortest;
-                if ratio <= share || smallest {
-                    let done = to >= limit || ratio >= 0.85 * share || smallest;
-                    good = Some((to, next, ratio));
-                    let longer = (step * (0.95 * share / ratio.max(1e-9)).sqrt()).min(2.0 * step);
-                    if done || longer >= bad {
-                        break;
-                    }
-                    step = longer;
-                } else {
-                    bad = step;
-                    if good.is_some() {
-                        break;
-                    }
-                    step *= (0.9 * share / ratio).sqrt().clamp(0.1, 0.9);
-                    step = step.max(shortest);
-                }
-            }
-            let (to, next, ratio) = good.unwrap_or_else(|| (limit, reached(limit), 1.0));
-            step = (to - t) * (0.95 * share / ratio.max(1e-9)).sqrt().clamp(0.2, 4.0);
-            step = step.max(shortest);
-            t = to;
-            if ratio > share {
-                self.bridge(last.clone(), next, BRIDGES, &mut stations);
-            } else {
-                stations.push(next);
-            }
-            ratios.push(ratio);
-            self.limits.room.take((stations.len() - before) as f64);
-        }
-        (stations, ratios)
-    }
-
-    /// Appends the end of a step, and before it what is between where one of the boundaries goes on
-    /// while the first stands still: what is nearest to that jumps, however short the step is.
-    fn bridge(&self, from: Station, to: Station, depth: u32, stations: &mut Vec<Station>) {
-        let tolerances = self.uses.iter().map(|used| self.faces[used.face].tolerance);
-        let tolerance = tolerances.fold(f64::INFINITY, f64::min);
-        if depth > 0 && self.distance(&from, &to, 0.0) > tolerance {
-            let middle = |(a, b): (&Place, &Place)| f64::midpoint(a.t, b.t);
-            let ts: SmallVec<[f64; 2]> = from.places.iter().zip(&to.places).map(middle).collect();
-            let points = self.uses.iter().zip(&ts);
-            let sum: DVec3 = points
-                .map(|(used, &t)| self.faces[used.face].point(used.curve.evaluate(t)))
-                .sum();
-            let middle = self.placed(sum / ts.len() as f64, &ts);
-            self.bridge(from, middle.clone(), depth - 1, stations);
-            self.bridge(middle, to, depth - 1, stations);
-        } else {
-            stations.push(to);
-        }
-    }
-
     /// A point inside the edge, at a parameter of the first use.
     fn station(&self, t: f64) -> Station {
         let first = &self.uses[0];
@@ -405,6 +288,15 @@ impl<'a> Walker<'a> {
         self.placed(self.ends[end], &ts)
     }
 
+    /// The station amid the points at parameters of all uses.
+    fn met(&self, ts: &[f64]) -> Station {
+        let points = self.uses.iter().zip(ts);
+        let sum: DVec3 = points
+            .map(|(used, &t)| self.faces[used.face].point(used.curve.evaluate(t)))
+            .sum();
+        self.placed(sum / ts.len() as f64, ts)
+    }
+
     fn placed(&self, position: DVec3, ts: &[f64]) -> Station {
         let place = |(k, &t): (usize, &f64)| {
             let (place, points) = self.look(k, t);
@@ -427,8 +319,10 @@ impl<'a> Walker<'a> {
             let allowed = SHARE * face.tolerance;
             let gap = from.places[k].gap.max(to.places[k].gap);
             // Below the tolerance directions mean nothing.
-            if length > face.tolerance {
-                most = most.max((self.turn(k, from, to) / self.limits.angle).powi(2));
+            let short = (length / face.tolerance).powi(2);
+            if short > most {
+                let turn = self.turn(k, from, to) / self.limits.angle;
+                most = most.max(turn.powi(2).min(short));
             }
             let left = (allowed - gap).max(0.1 * allowed);
             most = most.max(self.bound(k, from, to, most * left) / left);
@@ -454,8 +348,10 @@ impl<'a> Walker<'a> {
             let angle = a.angle_between(b);
             if angle.is_finite() { angle } else { 0.0 }
         };
+        let sizes = [start.1.length(), end.1.length()];
+        let is_pole = sizes[0].min(sizes[1]) < POLE * sizes[0].max(sizes[1]);
         // At a crease in between the normal jumps however short the step is.
-        let normals = if face.pieces.is_creased_inside(&Rect::around([a.uv, b.uv])) {
+        let normals = if is_pole || face.pieces.is_creased_inside(&Rect::around([a.uv, b.uv])) {
             0.0
         } else {
             angle(start.1, end.1)

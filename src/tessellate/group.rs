@@ -190,7 +190,8 @@ impl Group {
         let mut parts = vec![(gone, made)];
         if !rest.is_empty() {
             let large = self.of(&rest);
-            let made = large.refine(scene, tolerances, (options, room), 0)?;
+            // Made without the others it may vanish where it did not.
+            let made = large.refine(scene, tolerances, (options, room), times - 1)?;
             parts.push((rest, made));
         }
         Some(Done::of(faces.len(), parts))

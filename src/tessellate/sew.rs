@@ -7,12 +7,14 @@
 //! the tolerance, and so, nearly, may what is long and has found no partner otherwise.
 
 mod dots;
+mod ends;
 
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve};
 
+use self::ends::{End, Ends};
 use super::rim::Face;
 use super::trail::Trail;
 
@@ -77,13 +79,6 @@ struct Joint {
     strands: Vec<(usize, bool)>,
     ends: [usize; 2],
     collapsed: bool,
-}
-
-/// The end of a strand as others look for it.
-struct End {
-    node: usize,
-    face: usize,
-    point: DVec3,
 }
 
 /// Curves on two faces that the file says are one.
@@ -279,19 +274,18 @@ impl Sewer<'_, '_> {
         strand.awake && strand.edge.is_none() && !strand.collapsed
     }
 
-    /// The ends of strands without partner, from left to right.
-    fn open_ends(&self) -> Vec<End> {
+    /// The ends of strands without partner.
+    fn open_ends(&self) -> Ends {
         let open = self.strands.iter().filter(|s| Self::is_open(s));
         let end = |node: usize, face: usize| End {
             node,
             face,
             point: self.nodes[node],
         };
-        let ends = open.flat_map(|s| s.ends.map(|node| end(node, s.face)));
-        let mut ends: Vec<End> = ends.collect();
-        ends.sort_unstable_by(|a, b| a.point.x.total_cmp(&b.point.x).then(a.node.cmp(&b.node)));
-        ends.dedup_by_key(|end| end.node);
-        ends
+        Ends::new(
+            open.flat_map(|s| s.ends.map(|node| end(node, s.face)))
+                .collect(),
+        )
     }
 
     /// Makes one vertex of ends within `reach`; a strand keeps its length unless `freely`.
@@ -302,12 +296,11 @@ impl Sewer<'_, '_> {
     /// Visits the ends of strands without partner that are within `reach` of each other.
     fn for_close_ends(&mut self, reach: f64, mut visit: impl FnMut(&mut Self, usize, usize)) {
         let ends = self.open_ends();
-        for (k, a) in ends.iter().enumerate() {
-            let near = ends[k + 1..]
-                .iter()
-                .take_while(|b| b.point.x <= a.point.x + reach);
-            for b in near.filter(|b| a.point.distance(b.point) <= reach) {
-                if self.is_seen(a.face, b.face) {
+        for (k, a) in ends.ends.iter().enumerate() {
+            for other in ends.within(a.point - reach, a.point + reach) {
+                let b = &ends.ends[other];
+                let is_near = other > k && a.point.distance(b.point) <= reach;
+                if is_near && self.is_seen(a.face, b.face) {
                     visit(self, a.node, b.node);
                 }
             }
@@ -370,18 +363,16 @@ impl Sewer<'_, '_> {
     }
 
     /// A node that lies on a strand, away from its ends.
-    fn node_on(&self, s: usize, others: &[End], reach: f64, seams: bool) -> Option<(usize, f64)> {
+    fn node_on(&self, s: usize, others: &Ends, reach: f64, seams: bool) -> Option<(usize, f64)> {
         let strand = &self.strands[s];
         let face = &self.faces[strand.face];
         let bounds = strand.trail.bounds;
-        let (low, high) = (bounds.min - reach, bounds.max + reach);
         let ends = self.roots(strand);
         let end_points = strand.ends.map(|e| self.nodes[e]);
-        let first = others.partition_point(|other| other.point.x < low.x);
-        others[first..]
-            .iter()
-            .take_while(|other| other.point.x <= high.x)
-            .filter(|other| other.point.cmpge(low).all() && other.point.cmple(high).all())
+        let inside = others.within(bounds.min - reach, bounds.max + reach);
+        inside
+            .into_iter()
+            .map(|number| &others.ends[number])
             .filter(|other| seams || other.face != strand.face)
             .filter(|other| self.is_seen(other.face, strand.face))
             .filter(|other| {

@@ -188,7 +188,7 @@ impl Trail {
     }
 
     /// How long it is up to a parameter.
-    fn along(&self, t: f64) -> f64 {
+    pub(super) fn along(&self, t: f64) -> f64 {
         let (points, lengths) = (&self.points, &self.lengths);
         let k = points
             .partition_point(|p| p.0 <= t)
@@ -198,7 +198,7 @@ impl Trail {
     }
 
     /// The chord on which a length ends, and the parameter there.
-    fn at(&self, length: f64) -> (usize, f64) {
+    pub(super) fn at(&self, length: f64) -> (usize, f64) {
         let (points, lengths) = (&self.points, &self.lengths);
         let k = lengths.partition_point(|l| *l <= length);
         let k = k.clamp(1, points.len() - 1);

@@ -28,16 +28,33 @@ impl Parts {
     /// Ways from the straight one between two points to what lies between two parameters: to the control
     /// points of its halves, as those of the whole are twice as far away.
     pub(super) fn strays(&self, [from, to]: [f64; 2], a: DVec2, b: DVec2) -> Strays {
-        let (from, to) = (from.min(to), from.max(to));
+        let ts = [from.min(to), from.max(to)];
+        // What has few points takes little room.
+        match self.points.len() / self.ranges.len() {
+            2 => self.ways::<2>(ts, a, b),
+            3 => self.ways::<3>(ts, a, b),
+            4 => self.ways::<4>(ts, a, b),
+            _ => self.ways::<{ MAX_DEGREE + 1 }>(ts, a, b),
+        }
+    }
+
+    /// [`Self::strays`] of pieces with at most `ROOM` points, between parameters in order.
+    fn ways<const ROOM: usize>(&self, [from, to]: [f64; 2], a: DVec2, b: DVec2) -> Strays {
         let way = b - a;
         let length = way.length_squared();
         let mut strays = Strays::new();
-        let mut room = [DVec4::ZERO; MAX_DEGREE + 1];
-        let count = self.points.len() / self.ranges.len();
-        for (range, points) in self.ranges.iter().zip(self.points.chunks_exact(count)) {
-            if range.end < from || to < range.start {
-                continue;
-            }
+        let mut room = [DVec4::ZERO; ROOM];
+        let count = if ROOM <= MAX_DEGREE {
+            ROOM
+        } else {
+            self.points.len() / self.ranges.len()
+        };
+        let first = self.ranges.partition_point(|range| range.end < from);
+        let pieces = self.ranges.iter().zip(self.points.chunks_exact(count));
+        for (range, points) in pieces
+            .skip(first)
+            .take_while(|(range, _)| range.start <= to)
+        {
             let (start, end) = (share(from, range), share(to, range));
             let middle = if count > 2 {
                 f64::midpoint(start, end)
