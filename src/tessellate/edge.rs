@@ -318,7 +318,8 @@ impl<'a> Walker<'a> {
             let face = &self.faces[used.face];
             let allowed = SHARE * face.tolerance;
             let gap = from.places[k].gap.max(to.places[k].gap);
-            // Below the tolerance directions mean nothing.
+            // Below the tolerance directions mean nothing: as long as that a step uses no more than all
+            // for them.
             let short = (length / face.tolerance).powi(2);
             if short > most {
                 let turn = self.turn(k, from, to) / self.limits.angle;

@@ -47,7 +47,7 @@ impl Walker<'_> {
                 };
                 let next = reached(to);
                 let ratio = self.ratio(last, &next);
-                let wanted = step * ratio.max(1e-9).sqrt().recip().clamp(0.1, 4.0);
+                let wanted = step * growth(ratio).clamp(0.1, 4.0);
                 if ratio <= 1.0 || step <= shortest {
                     (best, is_good) = (Some((to, next, ratio)), true);
                     let fewer = count(wanted);
@@ -68,7 +68,7 @@ impl Walker<'_> {
                 break;
             };
             let step = trail.along(to) - start;
-            longest = step * ratio.max(1e-9).sqrt().recip().clamp(0.2, 4.0);
+            longest = step * growth(ratio).clamp(0.2, 4.0);
             t = to;
             if ratio > 1.0 {
                 self.bridge(last.clone(), next, BRIDGES, &mut stations);
@@ -92,33 +92,33 @@ impl Walker<'_> {
                 b <= a
             }
         };
-        let fits = |steps: &[[&Station; 2]]| {
-            let fits = |[from, to]: &[&Station; 2]| {
-                (0..self.uses.len()).all(|k| !stays(k, from, to)) && self.ratio(from, to) <= 1.0
-            };
-            steps.iter().all(fits)
+        let goes_on = |from: &Station, to: &Station| {
+            let mut uses = 0..self.uses.len();
+            uses.all(|k| !stays(k, from, to))
         };
+        let fits = |from: &Station, to: &Station| goes_on(from, to) && self.ratio(from, to) <= 1.0;
         let mut at = 1;
         while at + 1 < stations.len() {
             let [before, own, after] = [at - 1, at, at + 1].map(|k| &stations[k]);
-            let stays_here = |k: usize| stays(k, before, own);
-            if (0..self.uses.len()).any(stays_here) {
-                let place = |k: usize| {
-                    if stays_here(k) {
-                        f64::midpoint(before.places[k].t, after.places[k].t)
-                    } else {
-                        own.places[k].t
-                    }
-                };
-                let ts: SmallVec<[f64; 2]> = (0..self.uses.len()).map(place).collect();
-                let moved = self.met(&ts);
-                if fits(&[[before, after]]) {
-                    stations.remove(at);
-                    continue;
+            if goes_on(before, own) {
+                at += 1;
+                continue;
+            }
+            if fits(before, after) {
+                stations.remove(at);
+                continue;
+            }
+            let place = |k: usize| {
+                if stays(k, before, own) {
+                    f64::midpoint(before.places[k].t, after.places[k].t)
+                } else {
+                    own.places[k].t
                 }
-                if fits(&[[before, &moved], [&moved, after]]) {
-                    stations[at] = moved;
-                }
+            };
+            let ts: SmallVec<[f64; 2]> = (0..self.uses.len()).map(place).collect();
+            let moved = self.met(&ts);
+            if fits(before, &moved) && fits(&moved, after) {
+                stations[at] = moved;
             }
             at += 1;
         }
@@ -139,4 +139,9 @@ impl Walker<'_> {
             stations.push(to);
         }
     }
+}
+
+/// How many times as long a step may be that uses this much of the limits: they grow with the square.
+fn growth(ratio: f64) -> f64 {
+    ratio.max(1e-9).sqrt().recip()
 }
