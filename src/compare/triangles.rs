@@ -9,6 +9,9 @@ const FILL: usize = 4;
 /// Levels of a tree over less than 2^32 boxes, and some.
 const LEVELS: usize = 40;
 
+/// The square of the height of a triangle, as a share of that of its side, that is lost in rounding.
+const SLIVER: f64 = 1e-8;
+
 /// The point of a triangle nearest to another point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Closest {
@@ -21,6 +24,10 @@ pub(crate) struct Closest {
 /// are the segments or the point that they are.
 pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
     let (ab, ac, ap) = (b - a, c - a, p - a);
+    let normal = ab.cross(ac);
+    if normal.length_squared() <= SLIVER * ab.length_squared().max(ac.length_squared()).powi(2) {
+        return closest_of_sliver([a, b, c], normal, p);
+    }
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     let at = |shares: [f64; 3]| Closest {
         point: a * shares[0] + b * shares[1] + c * shares[2],
@@ -64,6 +71,41 @@ pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
     }
     let sum = va + vb + vc;
     at([va / sum, vb / sum, vc / sum])
+}
+
+/// [`closest`], of a triangle so narrow that differences of squares are rounding errors.
+fn closest_of_sliver(corners: [DVec3; 3], normal: DVec3, p: DVec3) -> Closest {
+    let at = |shares: [f64; 3]| Closest {
+        point: corners[0] * shares[0] + corners[1] * shares[1] + corners[2] * shares[2],
+        shares,
+    };
+    let on_side = |k: usize| {
+        let (a, way) = (corners[k], corners[(k + 1) % 3] - corners[k]);
+        let share = way.dot(p - a) / way.length_squared();
+        let share = if share.is_nan() {
+            0.0
+        } else {
+            share.clamp(0.0, 1.0)
+        };
+        let mut shares = [0.0; 3];
+        (shares[k], shares[(k + 1) % 3]) = (1.0 - share, share);
+        at(shares)
+    };
+    // Twice the areas between `p` and the sides, each opposite to a corner.
+    let to = corners.map(|corner| corner - p);
+    let areas = [(1, 2), (2, 0), (0, 1)].map(|(k, l)| normal.dot(to[k].cross(to[l])));
+    let sum: f64 = areas.iter().sum();
+    let inner = (areas.iter().all(|&area| area >= 0.0) && sum > 0.0)
+        .then(|| at(areas.map(|area| area / sum)));
+    [0, 1, 2]
+        .map(on_side)
+        .into_iter()
+        .chain(inner)
+        .min_by(|a, b| {
+            let [a, b] = [a, b].map(|x| x.point.distance_squared(p));
+            a.total_cmp(&b)
+        })
+        .expect("there are three sides")
 }
 
 /// The four parts of a triangle with these corners, divided at a place on each side;
@@ -278,6 +320,30 @@ mod tests {
                     let other = corners[0] * a + corners[1] * b + corners[2] * c;
                     assert!(other.distance(p) >= found.point.distance(p) - 1e-12);
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn narrow_triangles_have_nearest_points() {
+        let mut next = numbers();
+        for height in (0..40).map(|k| 0.5_f64.powi(2 * k)) {
+            for _ in 0..50 {
+                let [x, y] = [next(), next()].map(|x| 0.5 + 0.5 * x);
+                // Turned into space; above the point with that share of the two sides that meet.
+                let map = |p: DVec3| {
+                    DVec3::new(
+                        0.6 * p.x - 0.8 * p.y,
+                        0.64 * p.x + 0.48 * p.y - 0.6 * p.z,
+                        0.48 * p.x + 0.36 * p.y + 0.8 * p.z,
+                    )
+                };
+                let corners = [DVec3::ZERO, DVec3::X, DVec3::new(0.3, height, 0.0)].map(map);
+                let [_, b, c] = corners;
+                let below = b * (x * (1.0 - y)) + c * y;
+                let p = below + map(DVec3::Z);
+                let found = closest(corners, p).point;
+                assert!(found.distance(below) < 1e-7, "{height} {found} {below}");
             }
         }
     }
