@@ -9,7 +9,7 @@ use crate::{Surface, SurfaceDerivatives};
 /// Steps of the iteration.
 const STEPS: usize = 40;
 
-/// Steps below this share of the domain end the iteration.
+/// Where the next step would be below this share of the domain, the iteration ends.
 const SMALLEST: f64 = 4.0 * f64::EPSILON;
 
 /// Samples of a surface along one parameter.
@@ -234,23 +234,31 @@ impl<'a> Nearby<'a> {
         let mut d = self.surface.derivatives(self.wrapped(uv));
         let mut best = d.point.distance_squared(target);
         let mut work = self.mixed;
+        let mut before = 0.0;
         for _ in 0..STEPS {
             work += self.mixed;
-            let next = self.clamped(uv + self.step(&d, target - d.point, uv, damping));
+            let miss = target - d.point;
+            let next = self.clamped(uv + self.step(&d, miss, uv, damping));
             let moved = ((next - uv) / (self.end - self.start)).abs().max_element();
+            let gain = DVec2::new(d.du.dot(miss), d.dv.dot(miss)).dot(next - uv);
             let then = self.surface.derivatives(self.wrapped(next));
             let distance = then.point.distance_squared(target);
             if distance <= best {
                 (uv, d, best) = (next, then, distance);
                 damping *= 0.1;
+            } else if gain <= f64::EPSILON * best {
+                // Nothing but rounding errors.
+                break;
             } else {
                 damping = (damping * 10.0_f64).max(1e-3);
             }
-            // A step that is not a number is the last one, too.
-            let goes_on = moved > SMALLEST;
+            // Steps become smaller at least as fast as they did. One that is not a number is the last, too.
+            let goes_on =
+                moved > SMALLEST && (before <= 0.0 || moved * (moved / before) > SMALLEST);
             if !goes_on {
                 break;
             }
+            before = moved;
         }
         Nearest {
             uv,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DAffine2, DVec2};
 
 use crate::trim::shifts;
-use crate::{Aabb, Curve, MaterialId, Surface, TrimLoop, TrimRegion};
+use crate::{Aabb, Curve, KnotVector, MaterialId, Surface, TrimLoop, TrimRegion};
 
 /// A face: a surface, the loops that trim it, and a material.
 ///
@@ -41,17 +41,26 @@ impl Patch {
     /// A box around the face: around the control points of that part of the surface where its
     /// loops are, which may be a small one.
     pub fn hull_bounds(&self) -> Aabb {
-        let [u, v] = [self.surface.knots_u(), self.surface.knots_v()].map(|k| k.domain());
-        let curves = self.trim_curves();
         let (mut min, mut max) = (DVec2::MAX, DVec2::MIN);
-        for point in curves.iter().flat_map(Curve::points) {
-            (min, max) = (min.min(point), max.max(point));
+        for (shift, trim) in self.shifted() {
+            let hull = trim.hull();
+            (min, max) = (min.min(hull.0 + shift), max.max(hull.1 + shift));
         }
-        let part = self
-            .surface
-            .restricted_u(min.x.max(u.start)..max.x.min(u.end))
-            .and_then(|part| part.restricted_v(min.y.max(v.start)..max.y.min(v.end)));
-        part.as_ref().unwrap_or(&self.surface).hull_bounds()
+        // What is clamped and all of it there is no smaller for being cut.
+        let part = |knots: &KnotVector, from: f64, to: f64| {
+            let whole = knots.domain();
+            let range = from.max(whole.start)..to.min(whole.end);
+            (range != whole || !knots.is_clamped()).then_some(range)
+        };
+        let own = &self.surface;
+        let along_u = part(own.knots_u(), min.x, max.x);
+        let part = match (along_u, part(own.knots_v(), min.y, max.y)) {
+            (None, None) => return own.hull_bounds(),
+            (Some(u), None) => own.restricted_u(u),
+            (None, Some(v)) => own.restricted_v(v),
+            (Some(u), Some(v)) => own.restricted_u(u).and_then(|part| part.restricted_v(v)),
+        };
+        part.as_ref().unwrap_or(own).hull_bounds()
     }
 
     /// Texture coordinates at parameters of the domain.
@@ -76,17 +85,28 @@ impl Patch {
     /// stands once for each shift by whole periods that brings it into the domain. They may
     /// leave the domain.
     pub fn trim_curves(&self) -> Vec<Curve<DVec2>> {
+        let mut curves = Vec::new();
+        for (shift, trim) in self.shifted() {
+            let map = DAffine2::from_translation(shift);
+            curves.extend(trim.segments().iter().map(|curve| curve.transformed(&map)));
+        }
+        curves
+    }
+
+    /// The loops, each with the shifts that bring it into the domain.
+    fn shifted(&self) -> Vec<(DVec2, &TrimLoop)> {
+        if self.loops.is_empty() {
+            return Vec::new();
+        }
         let [u, v] = [&self.surface.knots_u(), &self.surface.knots_v()].map(|k| k.domain());
         let domain = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
         let closed = self.surface.closed();
-        let mut curves = Vec::new();
-        for trim in &self.loops {
-            for shift in shifts(trim, domain, closed) {
-                let map = DAffine2::from_translation(shift);
-                curves.extend(trim.segments().iter().map(|curve| curve.transformed(&map)));
-            }
-        }
-        curves
+        let of = |trim| {
+            shifts(trim, domain, closed)
+                .into_iter()
+                .map(move |s| (s, trim))
+        };
+        self.loops.iter().flat_map(of).collect()
     }
 }
 

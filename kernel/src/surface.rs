@@ -272,18 +272,19 @@ impl Surface {
 
     /// The curve `u = constant`, over the domain of v; `u` is clamped to its domain.
     pub fn iso_curve_u(&self, u: f64) -> Curve<DVec3> {
-        let Range { start, end } = self.knots_u.domain();
-        let u = u.max(start).min(end);
-        let point = |column: Vec<_>| {
-            let [point] = spline::derivatives(&self.knots_u, &column, u);
-            point
-        };
-        Curve::trusted((self.knots_v.clone(), self.columns().map(point).collect()))
+        self.transposed().iso_curve_v(u)
     }
 
     /// The curve `v = constant`, over the domain of u; `v` is clamped to its domain.
     pub fn iso_curve_v(&self, v: f64) -> Curve<DVec3> {
-        self.transposed().iso_curve_u(v)
+        let Range { start, end } = self.knots_v.domain();
+        let v = v.max(start).min(end);
+        let point = |row: &[DVec4]| {
+            let [point] = spline::derivatives(&self.knots_v, row, v);
+            point
+        };
+        let rows = self.points.chunks_exact(self.knots_v.count());
+        Curve::trusted((self.knots_u.clone(), rows.map(point).collect()))
     }
 
     /// The points at the four corners of the domain, `[u][v]`: the first index says whether

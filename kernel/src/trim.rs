@@ -25,7 +25,7 @@ pub use region::{Cover, TrimRegion};
 
 use crate::{Curve, Error};
 
-/// Points on each piece of a curve for the area of a loop.
+/// Points on each piece of a curve that is not straight for the area of a loop.
 const SAMPLES: usize = 8;
 
 /// Areas of loops below this share of that of their domain are none.
@@ -102,14 +102,15 @@ impl TrimLoop {
         Self { segments }
     }
 
-    /// The area inside, about, by points on every piece; positive if the loop runs
+    /// The area inside, about, by points on every curved piece; positive if the loop runs
     /// counter-clockwise.
     pub fn signed_area(&self) -> f64 {
         let mut points: Vec<DVec2> = Vec::new();
         for curve in &self.segments {
+            let count = if is_straight(curve) { 1 } else { SAMPLES };
             for piece in curve.knots().breaks().windows(2) {
-                let step = (piece[1] - piece[0]) / SAMPLES as f64;
-                points.extend((0..SAMPLES).map(|i| curve.evaluate(piece[0] + step * i as f64)));
+                let step = (piece[1] - piece[0]) / count as f64;
+                points.extend((0..count).map(|i| curve.evaluate(piece[0] + step * i as f64)));
             }
         }
         let Some(&first) = points.first() else {
@@ -141,13 +142,26 @@ impl TrimLoop {
             share.min_element() > ASIDE && share.max_element() < 1.0 - ASIDE
         };
         let reaches_in = |l: &Self| l.segments.iter().any(begins_inside) && !is_flat(l);
-        if loops.is_empty() || loops.iter().any(reaches_in) {
+        // One that runs around twice has nothing inside.
+        let is_within = |l: &Self| {
+            let (low, high) = l.hull();
+            let near = size * ASIDE;
+            let most = (high - low + near).element_product();
+            let is_inside = low.cmpge(min - near).all() && high.cmple(max + near).all();
+            is_inside && (NO_AREA * size.x * size.y..=most).contains(&l.signed_area().abs())
+        };
+        let is_alone_within = matches!(loops, [one] if is_within(one));
+        if loops.is_empty() || is_alone_within || loops.iter().any(reaches_in) {
             return Ok(());
         }
         let of = |loops: &[Self]| TrimRegion::periodic(loops, [u.clone(), v.clone()], closed);
         let region = of(loops);
         if region.is_empty() {
-            let is_outside = |l: &Self| !is_flat(l) && of(std::slice::from_ref(l)).is_empty();
+            let is_outside = |l: &Self| {
+                let (low, high) = l.hull();
+                let is_beside = low.cmpge(max).any() || high.cmple(min).any();
+                is_beside && !is_flat(l) && of(std::slice::from_ref(l)).is_empty()
+            };
             if !loops.iter().all(is_outside) {
                 return Err(Error::NothingInside);
             }
@@ -191,4 +205,11 @@ impl TrimLoop {
     pub fn segments(&self) -> &[Curve<DVec2>] {
         &self.segments
     }
+}
+
+/// Whether the pieces of a curve plainly are straight lines, perhaps run along to and fro.
+fn is_straight(curve: &Curve<DVec2>) -> bool {
+    let first = curve.start();
+    let is_along = |axis: usize| curve.points().all(|p| (p[axis] - first[axis]).abs() <= 0.0);
+    curve.degree() == 1 || is_along(0) || is_along(1)
 }

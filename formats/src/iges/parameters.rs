@@ -260,6 +260,11 @@ pub(super) fn integer(text: &[u8]) -> Option<i64> {
 
 /// A finite real number with the exponent letter E or D; blanks inside are ignored.
 pub(super) fn real(text: &[u8]) -> Option<f64> {
+    let value = |text: &[u8]| -> Option<f64> { std::str::from_utf8(text).ok()?.parse().ok() };
+    let is_plain = |b: &u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'E' | b'e');
+    if text.iter().all(is_plain) {
+        return value(text).filter(|value| value.is_finite());
+    }
     let mut buffer = [0_u8; NUMBER];
     let mut length = 0;
     for &b in text {
@@ -272,8 +277,7 @@ pub(super) fn real(text: &[u8]) -> Option<f64> {
         *buffer.get_mut(length)? = clean;
         length += 1;
     }
-    let text = std::str::from_utf8(&buffer[..length]).ok()?;
-    text.parse().ok().filter(|value: &f64| value.is_finite())
+    value(&buffer[..length]).filter(|value| value.is_finite())
 }
 
 #[cfg(test)]

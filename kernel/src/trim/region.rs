@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3};
 
 use super::TrimLoop;
 use super::monotone::{Rect, Segments};
-use crate::{Curve, Patch};
+use crate::Patch;
 
 /// Points of loops so near to a border of the domain, as a share of the domain, are on it.
 const SNAP: f64 = 1e-9;
@@ -391,25 +391,31 @@ fn add(segments: &mut Segments, trim: &TrimLoop, shift: DVec2, domain: &Rect) {
         }
         p
     };
-    let pieces: Vec<Vec<DVec3>> = trim
-        .segments
-        .iter()
-        .flat_map(Curve::bezier_pieces)
-        .map(|piece| {
-            let moved = |h: &DVec3| *h + (shift * h.z).extend(0.0);
-            piece.homogeneous().iter().map(moved).collect()
-        })
-        .collect();
+    // The control points of all Bézier pieces, and where each of these begins.
+    let (mut points, mut starts): (Vec<DVec3>, Vec<usize>) = Default::default();
+    for curve in &trim.segments {
+        let mut push = |piece: &[DVec3]| {
+            starts.push(points.len());
+            points.extend(piece.iter().map(|h| *h + (shift * h.z).extend(0.0)));
+        };
+        if curve.knots().is_bezier() {
+            push(curve.homogeneous());
+        } else {
+            let pieces = curve.bezier_pieces();
+            pieces.iter().for_each(|piece| push(piece.homogeneous()));
+        }
+    }
     let point = |h: &DVec3| snap(h.truncate() / h.z);
-    let Some(first) = pieces.first().map(|piece| point(&piece[0])) else {
+    let Some(first) = points.first().map(point) else {
         return;
     };
     let mut before = first;
-    for (k, piece) in pieces.iter().enumerate() {
-        let next = if k + 1 == pieces.len() {
-            first
-        } else {
-            point(&piece[piece.len() - 1])
+    for (k, &start) in starts.iter().enumerate() {
+        let end = starts.get(k + 1);
+        let piece = &points[start..*end.unwrap_or(&points.len())];
+        let next = match end {
+            Some(_) => point(&piece[piece.len() - 1]),
+            None => first,
         };
         segments.add(piece, [before, next], snap);
         before = next;

@@ -84,6 +84,15 @@ fn loops_with_nothing_inside_are_told() {
     );
     let border = TrimLoop::border(&(0.0..1.0), &(0.0..1.0)).unwrap();
     assert_eq!(check(&[flat, border]), Ok(()));
+    // Around the whole domain twice.
+    let corners = [0.0, 1.0]
+        .map(|u| [[u, 0.0], [u, 1.0]])
+        .as_flattened()
+        .to_vec();
+    let around = [0, 2, 3, 1, 0, 2, 3, 1, 0].map(|k| corners[k]);
+    let sides = around.windows(2).map(|w| line(w[0], w[1]));
+    let twice = TrimLoop::new(sides.collect(), 0.0).unwrap();
+    assert_eq!(check(&[twice]), Err(Error::NothingInside));
     // The halves of an eight have no area together.
     let corners = [[0.2, 0.2], [0.8, 0.8], [0.8, 0.2], [0.2, 0.8]];
     let sides = [0, 1, 2, 3].map(|i| line(corners[i], corners[(i + 1) % 4]));
