@@ -429,7 +429,7 @@ impl<'a> Mesher<'a> {
         let found = if shape > 1.0 && !proven {
             (shape, f64::INFINITY)
         } else {
-            let (ratio, distance) = self.distance(&corners);
+            let (ratio, distance) = self.distance(inner, &corners);
             (ratio.max(shape), distance)
         };
         self.known[inner.place] = (inner.corners, found);
@@ -437,7 +437,7 @@ impl<'a> Mesher<'a> {
     }
 
     /// How much a triangle uses of the tolerance, and how far the surface is from it at most.
-    fn distance(&self, corners: &[Vertex; 3]) -> (f64, f64) {
+    fn distance(&self, inner: &Inner, corners: &[Vertex; 3]) -> (f64, f64) {
         let (uvs, points) = (corners.map(|v| v.uv), corners.map(|v| v.position));
         if self.is_folded(uvs, points) {
             return (f64::INFINITY, f64::INFINITY);
@@ -454,7 +454,16 @@ impl<'a> Mesher<'a> {
         }
         // What is seen to be too far needs no better bound.
         let is_far = || deviation::triangle(&self.face.pieces, uvs, points) - gap > limit;
-        let bound = self.face.pieces.off_flat(uvs, limit, is_far);
+        let off = |uvs| self.face.pieces.off_flat(uvs, limit, is_far);
+        let bound = if self.is_line(uvs) {
+            // What lies between its sides is no farther away than they are. Those that are shared are proven
+            // where they are made.
+            let own = (0..3).filter(|&side| !self.is_fixed(inner, side));
+            let sides = own.map(|side| (uvs[side], uvs[(side + 1) % 3]));
+            sides.map(|(a, b)| off([a, b, b])).fold(0.0, f64::max)
+        } else {
+            off(uvs)
+        };
         (bound / limit, bound + gap)
     }
 
