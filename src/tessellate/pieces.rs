@@ -262,6 +262,7 @@ impl<'a> Pieces<'a> {
             if whole <= enough {
                 return whole;
             }
+            let bound = |spread: &Spread| bound(spread).min(whole);
             let part = match self.part(i, j, rect) {
                 Part::Done(spread) => return bound(&spread),
                 Part::Cut(net) => net,
@@ -276,6 +277,7 @@ impl<'a> Pieces<'a> {
         if whole <= enough {
             return whole;
         }
+        let bound = |spread: &Spread| bound(spread).min(whole);
         if self.is_costly {
             let rough = bound(&self.joint(around, |i, j| self.part(i, j, rect).rough()));
             if will_do(rough) {
