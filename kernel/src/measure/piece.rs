@@ -1,5 +1,6 @@
 //! Integrals over rectangles of one Bézier piece, and from its left border to a curve.
 
+use std::cell::Cell;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
@@ -9,6 +10,10 @@ use crate::{BezierSurface, Curve, MAX_DEGREE};
 
 /// How often an interval or rectangle is halved at most.
 const HALVINGS: u32 = 14;
+
+/// Intervals to which the rule is applied in one piece, before no more is halved: what then still differs is
+/// told as the error.
+const INTERVALS: u32 = 1 << 20;
 
 /// Fewest and most nodes along one direction.
 const NODES: Range<usize> = 6..17;
@@ -56,6 +61,8 @@ pub(super) struct Piece {
     rules: [Rule; 2],
     /// Errors that are small enough for one rectangle.
     tolerance: Sums,
+    /// How many more intervals there may be.
+    left: Cell<u32>,
 }
 
 /// A column of control points: the piece at one `t`, and its derivative along `t`.
@@ -76,6 +83,7 @@ impl Piece {
             points: piece.homogeneous().iter().map(moved).collect(),
             rules: degrees.map(|p| Rule::new(count(p))),
             tolerance,
+            left: Cell::new(INTERVALS),
         }
     }
 
@@ -125,11 +133,18 @@ impl Piece {
 
     /// One application of the rule to an interval of a row.
     fn line(&self, row: &Row, s: [f64; 2]) -> Sums {
+        self.left.set(self.left.get().saturating_sub(1));
         let mut sums = Sums::default();
         for &(x, weight) in &self.rules[0].nodes {
             sums += self.density(row, s[0] + (s[1] - s[0]) * x) * weight;
         }
         sums * (s[1] - s[0])
+    }
+
+    /// Whether halving makes an integral better; what is not a number stays so.
+    fn is_halved(&self, level: u32, error: &Sums) -> bool {
+        let has_room = level < HALVINGS && self.left.get() > 0;
+        has_room && error.is_finite() && !error.is_within(&self.tolerance)
     }
 
     /// The integral over a rectangle, and its error.
@@ -147,11 +162,11 @@ impl Piece {
             let parts = quarters.map(|(s, t)| (s, t, self.rectangle(s, t), level + 1));
             let sum = parts.iter().fold(Sums::default(), |sum, p| sum + p.2);
             let error = (sum - whole).abs();
-            if level >= HALVINGS || error.is_within(&self.tolerance) {
+            if self.is_halved(level, &error) {
+                waiting.extend(parts);
+            } else {
                 total.0 += sum;
                 total.1 += error;
-            } else {
-                waiting.extend(parts);
             }
         }
         total
@@ -166,10 +181,10 @@ impl Piece {
             let halves = [[s[0], middle], [middle, s[1]]];
             let parts = halves.map(|s| (s, self.line(row, s), level + 1));
             let sum = parts[0].1 + parts[1].1;
-            if level >= HALVINGS || (sum - whole).abs().is_within(&self.tolerance) {
-                total += sum;
-            } else {
+            if self.is_halved(level, &(sum - whole).abs()) {
                 waiting.extend(parts);
+            } else {
+                total += sum;
             }
         }
         total
@@ -196,11 +211,11 @@ impl Piece {
             let parts = halves.map(|range| (range, apply(range), level + 1));
             let sum = parts[0].1 + parts[1].1;
             let error = (sum - whole).abs();
-            if level >= HALVINGS || error.is_within(&self.tolerance) {
+            if self.is_halved(level, &error) {
+                waiting.extend(parts);
+            } else {
                 total.0 += sum;
                 total.1 += error;
-            } else {
-                waiting.extend(parts);
             }
         }
         total

@@ -60,6 +60,11 @@ impl Sums {
         self.0.iter().zip(&tolerance.0).all(|(a, b)| a <= b)
     }
 
+    /// Whether all are numbers.
+    pub(super) fn is_finite(&self) -> bool {
+        self.0.iter().all(|x| x.is_finite())
+    }
+
     /// The integrals that do not turn round with the normal, and no other.
     pub(super) fn areas(self) -> Self {
         let keep = |k: usize| matches!(k, 0 | 5..=7);

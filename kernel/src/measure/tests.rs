@@ -162,3 +162,17 @@ fn boxes_touch_the_extreme_points() {
     let bounds = Patch::from(saddle).bounds();
     assert!((bounds.max.z - 1.5).abs() < 1e-7, "{bounds:?}");
 }
+
+#[test]
+fn what_cannot_be_integrated_ends() {
+    let bezier = |height: f64| {
+        let knots = KnotVector::bezier(2, 0.0..1.0).unwrap();
+        let place = |k: usize| DVec3::new((k / 3) as f64, (k % 3) as f64, 0.0);
+        let mut points: Vec<DVec3> = (0..9).map(place).collect();
+        points[4].z = height;
+        Surface::new(knots.clone(), knots, &points, None).unwrap()
+    };
+    assert!(integrals(&bezier(1.0)).area_error() < 1e-9);
+    // Its squares are no numbers.
+    assert!(!integrals(&bezier(1e160)).area().is_finite());
+}
