@@ -131,6 +131,21 @@ fn outputs_are_made_again_when_anything_has_changed() {
     assert_eq!(from_input("samples/teapot.obj"), "ok");
 }
 
+/// A closed pipe or a full disk takes no messages.
+#[cfg(target_os = "linux")]
+#[test]
+fn files_are_made_where_messages_cannot_be_written() {
+    let place = Place::new();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full");
+    let run = Command::new(env!("CARGO_BIN_EXE_nurbray"))
+        .args(["convert", "samples/can.igs", "-o", "can.stl"])
+        .current_dir(place.path(""))
+        .stderr(full.unwrap())
+        .status();
+    assert_eq!(run.unwrap().code(), Some(0));
+    assert_eq!(place.files(), ["can.stl"]);
+}
+
 #[test]
 fn no_input_is_written_over() {
     let place = Place::new();
@@ -144,6 +159,7 @@ fn no_input_is_written_over() {
     for line in [
         "convert x.obj -o z.obj",
         "convert x.obj -o ./x.obj",
+        "convert x.obj -o new/../x.obj",
         "convert samples/goblet.x3d x.obj -o x.obj",
         "model h.dcm -o h.dcm",
         "model ball.csv -o samples/../ball.csv",

@@ -179,6 +179,11 @@ fn nothing_is_left_behind_when_writing_fails() {
     let run = place.run("convert samples/teapot.obj -o t.igs");
     assert_eq!(run.code, Some(2));
     assert_eq!(place.files(), ["t.igs"]);
+    // Nor is what would stand beside it.
+    fs::create_dir_all(place.path("t.obj/occupied")).unwrap();
+    let run = place.run("convert samples/teapot.obj -o t.obj");
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert_eq!(place.files(), ["t.igs", "t.obj"]);
     let run = place.run("convert samples/teapot.obj -o ok.igs");
     assert_eq!(run.code, Some(0));
     let import = open(place.path("ok.igs"), &Limits::default()).unwrap();

@@ -2,7 +2,7 @@
 //! is named by such a file, nor over what another one writes.
 
 use std::collections::{HashMap, HashSet};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::bail;
@@ -54,8 +54,7 @@ impl Claims {
 
     /// Whether a path is one of the inputs.
     pub(super) fn is_input(&self, path: &Path) -> bool {
-        let place = path.canonicalize().ok();
-        place.is_some_and(|place| self.inputs.contains(&place))
+        self.inputs.contains(&place(path))
     }
 
     /// Claims the places of all that is written for a file of this number.
@@ -113,18 +112,19 @@ impl Claims {
     }
 }
 
-/// Where a path leads, also before anything stands there.
+/// Where a path leads, also before anything stands there: what is not there will be made as a folder.
 fn place(path: &Path) -> PathBuf {
-    let mut above = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let mut below = Vec::new();
-    loop {
-        if let Ok(real) = above.canonicalize() {
-            return real.join(below.iter().rev().collect::<PathBuf>());
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut place = PathBuf::new();
+    for part in whole.components() {
+        if part == Component::ParentDir {
+            place.pop();
+        } else {
+            place.push(part);
         }
-        let Some(name) = above.file_name() else {
-            return path.to_owned();
-        };
-        below.push(name.to_owned());
-        above.pop();
+        if let Ok(real) = place.canonicalize() {
+            place = real;
+        }
     }
+    place
 }

@@ -397,12 +397,18 @@ pub(super) fn store(path: &Path, export: &Export) -> anyhow::Result<()> {
     let folder = output::folder(path);
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let beside = export.beside.iter().map(|(_, bytes)| bytes);
-    for (path, bytes) in outputs(path, export)
-        .iter()
-        .zip(beside.chain([&export.bytes]))
-    {
+    let paths = outputs(path, export);
+    let is_new: Vec<bool> = paths.iter().map(|path| !path.exists()).collect();
+    for (k, bytes) in beside.chain([&export.bytes]).enumerate() {
+        let path = &paths[k];
         let fill = |file: &mut BufWriter<fs::File>| file.write_all(bytes);
-        output::replace_file(path, fill).with_context(|| path.display().to_string())?;
+        if let Err(error) = output::replace_file(path, fill) {
+            // What is beside a file that is not there is of no use.
+            for (path, _) in paths.iter().zip(&is_new).take(k).filter(|(_, new)| **new) {
+                let _ = fs::remove_file(path);
+            }
+            return Err(error).with_context(|| path.display().to_string());
+        }
     }
     Ok(())
 }

@@ -34,11 +34,16 @@ pub(super) fn report(line: &Value) -> io::Result<()> {
     }
 }
 
-/// Prints a line to standard error.
+/// Prints a line to standard error; work goes on where nobody can read it.
 macro_rules! say {
     ($($part:tt)*) => {
-        eprintln!("{}", $crate::cli::say::visible(&format!($($part)*)))
+        $crate::cli::say::tell(&format!($($part)*))
     };
+}
+
+/// See [`say`].
+pub(super) fn tell(text: &str) {
+    let _ = writeln!(io::stderr(), "{}", visible(text));
 }
 
 pub(super) use say;

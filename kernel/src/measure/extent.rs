@@ -1,14 +1,16 @@
 //! The least box around a face: its extreme points, inside and along its boundary.
 
-use glam::{DVec2, DVec3};
+use std::ops::Range;
 
-use crate::trim::{aside, shifts};
-use crate::{Aabb, BezierSurface, Cover, Curve, Patch, Surface, TrimRegion};
+use glam::{DVec2, DVec3, DVec4};
+
+use crate::trim::{aside, crossings, shifts};
+use crate::{Aabb, BezierSurface, Cover, Curve, KnotVector, Patch, Surface, TrimRegion};
 
 /// How far the box may be too small, as a share of the size of the control net.
 pub(super) const ACCURACY: f64 = 1e-8;
 
-/// Parts of each piece of a trim curve that are searched for an extreme point.
+/// Parts of each piece of a trim curve within one piece of the surface that are searched for an extreme point.
 const PARTS: usize = 16;
 
 /// Halvings of such a part.
@@ -67,14 +69,15 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
         for shift in shifts(trim, corners, closed) {
             for curve in trim.segments().iter().flat_map(Curve::bezier_pieces) {
                 let on = |t: f64| on_surface(surface, &curve, shift, corners, t);
-                let domain = curve.domain();
-                let step = (domain.end - domain.start) / PARTS as f64;
-                for k in 0..PARTS {
-                    let from = domain.start + step * k as f64;
+                for (from, step) in parts(surface, &curve, shift) {
                     let divides = |share: &f64| {
                         let (point, left) = aside(&curve, from + step * share, size);
                         let point = point + shift;
-                        region.contains(point + left) != region.contains(point - left)
+                        // Beyond a seam nothing is looked at: the face ends there, too.
+                        let holds = |uv: DVec2| {
+                            uv.clamp(corners[0], corners[1]) == uv && region.contains(uv)
+                        };
+                        holds(point + left) != holds(point - left)
                     };
                     if is_alone || [0.01, 0.5, 0.99].iter().any(divides) {
                         along(&on, [from, from + step], bounds);
@@ -83,6 +86,32 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
             }
         }
     }
+}
+
+/// Parts of a Bézier piece of a trim curve, none over a knot of the surface: starts and lengths.
+fn parts(surface: &Surface, curve: &Curve<DVec2>, shift: DVec2) -> Vec<(f64, f64)> {
+    let Range { start, end } = curve.domain();
+    let mut cuts = vec![start, end];
+    for (axis, knots) in [surface.knots_u(), surface.knots_v()]
+        .into_iter()
+        .enumerate()
+    {
+        for knot in knots.breaks() {
+            let shares = crossings(curve.homogeneous(), axis, knot - shift[axis]);
+            cuts.extend(
+                shares
+                    .into_iter()
+                    .map(|share| start + (end - start) * share),
+            );
+        }
+    }
+    cuts.sort_by(f64::total_cmp);
+    let pairs = cuts.windows(2).filter(|pair| pair[0] < pair[1]);
+    let divided = pairs.flat_map(|pair| {
+        let (from, step) = (pair[0], (pair[1] - pair[0]) / PARTS as f64);
+        (0..PARTS).map(move |k| (from + step * k as f64, step))
+    });
+    divided.collect()
 }
 
 /// Point and derivative at a parameter of a trim curve, on the border where it leaves the
@@ -177,10 +206,17 @@ impl Search<'_> {
             if self.reach(&part.hull_bounds()) <= self.reach(&self.best) + self.slack {
                 continue;
             }
-            let is_settled = is_monotonous(&net, row, self.axis)
-                && (level >= RATIONAL_HALVINGS || !is_rational(&part));
-            // The border has been looked at where there are loops.
-            if level >= HALVINGS || (is_settled && self.region.is_some()) {
+            let is_sure = level >= RATIONAL_HALVINGS || !is_rational(&part);
+            let way = one_way(&net, row, self.axis).filter(|_| is_sure);
+            // Inside there is nothing then. The loops have been looked at; the sides that it leads to may be a
+            // ridge between two parts.
+            if let Some(region) = self.region
+                && let Some(way) = way
+            {
+                self.examine_sides(&part, way, region);
+                continue;
+            }
+            if level >= HALVINGS {
                 continue;
             }
             let halves = if level % 2 == 0 {
@@ -191,6 +227,67 @@ impl Search<'_> {
             waiting.extend(halves.map(|half| (half, level + 1)));
         }
     }
+
+    /// Looks at the sides at both ends of a direction.
+    fn examine_sides(&mut self, part: &BezierSurface, way: usize, region: &TrimRegion) {
+        for (at, side) in sides(part, way) {
+            let mut waiting = vec![(side, 0)];
+            while let Some((side, level)) = waiting.pop() {
+                if self.reach(&side.hull_bounds()) <= self.reach(&self.best) + self.slack {
+                    continue;
+                }
+                let Range { start, end } = side.domain();
+                let cover = match way {
+                    0 => region.classify(at..at, start..end),
+                    _ => region.classify(start..end, at..at),
+                };
+                if cover == Cover::Outside {
+                    continue;
+                }
+                let place = |t: f64| {
+                    let mut uv = DVec2::splat(t);
+                    uv[way] = at;
+                    uv
+                };
+                for (t, point) in [(start, side.start()), (end, side.end())] {
+                    if region.contains(place(t)) {
+                        self.best = self.best.including(point);
+                    }
+                }
+                let points: Vec<DVec3> = side.points().collect();
+                let steps = points.windows(2).map(|pair| pair[1] - pair[0]);
+                if level < HALVINGS
+                    && !is_monotonous(steps.map(|step| step[self.axis]))
+                    && let Ok(halves) = side.split(start.midpoint(end))
+                {
+                    waiting.extend(halves.map(|half| (half, level + 1)));
+                }
+            }
+        }
+    }
+}
+
+/// The sides of a part at both ends of a direction, as curves over the other one.
+fn sides(part: &BezierSurface, way: usize) -> [(f64, Curve<DVec3>); 2] {
+    let (net, row) = (part.homogeneous(), part.degree_v() + 1);
+    let (ends, over, degree) = if way == 0 {
+        (part.u(), part.v(), part.degree_v())
+    } else {
+        (part.v(), part.u(), part.degree_u())
+    };
+    let last = net.len() - row;
+    let knots = [over.start, over.end].map(|end| vec![end; degree + 1]);
+    let knots = KnotVector::trusted(degree, knots.concat());
+    let side = |is_end: bool| -> Vec<DVec4> {
+        match (way, is_end) {
+            (0, false) => net[..row].to_vec(),
+            (0, true) => net[last..].to_vec(),
+            (_, false) => net.iter().step_by(row).copied().collect(),
+            (_, true) => net[row - 1..].iter().step_by(row).copied().collect(),
+        }
+    };
+    [(ends.start, false), (ends.end, true)]
+        .map(|(at, is_end)| (at, Curve::trusted((knots.clone(), side(is_end)))))
 }
 
 fn is_rational(part: &BezierSurface) -> bool {
@@ -198,19 +295,24 @@ fn is_rational(part: &BezierSurface) -> bool {
     net.iter().any(|h| (h.w - net[0].w).abs() > 0.0)
 }
 
-/// Whether a coordinate only grows or only falls along one of the directions of a net: there
-/// is no extreme point inside then.
-fn is_monotonous(net: &[DVec3], row: usize, axis: usize) -> bool {
-    let one_way = |differences: &mut dyn Iterator<Item = f64>| {
-        let (mut up, mut down) = (false, false);
-        for difference in differences {
-            up |= difference > 0.0;
-            down |= difference < 0.0;
-        }
-        !(up && down)
-    };
-    let across = &mut net.iter().zip(&net[row..]).map(|(a, b)| b[axis] - a[axis]);
+/// The direction of a net along which a coordinate only grows or only falls, if there is one: no point inside is
+/// extreme then.
+fn one_way(net: &[DVec3], row: usize, axis: usize) -> Option<usize> {
+    let across = net.iter().zip(&net[row..]).map(|(a, b)| b[axis] - a[axis]);
+    if is_monotonous(across) {
+        return Some(0);
+    }
     let rows = net.chunks_exact(row);
-    let along = &mut rows.flat_map(|row| row.windows(2).map(|pair| pair[1][axis] - pair[0][axis]));
-    one_way(across) || one_way(along)
+    let along = rows.flat_map(|row| row.windows(2).map(|pair| pair[1][axis] - pair[0][axis]));
+    is_monotonous(along).then_some(1)
+}
+
+/// Whether differences never change their sign.
+fn is_monotonous(differences: impl Iterator<Item = f64>) -> bool {
+    let (mut up, mut down) = (false, false);
+    for difference in differences {
+        up |= difference > 0.0;
+        down |= difference < 0.0;
+    }
+    !(up && down)
 }

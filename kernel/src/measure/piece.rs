@@ -13,7 +13,7 @@ const HALVINGS: u32 = 14;
 
 /// Intervals to which the rule is applied in one piece, before no more is halved: what then still differs is
 /// told as the error.
-const INTERVALS: u32 = 1 << 20;
+const INTERVALS: u32 = 1 << 17;
 
 /// Fewest and most nodes along one direction.
 const NODES: Range<usize> = 6..17;

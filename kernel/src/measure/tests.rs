@@ -176,3 +176,54 @@ fn what_cannot_be_integrated_ends() {
     // Its squares are no numbers.
     assert!(!integrals(&bezier(1e160)).area().is_finite());
 }
+
+/// A square in the parameter domain.
+fn window(from: DVec2, to: DVec2) -> TrimLoop {
+    TrimLoop::border(&(from.x..to.x), &(from.y..to.y)).unwrap()
+}
+
+#[test]
+fn boxes_hold_what_is_extreme_between_pieces_and_on_seams() {
+    // A part of a ring with a hole: its largest circle is farthest out on the seam and on borders of pieces.
+    let (u, v) = (0.0..TAU, -1.3..0.9);
+    let ring = crate::modelling::torus(&Frame::WORLD, 3.0, 1.0, u.clone(), v.clone()).unwrap();
+    let mut ring = Patch::from(ring);
+    ring.loops = vec![
+        TrimLoop::border(&u, &v).unwrap(),
+        window(DVec2::new(0.3, 0.2), DVec2::new(0.5, 0.4)),
+    ];
+    let bounds = ring.bounds();
+    let [low, high] = [-1.3_f64, 0.9].map(f64::sin);
+    assert!(
+        bounds.max.distance(DVec3::new(4.0, 4.0, high)) < 1e-6,
+        "{bounds:?}"
+    );
+    assert!(
+        bounds.min.distance(DVec3::new(-4.0, -4.0, low)) < 1e-6,
+        "{bounds:?}"
+    );
+}
+
+#[test]
+fn boxes_hold_what_is_extreme_where_one_line_of_a_loop_crosses_many_pieces() {
+    for count in [41, 60, 83] {
+        let knots = KnotVector::clamped_uniform(3, count, 0.0..1.0).unwrap();
+        let line = KnotVector::bezier(1, 0.0..1.0).unwrap();
+        // Waves that are not alike, over a strip that becomes higher to one side.
+        let height = |i: usize| (1.9 * i as f64).sin() * (1.0 + 0.3 * (0.7 * i as f64).cos());
+        let point = |k: usize| {
+            let (i, j) = (k / 2, (k % 2) as f64);
+            DVec3::new(i as f64, j, height(i) + j)
+        };
+        let points: Vec<DVec3> = (0..2 * count).map(point).collect();
+        let strip = Surface::new(knots, line, &points, None).unwrap();
+        let highest = (0..=200_000)
+            .map(|k| 0.03 + 0.94 * f64::from(k) / 200_000.0)
+            .map(|u| strip.evaluate(DVec2::new(u, 0.9)).z)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let mut strip = Patch::from(strip);
+        strip.loops = vec![window(DVec2::new(0.03, 0.1), DVec2::new(0.97, 0.9))];
+        let found = strip.bounds().max.z;
+        assert!((found - highest).abs() < 1e-6, "{count}: {found} {highest}");
+    }
+}

@@ -234,17 +234,13 @@ impl Out {
     }
 }
 
-/// A name that every spelling takes: letters, digits and `_`, no digit first.
+/// A name that every spelling takes: letters of any script, digits, `_` and `-`, neither digit nor `-` first.
 pub(super) fn identifier(name: &str) -> String {
-    let legal = |c: char| {
-        if c.is_alphanumeric() && c.is_ascii() {
-            c
-        } else {
-            '_'
-        }
-    };
+    let is_letter = |c: char| c.is_ascii_alphabetic() || c >= '\u{c0}' && c.is_alphabetic();
+    let is_legal = |c: &char| is_letter(*c) || c.is_ascii_digit() || matches!(c, '_' | '-');
+    let legal = |c: char| Some(c).filter(is_legal).unwrap_or('_');
     let mut text: String = name.chars().map(legal).collect();
-    if text.is_empty() || text.starts_with(|c: char| c.is_ascii_digit()) {
+    if !text.starts_with(|c: char| is_letter(c) || c == '_') {
         text.insert(0, '_');
     }
     text
@@ -315,6 +311,8 @@ mod tests {
     fn names_and_strings_are_legal() {
         assert_eq!(identifier("4 wheels"), "_4_wheels");
         assert_eq!(identifier(""), "_");
+        assert_eq!(identifier("surface-1"), "surface-1");
+        assert_eq!(identifier("-にわとり 1."), "_-にわとり_1_");
         assert_eq!(quoted("a \"b\" \\"), r#""a \"b\" \\""#);
         assert_eq!(escaped("<a & \"b\">"), "&lt;a &amp; &quot;b&quot;&gt;");
     }
