@@ -190,6 +190,26 @@ fn closed_surfaces_that_touch_are_bodies_of_their_own() {
 }
 
 #[test]
+fn walls_between_bodies_leave_no_volume_that_is_false() {
+    let face = |corner: DVec3, u: DVec3, v: DVec3| {
+        Patch::from(modelling::plane(corner, u, v, 0.0..1.0, 0.0..1.0).unwrap())
+    };
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let walls =
+        |low: DVec3| [(low, x), (low + y, x), (low, y), (low + x, y)].map(|(p, u)| face(p, u, z));
+    let cube = |low: DVec3| {
+        let ends = [low, low + z].map(|p| face(p, x, y));
+        ends.into_iter().chain(walls(low))
+    };
+    let cubes = || cube(DVec3::ZERO).chain(cube(z * 2.0));
+    let found = of_group(cubes());
+    assert_eq!((found.bodies.len(), found.open_faces), (2, 0));
+    // Three faces meet at an edge then, and every border meets another one.
+    let found = of_group(cubes().chain(walls(z)));
+    assert_eq!((found.bodies.len(), found.open_faces), (0, 16));
+}
+
+#[test]
 fn surfaces_with_a_border_are_no_bodies() {
     for name in ["teapot.obj", "two_surfaces.igs"] {
         let found = measured(name);

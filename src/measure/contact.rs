@@ -6,6 +6,7 @@
 
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve, Surface};
+use smallvec::SmallVec;
 
 use super::Face;
 use crate::sets::Sets;
@@ -238,7 +239,8 @@ impl Border {
         })
     }
 
-    /// The length of chords that meet no other curve of the borders around, itself among them.
+    /// The length of chords that meet no other curve of the borders around, itself among them, and of stretches
+    /// along which not all faces can be paired.
     fn open_length(&self, around: &[&Self]) -> f64 {
         let open = |stretch: &Stretch| {
             let near = around.iter().flat_map(|border| {
@@ -248,17 +250,35 @@ impl Border {
                 let others = others.filter(move |other| {
                     !(is_same && other.curve == stretch.curve) && stretch.may_meet(other, slack)
                 });
-                others.map(move |other| (other, slack))
+                others.map(move |other| (other, slack, border.number))
             });
             let near: Vec<_> = near.collect();
             let meets = |chord: &Chord| {
                 let own = chord.length() * GAP;
                 let mut others = near.iter();
-                others.any(|(other, slack)| other.has(chord.middle, own + slack, Chord::is_near))
+                others.any(|(other, slack, _)| other.has(chord.middle, own + slack, Chord::is_near))
             };
-            let long = stretch.chords.iter().filter(|chord| self.is_long(chord));
-            let alone = long.filter(|chord| !meets(chord));
-            alone.map(Chord::length).sum::<f64>()
+            let is_odd = |chord: &Chord| {
+                let on = near
+                    .iter()
+                    .filter(|(other, slack, _)| other.has(chord.middle, *slack, Chord::is_on));
+                let mut faces: SmallVec<[u32; 8]> = on.map(|(_, _, number)| *number).collect();
+                faces.sort_unstable();
+                faces.dedup();
+                faces.len() >= 2 && faces.len().is_multiple_of(2)
+            };
+            let long = || stretch.chords.iter().filter(|chord| self.is_long(chord));
+            let length = |chords: &mut dyn Iterator<Item = &Chord>| -> f64 {
+                chords.map(Chord::length).sum()
+            };
+            let all = length(&mut long());
+            let alone = length(&mut long().filter(|chord| !meets(chord)));
+            // Where others end, a chord meets both of them.
+            if length(&mut long().filter(|chord| is_odd(chord))) > 0.5 * all {
+                all
+            } else {
+                alone
+            }
         };
         self.stretches.iter().map(open).sum()
     }

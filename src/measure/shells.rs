@@ -9,6 +9,10 @@ use super::Face;
 use super::contact::Connected;
 use crate::{TessellateOptions, tessellate};
 
+/// Points of all faces together at most, and more for each face: one that takes many more is no part of a body
+/// that its triangles close.
+const POINTS: [usize; 2] = [100_000, 2_000];
+
 /// The faces of each closed shell of triangles, at each of its places, of those that are not in a body.
 pub(super) fn closed<'a>(
     scene: &Scene,
@@ -23,7 +27,13 @@ pub(super) fn closed<'a>(
     }
     let mut result = Vec::new();
     // Too many points tell nothing.
-    let shells = tessellate(scene, &TessellateOptions::default()).map(|t| t.shells);
+    let defaults = TessellateOptions::default();
+    let most_points = POINTS[0] + POINTS[1] * scene.patches().len();
+    let options = TessellateOptions {
+        most_points: most_points.min(defaults.most_points),
+        ..defaults
+    };
+    let shells = tessellate(scene, &options).map(|t| t.shells);
     let shells = shells.unwrap_or_default();
     for shell in shells.iter().filter(|shell| shell.is_closed()) {
         // Those of a shell stand at the same places, in the same order.

@@ -13,7 +13,7 @@ const HALVINGS: u32 = 14;
 
 /// Intervals to which the rule is applied in one piece, before no more is halved: what then still differs is
 /// told as the error.
-const INTERVALS: u32 = 1 << 17;
+const INTERVALS: u32 = 1 << 20;
 
 /// Fewest and most nodes along one direction.
 const NODES: Range<usize> = 6..17;
@@ -153,19 +153,21 @@ impl Piece {
         let mut waiting = vec![(s, t, self.rectangle(s, t), 0)];
         while let Some((s, t, whole, level)) = waiting.pop() {
             let (ms, mt) = (s[0].midpoint(s[1]), t[0].midpoint(t[1]));
-            let quarters = [
-                ([s[0], ms], [t[0], mt]),
-                ([ms, s[1]], [t[0], mt]),
-                ([s[0], ms], [mt, t[1]]),
-                ([ms, s[1]], [mt, t[1]]),
+            // Halved one way, and the other.
+            let ways = [
+                [([s[0], ms], t), ([ms, s[1]], t)],
+                [(s, [t[0], mt]), (s, [mt, t[1]])],
             ];
-            let parts = quarters.map(|(s, t)| (s, t, self.rectangle(s, t), level + 1));
-            let sum = parts.iter().fold(Sums::default(), |sum, p| sum + p.2);
-            let error = (sum - whole).abs();
-            if self.is_halved(level, &error) {
-                waiting.extend(parts);
+            let ways =
+                ways.map(|halves| halves.map(|(s, t)| (s, t, self.rectangle(s, t), level + 1)));
+            let gains = ways.map(|[a, b]| a.2 + b.2 - whole);
+            let [across, along] = gains.map(Sums::abs);
+            let error = across + along;
+            if self.is_halved(level / 2, &error) {
+                let along_t = along.share_of(&self.tolerance) > across.share_of(&self.tolerance);
+                waiting.extend(ways[usize::from(along_t)]);
             } else {
-                total.0 += sum;
+                total.0 += whole + gains[0] + gains[1];
                 total.1 += error;
             }
         }

@@ -60,6 +60,12 @@ impl Sums {
         self.0.iter().zip(&tolerance.0).all(|(a, b)| a <= b)
     }
 
+    /// The largest error, as a share of what is allowed.
+    pub(super) fn share_of(&self, tolerance: &Self) -> f64 {
+        let shares = self.0.iter().zip(&tolerance.0).map(|(a, b)| a / b);
+        shares.fold(0.0, f64::max)
+    }
+
     /// Whether all are numbers.
     pub(super) fn is_finite(&self) -> bool {
         self.0.iter().all(|x| x.is_finite())

@@ -227,3 +227,18 @@ fn boxes_hold_what_is_extreme_where_one_line_of_a_loop_crosses_many_pieces() {
         assert!((found - highest).abs() < 1e-6, "{count}: {found} {highest}");
     }
 }
+
+#[test]
+fn heavy_weights_cost_no_digits() {
+    // A ridge along v, in the plane: its weights do not change its place.
+    let heavy = |weight: f64| {
+        let [u, v] = [2, 1].map(|degree| KnotVector::bezier(degree, 0.0..1.0).unwrap());
+        let place = |k: usize| DVec3::new((k / 2) as f64, (k % 2) as f64 * 3.0, 0.0);
+        let points: Vec<DVec3> = (0..6).map(place).collect();
+        let weights = [1.0, 1.0, weight, weight, 1.0, 1.0];
+        integrals(&Surface::new(u, v, &points, Some(&weights)).unwrap())
+    };
+    let found = heavy(1e6);
+    assert!((found.area() - 6.0).abs() < 1e-9, "{}", found.area());
+    assert!(found.area_error() < 1e-9, "{}", found.area_error());
+}
