@@ -227,6 +227,14 @@ fn a_box_that_was_moved_is_that_far_away_and_a_fit_brings_it_back() {
     assert!(fit.before > 0.1 && fit.residual < 1e-9, "{fit:?}");
     let back = subject.measure(&mesh, &(fit.scene_from_mesh * turned));
     assert!(back.found() < 1e-8 && back.bound() < 1e-3, "{back:?}");
+    // By any turn, which may be halfway between those that lead axes to axes.
+    for k in 0..60 {
+        let (a, b) = (0.7 * f64::from(k), 1.9 * f64::from(k));
+        let axis = DVec3::new(a.cos() * b.cos(), a.sin() * b.cos(), b.sin());
+        let turned = map * DAffine3::from_axis_angle(axis, 0.1 * f64::from(k));
+        let fit = subject.fit(&mesh, &turned);
+        assert!(fit.residual < 1e-9, "{k}: {fit:?}");
+    }
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Bringing a mesh to where the surfaces are: by what files say, or by a rigid fit.
 
+use std::f64::consts::FRAC_PI_4;
+
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Scene, UpAxis};
 use rayon::prelude::*;
@@ -12,6 +14,9 @@ const POINTS: usize = 2000;
 
 /// Points with which turns are tried first.
 const FIRST: usize = 200;
+
+/// How many of the turns are tried to the end: the best ones after a few steps.
+const TRIED: usize = 6;
 
 /// Rounds of a fit.
 const ROUNDS: usize = 60;
@@ -60,7 +65,7 @@ pub struct Fit {
 }
 
 /// Moves and turns a mesh until its points are nearest to the surfaces on average: first as a
-/// whole, onto the centre and by quarter turns, then by steps towards the planes that touch the
+/// whole, onto the centre and by eighths of turns, then by steps towards the planes that touch the
 /// surfaces \[Chen 92\].
 pub(crate) fn fit(exact: &Exact<'_>, soup: &Soup) -> Fit {
     let stride = soup.points.len().div_ceil(POINTS).max(1);
@@ -77,35 +82,38 @@ pub(crate) fn fit(exact: &Exact<'_>, soup: &Soup) -> Fit {
         translation: to - turn * from,
     };
     let mut starts = vec![DAffine3::IDENTITY];
-    starts.extend(quarter_turns().into_iter().map(centred));
+    let between =
+        [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| DMat3::from_axis_angle(axis, FRAC_PI_4));
+    for turn in quarter_turns() {
+        let turns = between.map(|between| between * turn);
+        starts.extend([turn].into_iter().chain(turns).map(centred));
+    }
     let few_steps = |start: DAffine3| {
         let map = step(exact, &few, &step(exact, &few, &start).0).0;
         (residual(exact, &few, &map), map)
     };
-    let best = starts.into_iter().map(few_steps);
-    let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
-    let mut map = best.map_or(DAffine3::IDENTITY, |best| best.1);
+    let mut tried: Vec<_> = starts.into_par_iter().map(few_steps).collect();
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
     let size = exact.bounds().diagonal();
-    for _ in 0..ROUNDS {
-        let (next, moved) = step(exact, &points, &map);
-        map = next;
-        if moved <= SETTLED * size {
-            break;
+    let settled = |(_, mut map): (f64, DAffine3)| {
+        for _ in 0..ROUNDS {
+            let (next, moved) = step(exact, &points, &map);
+            map = next;
+            if moved <= SETTLED * size {
+                break;
+            }
         }
-    }
-    let (residual, worse) = (residual(exact, &points, &map), before);
-    if residual < worse {
-        Fit {
-            scene_from_mesh: map,
-            before,
-            residual,
-        }
-    } else {
-        Fit {
-            scene_from_mesh: DAffine3::IDENTITY,
-            before,
-            residual: before,
-        }
+        (residual(exact, &points, &map), map)
+    };
+    // What is best after a few steps need not be in the end.
+    let best = tried.into_iter().take(TRIED).map(settled);
+    let best = best.chain([(before, DAffine3::IDENTITY)]);
+    let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
+    let (residual, scene_from_mesh) = best.expect("there is one");
+    Fit {
+        scene_from_mesh,
+        before,
+        residual,
     }
 }
 
