@@ -64,7 +64,8 @@ def theirs(shape, length, out):
 
 
 def ours(body, folder):
-    """Seconds that we take to read and to make triangles, the tolerance and the mesh; the runs are in one process, as theirs."""
+    """Seconds that we take to read and to make triangles, the tolerance and the mesh; the runs are in one
+    process, as theirs."""
     copies = [folder / f"{run}{body.suffix}" for run in range(RUNS)]
     for copy in copies:
         shutil.copy(body, copy)

@@ -198,17 +198,7 @@ impl<'a> Face<'a> {
 
     /// Cuts a Bézier piece of a loop at the knots.
     fn cut(&self, curve: &Curve<DVec2>, chords: &mut Vec<Chord>) {
-        let Range { start, end } = curve.domain();
-        let mut cuts = vec![start, end];
-        for axis in 0..2 {
-            for &knot in &self.breaks[axis] {
-                let shares = crossings(curve.homogeneous(), axis, knot);
-                cuts.extend(shares.into_iter().map(|t| start + (end - start) * t));
-            }
-        }
-        cuts.sort_by(f64::total_cmp);
-        cuts.dedup();
-        for pair in cuts.windows(2) {
+        for pair in cuts(&self.breaks, curve, DVec2::ZERO).windows(2) {
             let middle = curve.evaluate(pair[0].midpoint(pair[1]));
             let column = self.breaks[0].partition_point(|&knot| knot <= middle.x);
             let strip = self.breaks[1].partition_point(|&knot| knot <= middle.y);
@@ -241,6 +231,21 @@ impl<'a> Face<'a> {
             });
         }
     }
+}
+
+/// The ends of a Bézier piece of a loop that is moved by `shift`, and where it passes knots, in order.
+fn cuts(breaks: &[Vec<f64>; 2], curve: &Curve<DVec2>, shift: DVec2) -> Vec<f64> {
+    let Range { start, end } = curve.domain();
+    let mut cuts = vec![start, end];
+    for (axis, knots) in breaks.iter().enumerate() {
+        for knot in knots {
+            let shares = crossings(curve.homogeneous(), axis, knot - shift[axis]);
+            cuts.extend(shares.into_iter().map(|t| start + (end - start) * t));
+        }
+    }
+    cuts.sort_by(f64::total_cmp);
+    cuts.dedup();
+    cuts
 }
 
 /// A part of a loop inside one piece.

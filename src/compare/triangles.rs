@@ -20,6 +20,15 @@ pub(crate) struct Closest {
     pub(crate) shares: [f64; 3],
 }
 
+impl Closest {
+    fn at([a, b, c]: [DVec3; 3], shares: [f64; 3]) -> Self {
+        Self {
+            point: a * shares[0] + b * shares[1] + c * shares[2],
+            shares,
+        }
+    }
+}
+
 /// The point of a triangle nearest to `p` \[Ericson 05, section 5.1.5\]; triangles without area
 /// are the segments or the point that they are.
 pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
@@ -29,10 +38,7 @@ pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
         return closest_of_sliver([a, b, c], normal, p);
     }
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    let at = |shares: [f64; 3]| Closest {
-        point: a * shares[0] + b * shares[1] + c * shares[2],
-        shares,
-    };
+    let at = |shares| Closest::at([a, b, c], shares);
     let corner = |k: usize| {
         let mut shares = [0.0; 3];
         shares[k] = 1.0;
@@ -75,10 +81,7 @@ pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
 
 /// [`closest`], of a triangle so narrow that differences of squares are rounding errors.
 fn closest_of_sliver(corners: [DVec3; 3], normal: DVec3, p: DVec3) -> Closest {
-    let at = |shares: [f64; 3]| Closest {
-        point: corners[0] * shares[0] + corners[1] * shares[1] + corners[2] * shares[2],
-        shares,
-    };
+    let at = |shares| Closest::at(corners, shares);
     let on_side = |k: usize| {
         let (a, way) = (corners[k], corners[(k + 1) % 3] - corners[k]);
         let share = way.dot(p - a) / way.length_squared();

@@ -267,18 +267,15 @@ impl Border {
                 faces.dedup();
                 faces.len() >= 2 && faces.len().is_multiple_of(2)
             };
-            let long = || stretch.chords.iter().filter(|chord| self.is_long(chord));
-            let length = |chords: &mut dyn Iterator<Item = &Chord>| -> f64 {
-                chords.map(Chord::length).sum()
-            };
-            let all = length(&mut long());
-            let alone = length(&mut long().filter(|chord| !meets(chord)));
-            // Where others end, a chord meets both of them.
-            if length(&mut long().filter(|chord| is_odd(chord))) > 0.5 * all {
-                all
-            } else {
-                alone
+            let (mut all, mut alone, mut odd) = (0.0, 0.0, 0.0);
+            for chord in stretch.chords.iter().filter(|chord| self.is_long(chord)) {
+                let length = chord.length();
+                all += length;
+                alone += if meets(chord) { 0.0 } else { length };
+                odd += if is_odd(chord) { length } else { 0.0 };
             }
+            // Where others end, a chord meets both of them.
+            if odd > 0.5 * all { all } else { alone }
         };
         self.stretches.iter().map(open).sum()
     }

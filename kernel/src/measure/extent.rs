@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
 
-use crate::trim::{aside, crossings, shifts};
+use super::cuts;
+use crate::trim::{aside, shifts};
 use crate::{Aabb, BezierSurface, Cover, Curve, KnotVector, Patch, Surface, TrimRegion};
 
 /// How far the box may be too small, as a share of the size of the control net.
@@ -63,13 +64,14 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
     let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
     let corners = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
     let size = corners[1] - corners[0];
+    let breaks = [surface.knots_u().breaks(), surface.knots_v().breaks()];
     let closed = surface.closed();
     let is_alone = patch.loops.len() == 1;
     for trim in &patch.loops {
         for shift in shifts(trim, corners, closed) {
             for curve in trim.segments().iter().flat_map(Curve::bezier_pieces) {
                 let on = |t: f64| on_surface(surface, &curve, shift, corners, t);
-                for (from, step) in parts(surface, &curve, shift) {
+                for (from, step) in parts(&breaks, &curve, shift) {
                     let divides = |share: &f64| {
                         let (point, left) = aside(&curve, from + step * share, size);
                         let point = point + shift;
@@ -89,25 +91,9 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
 }
 
 /// Parts of a Bézier piece of a trim curve, none over a knot of the surface: starts and lengths.
-fn parts(surface: &Surface, curve: &Curve<DVec2>, shift: DVec2) -> Vec<(f64, f64)> {
-    let Range { start, end } = curve.domain();
-    let mut cuts = vec![start, end];
-    for (axis, knots) in [surface.knots_u(), surface.knots_v()]
-        .into_iter()
-        .enumerate()
-    {
-        for knot in knots.breaks() {
-            let shares = crossings(curve.homogeneous(), axis, knot - shift[axis]);
-            cuts.extend(
-                shares
-                    .into_iter()
-                    .map(|share| start + (end - start) * share),
-            );
-        }
-    }
-    cuts.sort_by(f64::total_cmp);
-    let pairs = cuts.windows(2).filter(|pair| pair[0] < pair[1]);
-    let divided = pairs.flat_map(|pair| {
+fn parts(breaks: &[Vec<f64>; 2], curve: &Curve<DVec2>, shift: DVec2) -> Vec<(f64, f64)> {
+    let cuts = cuts(breaks, curve, shift);
+    let divided = cuts.windows(2).flat_map(|pair| {
         let (from, step) = (pair[0], (pair[1] - pair[0]) / PARTS as f64);
         (0..PARTS).map(move |k| (from + step * k as f64, step))
     });
@@ -206,12 +192,11 @@ impl Search<'_> {
             if self.reach(&part.hull_bounds()) <= self.reach(&self.best) + self.slack {
                 continue;
             }
-            let is_sure = level >= RATIONAL_HALVINGS || !is_rational(&part);
-            let way = one_way(&net, row, self.axis).filter(|_| is_sure);
             // Inside there is nothing then. The loops have been looked at; the sides that it leads to may be a
             // ridge between two parts.
             if let Some(region) = self.region
-                && let Some(way) = way
+                && (level >= RATIONAL_HALVINGS || !is_rational(&part))
+                && let Some(way) = one_way(&net, row, self.axis)
             {
                 self.examine_sides(&part, way, region);
                 continue;
