@@ -45,7 +45,7 @@ fn clipped(patch: &Patch) -> Vec<TrimLoop> {
     let mut loops = patch.loops.clone();
     for axis in (0..2).filter(|&axis| !surface.closed()[axis]) {
         let clip = |l: &TrimLoop| l.clipped(axis, domain[axis].clone()).expect("a loop");
-        loops = loops.iter().filter_map(clip).collect();
+        loops = loops.iter().flat_map(clip).collect();
     }
     loops
 }

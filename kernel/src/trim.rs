@@ -3,6 +3,7 @@
 //!
 //! A [`TrimLoop`] is what files hold, a [`TrimRegion`] is what rays ask.
 
+mod clip;
 mod close;
 mod monotone;
 mod nesting;
@@ -187,13 +188,13 @@ impl TrimLoop {
         Err(Error::NothingInside)
     }
 
-    /// The part of the loop over a range of u (`axis` 0) or v (1), closed along the border of
-    /// the range; `None` if there is none. What lies in the range stays as it is.
+    /// The parts of the loop over a range of u (`axis` 0) or v (1), each closed along the border of
+    /// the range. What lies in the range stays as it is.
     ///
     /// # Errors
     /// If a number is not finite.
-    pub fn clipped(&self, axis: usize, range: Range<f64>) -> Result<Option<Self>, Error> {
-        close::clipped(self.clone(), axis, range)
+    pub fn clipped(&self, axis: usize, range: Range<f64>) -> Result<Vec<Self>, Error> {
+        clip::clipped(self.clone(), axis, range)
     }
 
     /// The corners of a box around the control points, and so around the loop.

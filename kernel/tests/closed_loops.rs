@@ -6,7 +6,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3};
 use nurbray_kernel::modelling::{self, Frame};
 use nurbray_kernel::{
-    ClosedLoops, Curve, Error, Orientation, Patch, Surface, TrimRegion, close_loops, nearest,
+    ClosedLoops, Curve, Error, Orientation, Patch, Surface, TrimLoop, TrimRegion, close_loops,
+    nearest,
 };
 
 fn sphere() -> Surface {
@@ -237,6 +238,85 @@ fn rings_of_a_torus_are_told_apart_by_their_direction() {
     let bend = region(&torus, &[section(1.0, TAU, 0.0), section(2.0, 0.0, TAU)]);
     for (u, is_in) in [(1.5, true), (0.5, false), (3.0, false)] {
         assert_eq!(contains(&bend, u, 1.0), is_in, "{u}");
+    }
+}
+
+#[test]
+fn all_but_a_groove_once_around_a_sphere_belongs_to_a_face() {
+    let sphere = sphere();
+    let end = TAU + 0.3;
+    // Nearly a ring, which does not close, and back beside it.
+    let groove = [[0.0, 0.0], [end, 0.3], [end, 0.5], [0.0, 0.2], [0.0, 0.0]];
+    let mut turned = groove;
+    turned.reverse();
+    let (inside, outside) = (
+        region(&sphere, &[path(&groove)]),
+        region(&sphere, &[path(&turned)]),
+    );
+    for (u, v, is_in) in [
+        (3.0, 0.25, true),
+        (0.2, 0.1, true),
+        (3.0, -0.5, false),
+        (3.0, 1.0, false),
+    ] {
+        assert_eq!(contains(&inside, u, v), is_in, "{u} {v}");
+        assert_eq!(contains(&outside, u, v), !is_in, "{u} {v}");
+    }
+    // Nothing is beside a loop around all of the domain.
+    let all = [
+        [0.0, -FRAC_PI_2],
+        [0.0, FRAC_PI_2],
+        [TAU, FRAC_PI_2],
+        [TAU, -FRAC_PI_2],
+    ];
+    let all = path(&[&all[..], &all[..1]].concat());
+    assert!(contains(&region(&sphere, &[all]), 1.0, 1.0));
+}
+
+#[test]
+fn rings_keep_their_order_however_they_are_cut() {
+    let torus = torus();
+    // The second is above the first, but most of its pieces begin below most of those of the first.
+    let lower = path(&[[0.0, 1.0], [2.0, 3.0], [4.0, 3.0], [TAU, 1.0]]);
+    let dense = (0..30).map(|k| [TAU - f64::from(k) * 0.01, 1.5]);
+    let upper: Vec<_> = dense.chain([[4.0, 3.5], [2.0, 3.5], [0.0, 1.5]]).collect();
+    let between = region(&torus, &[lower.clone(), path(&upper)]);
+    let backwards =
+        |chain: &[Curve<DVec2>]| -> Vec<_> { chain.iter().rev().map(Curve::reversed).collect() };
+    let beyond = region(&torus, &[backwards(&lower), backwards(&path(&upper))]);
+    for (u, v, is_in) in [
+        (3.0, 3.2, true),
+        (6.2, 1.3, true),
+        (3.0, 2.0, false),
+        (3.0, 5.0, false),
+    ] {
+        assert_eq!(contains(&between, u, v), is_in, "{u} {v}");
+        assert_eq!(contains(&beyond, u, v), !is_in, "{u} {v}");
+    }
+}
+
+#[test]
+fn what_runs_along_a_seam_is_left_out_on_its_other_side() {
+    // Cut at the seam of v, the part above it is a square, not a square and a line.
+    let chain = path(&[
+        [1.0, 5.0],
+        [5.0, 5.0],
+        [5.0, TAU],
+        [4.0, TAU],
+        [4.0, TAU + 1.0],
+        [3.0, TAU + 1.0],
+        [3.0, TAU],
+        [1.0, TAU],
+        [1.0, 5.0],
+    ]);
+    let loops = close(&torus(), &[chain], Orientation::Left).unwrap().loops;
+    let mut boxes: Vec<_> = loops.iter().map(TrimLoop::hull).collect();
+    boxes.sort_by(|a, b| a.0.y.total_cmp(&b.0.y));
+    let corners = [([3.0, 0.0], [4.0, 1.0]), ([1.0, 5.0], [5.0, TAU])];
+    assert_eq!(boxes.len(), 2);
+    for ((min, max), (low, high)) in boxes.into_iter().zip(corners) {
+        assert!(min.distance(low.into()) < 1e-12, "{min}");
+        assert!(max.distance(high.into()) < 1e-12, "{max}");
     }
 }
 

@@ -6,7 +6,8 @@ use std::ops::Range;
 use glam::DVec2;
 
 use super::TrimLoop;
-use super::parts::{cut, ended, moved, snapped};
+use super::clip::clipped;
+use super::parts::{ended, moved};
 use crate::{Curve, Error, Surface, nearest};
 
 /// Gaps up to this share of the domain's diagonal are rounding.
@@ -28,18 +29,17 @@ const ROUNDING: f64 = 1e-8;
 /// What lies this share of a period beyond the border of a domain lies in it.
 pub(super) const NEAR: f64 = 1e-9;
 
-/// Parts of a loop no wider than this share of a range are rounding: curves laid onto surfaces
-/// are no more accurate.
-const SLIVER: f64 = 1e-7;
-
 /// What lies this share of a domain beside a pole is the pole.
 const POLE: f64 = 1e-6;
 
 /// A loop may lie on this many periods of a closed surface.
-const TILES: u8 = 8;
+pub(super) const TILES: u8 = 8;
 
 /// Loops farther away than this many periods are refused: their digits tell no place in a period.
 const FAR: f64 = 1e6;
+
+/// What a loop on a surface without border leaves of the domain is nothing up to this share.
+const NO_OUTSIDE: f64 = 1e-6;
 
 /// Half a period is a tie between both ways round up to this share of a period: numbers in files
 /// have that many digits at least.
@@ -122,8 +122,9 @@ pub fn close(
     if orientation == Orientation::Left && !has_rings && closer.is_boundless() {
         let areas = loops.iter().map(TrimLoop::signed_area);
         let largest = areas.max_by(|a, b| a.abs().total_cmp(&b.abs()));
-        let is_alone = around(&loops, closer.size, closed);
-        if is_alone && largest.is_some_and(|a| a < 0.0) {
+        // Beside one around the whole domain nothing is left.
+        let most = closer.size.element_product() * (1.0 - NO_OUTSIDE);
+        if largest.is_some_and(|a| a < 0.0 && -a < most) {
             result.loops.push(TrimLoop::border(&u, &v)?);
         }
     }
@@ -131,14 +132,6 @@ pub fn close(
         closer.tile(trim, &mut result.loops)?;
     }
     Ok(result)
-}
-
-/// Whether no loop spans a whole period.
-fn around(loops: &[TrimLoop], size: DVec2, closed: [bool; 2]) -> bool {
-    loops.iter().all(|l| {
-        let (min, max) = l.hull();
-        (0..2).all(|axis| !closed[axis] || max[axis] - min[axis] < size[axis] * (1.0 - NEAR))
-    })
 }
 
 /// A surface and what there is to know about its domain.
@@ -423,35 +416,6 @@ impl Closer<'_> {
         loops.extend(parts);
         Ok(())
     }
-}
-
-/// The part of a loop over a range of one parameter, closed along the border of the range;
-/// `None` if there is none but slivers.
-pub(super) fn clipped(
-    trim: TrimLoop,
-    axis: usize,
-    range: Range<f64>,
-) -> Result<Option<TrimLoop>, Error> {
-    let size = range.end - range.start;
-    let is_inside = |x: f64| range.start - NEAR * size <= x && x <= range.end + NEAR * size;
-    let (min, max) = trim.hull();
-    if is_inside(min[axis]) && is_inside(max[axis]) {
-        return Ok(Some(trim));
-    }
-    let mut kept = Vec::new();
-    for curve in &trim.segments {
-        for piece in cut(curve, axis, &[range.start, range.end])? {
-            let middle = f64::midpoint(piece.domain().start, piece.domain().end);
-            if is_inside(piece.evaluate(middle)[axis]) {
-                kept.push(snapped(&piece, axis, &range, SLIVER)?);
-            }
-        }
-    }
-    let (min, max) = hull(&kept);
-    if kept.is_empty() || max[axis] - min[axis] <= SLIVER * size {
-        return Ok(None);
-    }
-    TrimLoop::new(kept, f64::INFINITY).map(Some)
 }
 
 /// The corners of a box around the control points of curves.

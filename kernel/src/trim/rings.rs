@@ -1,9 +1,11 @@
 //! Paths that run around a closed surface: the bands between each two of them, and what lies
 //! between the outermost ones and the border.
 
+use std::slice;
+
 use glam::DVec2;
 
-use super::close::{Closer, NEAR};
+use super::close::{Closer, NEAR, TILES, hull};
 use super::parts::{cut, moved};
 use crate::{Curve, Error};
 
@@ -17,9 +19,10 @@ impl Closer<'_> {
         loops: &mut Vec<Vec<Curve<DVec2>>>,
     ) -> Result<(), Error> {
         let other = 1 - axis;
-        let leveled = rings.iter().map(|ring| self.leveled(ring, other));
-        let mut rings: Vec<_> = leveled.collect();
-        rings.sort_by(|a, b| mean(a, other).total_cmp(&mean(b, other)));
+        let leveled = rings.iter().map(|ring| self.leveled(ring, axis));
+        let mut leveled: Vec<_> = leveled.collect();
+        leveled.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let rings: Vec<_> = leveled.into_iter().map(|(_, ring)| ring).collect();
         let is_odd = !rings.len().is_multiple_of(2);
         let begins_inside = is_odd != self.is_inverted(&rings, axis);
         let begun = rings.into_iter().map(|ring| self.begun_at_seam(ring, axis));
@@ -56,14 +59,43 @@ impl Closer<'_> {
         differ > agree
     }
 
-    /// A ring moved by whole periods along `axis` so that its middle is in the domain.
-    fn leveled(&self, path: &[Curve<DVec2>], axis: usize) -> Vec<Curve<DVec2>> {
-        let periods = ((mean(path, axis) - self.start[axis]) / self.size[axis]).floor();
+    /// A ring moved by whole periods across it so that its height is in the domain, and the height.
+    fn leveled(&self, path: &[Curve<DVec2>], axis: usize) -> (f64, Vec<Curve<DVec2>>) {
+        let other = 1 - axis;
+        let height = self.height(path, axis);
         let mut shift = DVec2::ZERO;
-        if self.closed[axis] {
-            shift[axis] = -periods * self.size[axis];
+        if self.closed[other] {
+            let periods = ((height - self.start[other]) / self.size[other]).floor();
+            shift[other] = -periods * self.size[other];
         }
-        path.iter().map(|curve| moved(curve, shift)).collect()
+        let moved = path.iter().map(|curve| moved(curve, shift));
+        (height + shift[other], moved.collect())
+    }
+
+    /// Where a ring passes the seam last, coming from below: of two that do not cross, it is the upper one
+    /// that is higher there, whatever they do elsewhere.
+    fn height(&self, path: &[Curve<DVec2>], axis: usize) -> f64 {
+        let (start, size) = (self.start[axis], self.size[axis]);
+        let mut height = f64::NEG_INFINITY;
+        let mut pass = |p: DVec2| height = height.max(p[1 - axis]);
+        for curve in path {
+            let turns = (curve.start()[axis] - start) / size;
+            if (turns - turns.round()).abs() <= NEAR {
+                pass(curve.start());
+            }
+            let (min, max) = hull(slice::from_ref(curve));
+            let first = ((min[axis] - start) / size).floor();
+            let seams = (0..=TILES).map(|k| start + (first + f64::from(k)) * size);
+            for seam in seams.take_while(|seam| *seam <= max[axis]) {
+                let met = curve.crossings(axis, seam, size * NEAR);
+                met.into_iter().for_each(|t| pass(curve.evaluate(t)));
+            }
+        }
+        if height.is_finite() {
+            height
+        } else {
+            path.first().map_or(0.0, |curve| curve.start()[1 - axis])
+        }
     }
 
     /// The loop around what lies between a ring and a border across it.
@@ -159,9 +191,4 @@ fn through(mut path: Vec<Curve<DVec2>>, points: &[DVec2]) -> Result<Vec<Curve<DV
         }
     }
     Ok(path)
-}
-
-/// The mean of one coordinate of the curves' starts.
-fn mean(path: &[Curve<DVec2>], axis: usize) -> f64 {
-    path.iter().map(|c| c.start()[axis]).sum::<f64>() / path.len() as f64
 }

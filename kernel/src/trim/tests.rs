@@ -132,13 +132,44 @@ fn large_gaps_are_refused() {
 #[test]
 fn loops_are_clipped_to_a_range() {
     let square = TrimLoop::border(&(-10.0..10.0), &(-10.0..10.0)).unwrap();
-    let strip = square.clipped(0, 0.0..1.0).unwrap().unwrap();
+    let [strip] = &square.clipped(0, 0.0..1.0).unwrap()[..] else {
+        panic!("one strip");
+    };
     assert!((strip.signed_area() - 20.0).abs() < 1e-12);
-    let cell = strip.clipped(1, 2.0..5.0).unwrap().unwrap();
-    assert!((cell.signed_area() - 3.0).abs() < 1e-12);
-    assert_closed(&cell);
-    assert_eq!(cell.clipped(1, 2.0..5.0).unwrap(), Some(cell));
-    assert_eq!(square.clipped(1, 11.0..12.0).unwrap(), None);
+    let cells = strip.clipped(1, 2.0..5.0).unwrap();
+    assert_eq!(cells.len(), 1);
+    assert!((cells[0].signed_area() - 3.0).abs() < 1e-12);
+    assert_closed(&cells[0]);
+    assert_eq!(cells[0].clipped(1, 2.0..5.0).unwrap(), cells);
+    assert_eq!(square.clipped(1, 11.0..12.0).unwrap(), []);
+}
+
+#[test]
+fn loops_that_leave_a_range_twice_become_two() {
+    // A comb of three teeth on a back: each tooth above the line is a loop of its own.
+    let mut corners = vec![DVec2::new(7.0, -1.0), DVec2::new(0.0, -1.0)];
+    for tooth in [0.0, 2.0, 4.0] {
+        corners.extend(
+            [[0.0, 1.0], [1.0, 1.0], [1.0, -0.5], [2.0, -0.5]]
+                .map(|[x, y]| DVec2::new(tooth + x, y)),
+        );
+    }
+    corners.push(DVec2::new(7.0, -0.5));
+    let sides = corners
+        .windows(2)
+        .map(|w| Curve::line(w[0], w[1], 0.0..1.0).unwrap());
+    let trim = TrimLoop::new(sides.collect(), f64::INFINITY).unwrap();
+    let teeth = trim.clipped(1, 0.0..2.0).unwrap();
+    assert_eq!(teeth.len(), 3);
+    for tooth in &teeth {
+        assert_closed(tooth);
+        assert!((tooth.signed_area().abs() - 1.0).abs() < 1e-12);
+    }
+    let [back] = &trim.clipped(1, -2.0..0.0).unwrap()[..] else {
+        panic!("one back");
+    };
+    assert_closed(back);
+    assert!((back.signed_area().abs() - (7.0 * 0.5 + 3.0 * 0.5)).abs() < 1e-12);
 }
 
 #[test]
@@ -147,11 +178,12 @@ fn what_is_clipped_is_not_clipped_again() {
     let corners = [[0.3, -2e-9], [1.0, 0.2], [0.0, 0.4], [0.3, -2e-9]].map(DVec2::from);
     let sides = vec![Curve::polyline(&corners).unwrap()];
     let trim = TrimLoop::new(sides, 0.0).unwrap();
-    let clipped = trim.clipped(1, 0.0..1.0).unwrap().unwrap();
-    assert_closed(&clipped);
-    let points = clipped.segments().iter().flat_map(Curve::points);
+    let clipped = trim.clipped(1, 0.0..1.0).unwrap();
+    assert_eq!(clipped.len(), 1);
+    assert_closed(&clipped[0]);
+    let points = clipped[0].segments().iter().flat_map(Curve::points);
     assert!(points.into_iter().all(|p| p.y >= 0.0));
-    assert_eq!(trim.clipped(1, -1.0..0.0).unwrap(), None);
+    assert_eq!(trim.clipped(1, -1.0..0.0).unwrap(), []);
 }
 
 #[test]
