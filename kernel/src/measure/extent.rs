@@ -6,13 +6,16 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::cuts;
 use crate::trim::{aside, shifts};
-use crate::{Aabb, BezierSurface, Cover, Curve, KnotVector, Patch, Surface, TrimRegion};
+use crate::{Aabb, BezierSurface, Cover, Curve, KnotVector, Patch, Surface, TrimLoop, TrimRegion};
 
 /// How far the box may be too small, as a share of the size of the control net.
 pub(super) const ACCURACY: f64 = 1e-8;
 
 /// Parts of each piece of a trim curve within one piece of the surface that are searched for an extreme point.
 const PARTS: usize = 16;
+
+/// What ends this share of a domain beside a curve ends on it.
+const NEAR: f64 = 1e-6;
 
 /// Halvings of such a part.
 const STEPS: usize = 50;
@@ -65,23 +68,23 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
     let corners = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
     let size = corners[1] - corners[0];
     let breaks = [surface.knots_u().breaks(), surface.knots_v().breaks()];
-    let closed = surface.closed();
-    let is_alone = patch.loops.len() == 1;
+    let ends = ends(&patch.loops, corners, surface.closed());
+    // Beyond a seam nothing is looked at: the face ends there, too.
+    let holds = |uv: DVec2| uv.clamp(corners[0], corners[1]) == uv && region.contains(uv);
     for trim in &patch.loops {
-        for shift in shifts(trim, corners, closed) {
+        for shift in shifts(trim, corners, surface.closed()) {
             for curve in trim.segments().iter().flat_map(Curve::bezier_pieces) {
                 let on = |t: f64| on_surface(surface, &curve, shift, corners, t);
-                for (from, step) in parts(&breaks, &curve, shift) {
-                    let divides = |share: &f64| {
-                        let (point, left) = aside(&curve, from + step * share, size);
-                        let point = point + shift;
-                        // Beyond a seam nothing is looked at: the face ends there, too.
-                        let holds = |uv: DVec2| {
-                            uv.clamp(corners[0], corners[1]) == uv && region.contains(uv)
-                        };
-                        holds(point + left) != holds(point - left)
-                    };
-                    if is_alone || [0.01, 0.5, 0.99].iter().any(divides) {
+                let divides = |t: f64| {
+                    let (point, left) = aside(&curve, t, size);
+                    holds(point + shift + left) != holds(point + shift - left)
+                };
+                let near = size.length() * NEAR;
+                for (from, step) in parts(&breaks, &curve, shift, (&ends, near)) {
+                    let mut looks = [0.01, 0.5, 0.99]
+                        .map(|share| from + step * share)
+                        .into_iter();
+                    if looks.any(divides) {
                         along(&on, [from, from + step], bounds);
                     }
                 }
@@ -90,9 +93,47 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
     }
 }
 
-/// Parts of a Bézier piece of a trim curve, none over a knot of the surface: starts and lengths.
-fn parts(breaks: &[Vec<f64>; 2], curve: &Curve<DVec2>, shift: DVec2) -> Vec<(f64, f64)> {
-    let cuts = cuts(breaks, curve, shift);
+/// Where pieces of loops begin and end, by u.
+fn ends(loops: &[TrimLoop], corners: [DVec2; 2], closed: [bool; 2]) -> Vec<DVec2> {
+    let mut ends = Vec::new();
+    for trim in loops {
+        for shift in shifts(trim, corners, closed) {
+            let pieces = trim.segments().iter().flat_map(Curve::bezier_pieces);
+            ends.extend(pieces.map(|piece| piece.start() + shift));
+        }
+    }
+    ends.sort_by(|a, b| a.x.total_cmp(&b.x));
+    ends
+}
+
+/// Parts of a Bézier piece of a trim curve, none over a knot of the surface or over an end of another
+/// piece that is `near` it: starts and lengths.
+fn parts(
+    breaks: &[Vec<f64>; 2],
+    curve: &Curve<DVec2>,
+    shift: DVec2,
+    (ends, near): (&[DVec2], f64),
+) -> Vec<(f64, f64)> {
+    let mut cuts = cuts(breaks, curve, shift);
+    let points = || curve.points().map(|p| p + shift);
+    let low = points().fold(DVec2::INFINITY, DVec2::min) - near;
+    let high = points().fold(DVec2::NEG_INFINITY, DVec2::max) + near;
+    // Along the longer side a place is told by its coordinate.
+    let axis = usize::from(high.y - low.y > high.x - low.x);
+    let first = ends.partition_point(|end| end.x < low.x);
+    for end in ends[first..].iter().take_while(|end| end.x <= high.x) {
+        if end.y < low.y || end.y > high.y {
+            continue;
+        }
+        let place = *end - shift;
+        let there = curve.crossings(axis, place[axis], near);
+        cuts.extend(
+            there
+                .into_iter()
+                .filter(|t| curve.evaluate(*t).distance(place) <= near),
+        );
+    }
+    cuts.sort_by(f64::total_cmp);
     let divided = cuts.windows(2).flat_map(|pair| {
         let (from, step) = (pair[0], (pair[1] - pair[0]) / PARTS as f64);
         (0..PARTS).map(move |k| (from + step * k as f64, step))

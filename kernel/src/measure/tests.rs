@@ -55,6 +55,37 @@ fn sides_that_loops_share_are_not_in_the_box() {
 }
 
 #[test]
+fn boxes_end_where_a_side_is_no_longer_shared() {
+    // z = u (1 - v), without a corner where it is highest; the notch, or one loop with a line to and fro.
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 0.0, 1.0],
+        [1.0, 1.0, 0.0],
+    ];
+    let mut patch = Patch::from(plane(corners, &[0.3]));
+    let whole = TrimLoop::border(&(0.0..1.0), &(0.0..1.0)).unwrap();
+    let notch = TrimLoop::border(&(0.76..1.0), &(0.0..0.3)).unwrap();
+    let path = [
+        [0.0, 0.0],
+        [0.9, 0.0],
+        [0.76, 0.0],
+        [0.76, 0.3],
+        [1.0, 0.3],
+        [1.0, 1.0],
+        [0.0, 1.0],
+        [0.0, 0.0],
+    ];
+    let to_and_fro = Curve::polyline(&path.map(DVec2::from)).unwrap();
+    let to_and_fro = TrimLoop::new(vec![to_and_fro], 0.0).unwrap();
+    for loops in [vec![whole, notch], vec![to_and_fro]] {
+        patch.loops = loops;
+        let bounds = patch.bounds();
+        assert!((bounds.max.z - 0.76).abs() < 1e-9, "{bounds:?}");
+    }
+}
+
+#[test]
 fn trimmed_planes_have_the_area_inside() {
     let outer = circle(DVec2::new(0.52, 0.45), 0.41, 1.0);
     let hole = circle(DVec2::new(0.5, 0.5), 0.2, 1.0);
