@@ -48,19 +48,7 @@ impl Attributes {
     /// Takes a `cstype`, `deg`, `bmat` or `step` statement; a wrong one undoes the one before.
     pub(super) fn set(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
         match statement.keyword() {
-            "cstype" => {
-                (self.basis, self.rational) = (None, false);
-                let mut words = statement.arguments().peekable();
-                self.rational = words.next_if_eq(&"rat").is_some();
-                let word = words.next().unwrap_or("");
-                self.basis = Basis::named(word);
-                if self.basis.is_none() {
-                    return Err(invalid(format!(
-                        "\"{}\" is none of bmatrix, bezier, bspline, cardinal, taylor",
-                        shown(word)
-                    )));
-                }
-            }
+            "cstype" => return self.set_basis(statement),
             "deg" => {
                 self.degrees.clear();
                 let degrees = counts(statement)?;
@@ -80,6 +68,27 @@ impl Attributes {
             }
         }
         Ok(())
+    }
+
+    /// Takes a `cstype`; `rat` may stand before the basis or after it.
+    fn set_basis(&mut self, statement: &Statement<'_>) -> Result<(), Problem> {
+        self.rational = statement.arguments().any(|word| word == "rat");
+        let mut words = statement.arguments().filter(|&word| word != "rat");
+        let word = words.next().unwrap_or("");
+        self.basis = Basis::named(word);
+        if self.basis.is_none() {
+            return Err(invalid(format!(
+                "\"{}\" is none of bmatrix, bezier, bspline, cardinal, taylor",
+                shown(word)
+            )));
+        }
+        match words.next() {
+            Some(extra) => Err(invalid(format!(
+                "\"{}\" after {word} is passed over; only rat may stand beside a basis",
+                shown(extra)
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// One direction of an element, with its `parm`.

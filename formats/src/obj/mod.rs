@@ -63,7 +63,9 @@ fn sniff(bytes: &[u8]) -> bool {
     let sure = |s: &Statement<'_>| match s.keyword() {
         "v" => s.arguments().count() >= 3 && s.arguments().all(|w| number(w).is_ok()),
         "vt" | "vn" | "vp" => s.arguments().count() > 0 && s.arguments().all(|w| number(w).is_ok()),
-        "cstype" => s.arguments().last().and_then(basis::Basis::named).is_some(),
+        "cstype" => s
+            .arguments()
+            .any(|word| basis::Basis::named(word).is_some()),
         "mtllib" => !s.rest().is_empty(),
         _ => false,
     };

@@ -56,6 +56,20 @@ fn weights_stand_beside_cartesian_points() {
         assert!((p.truncate().length() - 1.0).abs() < 1e-15, "{p}");
         assert!((p.z - 1.0).abs() < 1e-15);
     }
+    // Some write the words in the other order; what is no word of it is told.
+    for (words, told) in [
+        ("bspline rat", vec![]),
+        (
+            "rat bspline nurbs",
+            vec![
+                "line 7, cstype: \"nurbs\" after bspline is passed over; only rat may stand beside a basis",
+            ],
+        ),
+    ] {
+        let other = parse(&text.replace("rat bspline", words)).unwrap();
+        assert_eq!(&other.scene.patches()[0].surface, cylinder, "{words}");
+        assert_eq!(messages(&other), told);
+    }
     // The same text without `rat` ignores the weights: a parabola.
     let import = parse(&text.replace("rat ", "")).unwrap();
     let p = import.scene.patches()[0]
