@@ -5,7 +5,7 @@ use std::cell::{Cell, OnceCell, RefCell};
 use super::global::Global;
 use super::parameters::{self, Parameters};
 use super::records::Card;
-use super::types::{self, Class};
+use super::types;
 use crate::{Place, Problem};
 
 /// What a status number says about the use of an entity.
@@ -41,6 +41,8 @@ pub(super) struct Entry {
     pub dependent: bool,
     /// What it is used for.
     pub entity_use: u8,
+    /// How its attributes count for its members.
+    pub hierarchy: u8,
     /// Label and subscript.
     pub label: String,
 }
@@ -103,6 +105,7 @@ impl Entry {
             blanked: status[0] == 1,
             dependent: matches!(status[1], 1 | 3),
             entity_use: status[2],
+            hierarchy: status[3],
             label,
         }
     }
@@ -197,34 +200,6 @@ impl<'a> File<'a> {
                 "the pointer to {to} is {pointer}; the directory has {count} entries"
             ))
         })
-    }
-
-    /// Shows what is blanked where there is nothing else, and surfaces also where there are only
-    /// curves else; the first such entry that stands for itself.
-    pub(super) fn unblank(&mut self) -> Option<usize> {
-        let is_shown = |e: &Entry| types::class(e.kind) == Class::Shown;
-        let stands_alone = |e: &Entry| is_shown(e) && !e.dependent;
-        let is_face = |e: &Entry| matches!(e.kind, 143 | 144 | 510);
-        let is_sheet = |e: &Entry| {
-            let shows_area = is_shown(e) && !types::is_wire(e.kind) && e.kind != 402;
-            shows_area && (!e.dependent || is_face(e))
-        };
-        let is_all_blanked = |counts: &dyn Fn(&Entry) -> bool| {
-            let mut counted = self.entries.iter().filter(|e| counts(e)).peekable();
-            counted.peek().is_some() && counted.all(|e| e.blanked)
-        };
-        let all = is_all_blanked(&stands_alone);
-        if !all && !is_all_blanked(&is_sheet) {
-            return None;
-        }
-        let first = self
-            .entries
-            .iter()
-            .position(|e| if all { stands_alone(e) } else { is_sheet(e) });
-        for entry in &mut self.entries {
-            entry.blanked &= !all && types::is_wire(entry.kind);
-        }
-        first
     }
 
     /// Where an entry stands, in words.

@@ -6,7 +6,7 @@ use kernel::{Material, linear_from_srgb};
 use super::boundary::{self, Boundary};
 use super::copies::{self, Copies};
 use super::curves;
-use super::directory::{File, SHORT, WHOLE};
+use super::directory::{Entry, File, SHORT, WHOLE};
 use super::parameters::Parameters;
 use super::primitives;
 use super::sheets;
@@ -19,6 +19,10 @@ const UNION: i64 = 1;
 /// The form of associations (402) of one parent with its children.
 pub(super) const PARENT: i64 = 9;
 
+/// The forms of properties (406) that are names, and that say which attributes count for members.
+const NAME: i64 = 15;
+const HIERARCHY: i64 = 10;
+
 /// The form of planes (108) that are holes of others.
 const HOLE: i64 = -1;
 
@@ -27,6 +31,8 @@ const HOLE: i64 = -1;
 pub(super) struct Entity {
     /// Its name, or empty; without its label. Surfaces tell theirs when they are read.
     pub name: String,
+    /// Whether a property says that its members go by what they say themselves of being blanked.
+    pub defers_blanking: bool,
     /// What it is.
     pub content: Content,
 }
@@ -68,7 +74,11 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             Content::Curve | Content::Points(_) => own_name(file, index).unwrap_or_default(),
             _ => String::new(),
         };
-        Ok(Some(Entity { name, content }))
+        Ok(Some(Entity {
+            name,
+            defers_blanking: false,
+            content,
+        }))
     };
     match entry.kind {
         106 if matches!(entry.form, 1..=3) => {
@@ -98,28 +108,49 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         return Ok(None);
     }
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
+    let Some((mut name, content)) = composition(file, entry, &mut parameters)? else {
+        return Ok(None);
+    };
+    let properties = properties(file, &mut parameters);
+    let better = name_of(file, &properties);
+    if !better.is_empty() {
+        name = better;
+    }
+    Ok(Some(Entity {
+        name,
+        defers_blanking: defers_blanking(file, &properties),
+        content,
+    }))
+}
+
+/// What an entity is composed of, with the name that stands among its own parameters.
+fn composition(
+    file: &File<'_>,
+    entry: &Entry,
+    parameters: &mut Parameters<'_>,
+) -> Result<Option<(String, Content)>, Problem> {
     let mut name = String::new();
     let content = match entry.kind {
         186 => {
             let [shell, _] = [parameters.integer()?, parameters.integer()?];
-            Content::Solid(shell, with_flags(&mut parameters)?)
+            Content::Solid(shell, with_flags(parameters)?)
         }
         308 | 320 => {
             parameters.integer()?;
             name = parameters.text();
             let members = parameters.pointers("members")?;
             if entry.kind == 320 {
-                copies::skip_connections(&mut parameters);
+                copies::skip_connections(parameters);
             }
             Content::Members(members)
         }
-        402 if entry.form == PARENT => match holes(file, &mut parameters)? {
+        402 if entry.form == PARENT => match holes(file, parameters)? {
             Some(content) => content,
             None => return Ok(None),
         },
         402 => Content::Members(parameters.pointers("members")?),
-        kind @ (408 | 412 | 414 | 420) => Content::Copies(Copies::read(kind, &mut parameters)?),
-        180 => match operands(&mut parameters)? {
+        kind @ (408 | 412 | 414 | 420) => Content::Copies(Copies::read(kind, parameters)?),
+        180 => match operands(parameters)? {
             (bodies, true) => Content::Members(bodies),
             _ => {
                 let text = "intersections and differences of solids are not read yet";
@@ -133,14 +164,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
             Content::Placed(placed?)
         }
         430 => Content::Members(vec![parameters.integer()?]),
-        514 => Content::Members(with_flags(&mut parameters)?),
-        kind => face(kind, &mut parameters)?,
+        514 => Content::Members(with_flags(parameters)?),
+        kind => face(kind, parameters)?,
     };
-    let better = trailing_name(file, &mut parameters);
-    if !better.is_empty() {
-        name = better;
-    }
-    Ok(Some(Entity { name, content }))
+    Ok(Some((name, content)))
 }
 
 /// The name of a curve or point, which follows its own parameters.
@@ -307,26 +334,50 @@ fn face(kind: i64, parameters: &mut Parameters<'_>) -> Result<Content, Problem> 
 
 /// The name among the properties that follow the parameters of an entity, or nothing.
 pub(super) fn trailing_name(file: &File<'_>, parameters: &mut Parameters<'_>) -> String {
-    let mut name = || -> Result<Option<String>, Problem> {
-        if parameters.at_most() == 0 {
-            return Ok(None);
+    name_of(file, &properties(file, parameters))
+}
+
+/// The properties that follow the parameters of an entity.
+fn properties(file: &File<'_>, parameters: &mut Parameters<'_>) -> Vec<usize> {
+    if parameters.at_most() == 0 || parameters.pointers("associativities").is_err() {
+        return Vec::new();
+    }
+    let pointers = parameters.pointers("properties").unwrap_or_default();
+    let found = pointers.iter().filter_map(|&pointer| file.find(pointer));
+    found.collect()
+}
+
+/// What the first property of a form says.
+fn property<T>(
+    file: &File<'_>,
+    properties: &[usize],
+    form: i64,
+    read: impl FnOnce(&mut Parameters<'_>) -> Result<T, Problem>,
+) -> Option<T> {
+    let is_it = |i: &&usize| (file.entries[**i].kind, file.entries[**i].form) == (406, form);
+    let index = *properties.iter().find(is_it)?;
+    let mut buffer = Vec::new();
+    let mut parameters = file.parameters(index, SHORT, &mut buffer).ok()?;
+    // How many follow.
+    parameters.integer().ok()?;
+    read(&mut parameters).ok()
+}
+
+/// The name that is one of these properties, or nothing.
+fn name_of(file: &File<'_>, all: &[usize]) -> String {
+    property(file, all, NAME, |p| Ok(p.text())).unwrap_or_default()
+}
+
+/// Whether one of these properties says that members are blanked by themselves only.
+fn defers_blanking(file: &File<'_>, all: &[usize]) -> bool {
+    // Of line font, view, level, blank, weight and colour.
+    let fourth = |p: &mut Parameters<'_>| {
+        for _ in 0..3 {
+            p.text();
         }
-        parameters.pointers("associativities")?;
-        for property in parameters.pointers("properties")? {
-            let Some(index) = file.find(property) else {
-                continue;
-            };
-            let entry = &file.entries[index];
-            if (entry.kind, entry.form) == (406, 15) {
-                let mut buffer = Vec::new();
-                let mut parameters = file.parameters(index, SHORT, &mut buffer)?;
-                parameters.integer()?;
-                return Ok(Some(parameters.text()));
-            }
-        }
-        Ok(None)
+        p.integer_or(0)
     };
-    name().ok().flatten().unwrap_or_default()
+    property(file, all, HIERARCHY, fourth) == Some(1)
 }
 
 /// The colours with a number.

@@ -3,13 +3,16 @@
 //! `records` finds the cards, `directory` the entities (`compressed` those of the compressed
 //! form), `parameters` their numbers. `curves`
 //! (with `conic`) and `sheets` (with `net`, `quadric` and `offset`) make curves and surfaces of
-//! them, `boundary` finds what bounds a face and `trims` makes trim loops of it. `tree` makes
-//! the scene, `levels` its layers, and `leftovers` tells what is not in it. Entities are found by the positions of
-//! their cards, not by the counts that go with them, because programs write the former right
-//! and the latter not always.
+//! them, `boundary` finds what bounds a face and `trims` makes trim loops of it. `blanks` says
+//! what is hidden, `tree` makes the scene, `levels` its layers, and `leftovers` tells what is not
+//! in it. Entities are found by the positions of their cards, not by the counts that go with them,
+//! because programs write the former right and the latter not always.
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 
+#[cfg(test)]
+mod blank_tests;
+mod blanks;
 mod boundary;
 mod compressed;
 mod conic;
@@ -113,7 +116,7 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
         entities.map_err(|problem| error(Place::default(), problem))?
     };
     let mut file = directory::File::new(global, entries, parameters);
-    if let Some(first) = file.unblank() {
+    if let Some(first) = blanks::settle(&mut file) {
         let text = "all that could be shown is blanked; it is shown";
         warnings.invalid(file.place(first), text);
     }

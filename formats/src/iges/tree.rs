@@ -11,16 +11,17 @@ use kernel::{
     Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, UpAxis, Wire, WireShape,
 };
 
+use super::blanks;
 use super::boundary::{Boundary, Edges};
 use super::copies::Copies;
 use super::curves::Reader;
-use super::directory::{Entry, File};
+use super::directory::File;
 use super::entities::{self, Content, Entity};
-use super::leftovers::{self, is_geometry};
+use super::leftovers;
 use super::levels;
 use super::links::{Links, cycles, links};
 use super::transform::Transforms;
-use super::types::{self, Class};
+use super::types;
 use super::{primitives, sheets, trims};
 use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
 
@@ -40,11 +41,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     let mut tree = Tree::new(file, limits, warnings, is_part);
     let mut children = Vec::new();
     for (index, entry) in file.entries.iter().enumerate() {
-        if !is_shown(entry) || owners[index].is_some() || entry.blanked {
-            continue;
-        }
-        // Curves that belong to something which does not name them are no news.
-        if types::is_wire(entry.kind) && entry.dependent {
+        if !blanks::stands_alone(file, &owners, index) {
             continue;
         }
         let child = tree.child(index, 0, 0);
@@ -352,12 +349,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             }
         };
         let (entry, parent) = (&self.file.entries[index], &self.file.entries[parent]);
-        let is_definition = match entry.kind {
-            308 => matches!(parent.kind, 408 | 412 | 414),
-            320 => parent.kind == 420,
-            _ => false,
-        };
-        if !is_definition && (entry.blanked || types::class(entry.kind) != Class::Shown) {
+        if !blanks::shows_member(parent, entry) {
             return None;
         }
         // A member of several groups is shown once, and what is part of a body is shown with that.
@@ -580,14 +572,4 @@ impl<'a, 'b> Tree<'a, 'b> {
         self.failure.get_or_insert(error);
         self.problem(index, problem);
     }
-}
-
-/// Whether an entity can be shown for its own sake.
-fn is_shown(entry: &Entry) -> bool {
-    let Entry { kind, form, .. } = *entry;
-    let is_readable = match kind {
-        402 => types::is_group(kind, form) || form == entities::PARENT,
-        kind => !types::is_wire(kind) || types::is_free_form(kind, form),
-    };
-    types::class(kind) == Class::Shown && is_geometry(entry) && is_readable
 }
