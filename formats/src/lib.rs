@@ -322,16 +322,15 @@ impl Resolver for Folder<'_> {
     fn resolve(&self, name: &str) -> io::Result<Vec<u8>> {
         let denied = |why| io::Error::new(io::ErrorKind::PermissionDenied, why);
         let name = PathBuf::from(name.replace('\\', "/"));
-        let inside = |c| matches!(c, Component::Normal(_) | Component::CurDir);
-        // Without a look at the disk: that a file elsewhere exists is nobody's business.
-        if self.base == self.root && !name.components().all(inside) {
-            return Err(denied("the name leads out of the folder"));
-        }
-        // A link inside the folder may still lead out of it.
         let [base, root] = [self.base, self.root].map(|folder| match folder.as_os_str() {
             name if name.is_empty() => Path::new("."),
             _ => folder,
         });
+        // Without a look at the disk: that a file elsewhere exists is nobody's business.
+        if self.base == self.root && !stays_inside(&name, root) {
+            return Err(denied("the name leads out of the folder"));
+        }
+        // A link inside the folder may still lead out of it.
         let path = base.join(name).canonicalize()?;
         if !path.starts_with(root.canonicalize()?) {
             return Err(denied("the name leads out of the folder"));
@@ -342,4 +341,15 @@ impl Resolver for Folder<'_> {
         }
         read_within(fs::File::open(path)?, self.limits.bytes)
     }
+}
+
+/// Whether a name leads nowhere but into a folder and below, as it is written.
+fn stays_inside(name: &Path, folder: &Path) -> bool {
+    let inside = |c| matches!(c, Component::Normal(_) | Component::CurDir);
+    if name.is_relative() {
+        return name.components().all(inside);
+    }
+    let folders = [std::path::absolute(folder), folder.canonicalize()];
+    let mut below = folders.iter().flatten().map(|f| name.strip_prefix(f));
+    below.any(|rest| rest.is_ok_and(|rest| rest.components().all(inside)))
 }

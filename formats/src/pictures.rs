@@ -49,7 +49,7 @@ impl Pictures {
     }
 
     fn fetch(&mut self, name: &str, options: &ReadOptions<'_>) -> Result<Picture, String> {
-        if name.contains(':') {
+        if name.contains("://") {
             return Err("only local files are read".to_owned());
         }
         let bytes = options.resolver.resolve(name);

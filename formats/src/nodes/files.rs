@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 
+use super::address::{Address, REMOTE};
 use super::build::Builder;
 use super::proto::{Body, Prototype, Scope};
 use super::{Field, File, Link, Node, Spelling};
@@ -52,27 +53,6 @@ impl Loader {
     }
 }
 
-impl File {
-    /// The name of a file that is named in this one, from the folder of the first.
-    pub(super) fn beside(&self, address: &str) -> String {
-        let here = &self.name;
-        let folder = here.rfind('/').map_or("", |end| &here[..=end]);
-        if address.contains(':') || address.starts_with(['/', '\\']) {
-            return address.to_owned();
-        }
-        let joined = format!("{folder}{address}").replace('\\', "/");
-        let mut parts: Vec<&str> = Vec::new();
-        for part in joined.split('/') {
-            match (part, parts.last()) {
-                ("." | "", _) => {}
-                ("..", Some(&last)) if last != ".." => drop(parts.pop()),
-                _ => parts.push(part),
-            }
-        }
-        parts.join("/")
-    }
-}
-
 impl Builder<'_> {
     /// Reads the content of a file to its end, or to where it is broken.
     ///
@@ -98,8 +78,7 @@ impl Builder<'_> {
         if !node.flag("load", true, &mut self.warnings) {
             return Ok(());
         }
-        let addresses = node.strings("url").into_iter();
-        let addresses: Vec<_> = addresses.map(|a| self.file.beside(&a)).collect();
+        let addresses = self.addresses(node);
         let scene = |contents: &Contents, _: Option<&str>| {
             Some((contents.scene?, contents.file.length.metres))
         };
@@ -120,6 +99,13 @@ impl Builder<'_> {
         Ok(())
     }
 
+    /// The files that a node names; a URN says nothing about where one is.
+    pub(super) fn addresses(&self, node: &Node) -> Vec<Address> {
+        let all = node.strings("url").into_iter();
+        let places = all.filter(|address| !is_urn(address));
+        places.map(|a| self.file.address_of_part(&a)).collect()
+    }
+
     /// The prototype from the first of these files that has it.
     ///
     /// # Errors
@@ -127,7 +113,7 @@ impl Builder<'_> {
     pub(super) fn fetch_prototype(
         &mut self,
         node: &Node,
-        addresses: &[String],
+        addresses: &[Address],
     ) -> Result<Option<Arc<Body>>, Error> {
         let body = |contents: &Contents, fragment: Option<&str>| {
             let name = fragment.or(contents.names.first.as_deref())?;
@@ -147,23 +133,22 @@ impl Builder<'_> {
     fn first_of<T>(
         &mut self,
         node: &Node,
-        addresses: &[String],
+        addresses: &[Address],
         wanted: impl Fn(&Contents, Option<&str>) -> Option<T>,
     ) -> Result<Option<T>, Error> {
         let mut reasons = Vec::new();
-        for address in addresses.iter().filter(|a| !is_urn(a)) {
-            let (name, fragment) = match address.split_once('#') {
-                Some((name, fragment)) => (name, Some(fragment)),
-                None => (&**address, None),
-            };
-            let reason = match self.load(name)? {
-                Ok(contents) => match wanted(&contents, fragment) {
-                    Some(found) => return Ok(Some(found)),
-                    None => "it does not have what is wanted".to_owned(),
-                },
-                Err(reason) => reason,
-            };
-            reasons.push(format!("{address}: {reason}"));
+        for address in addresses {
+            let mut reason = REMOTE.to_owned();
+            for name in &address.names {
+                reason = match self.load(name)? {
+                    Ok(contents) => match wanted(&contents, address.fragment.as_deref()) {
+                        Some(found) => return Ok(Some(found)),
+                        None => "it does not have what is wanted".to_owned(),
+                    },
+                    Err(reason) => reason,
+                };
+            }
+            reasons.push(format!("{}: {reason}", address.shown));
         }
         if !reasons.is_empty() {
             let reasons = reasons.join("; ");
@@ -194,9 +179,6 @@ impl Builder<'_> {
 
     /// The bytes of a file, decompressed.
     fn fetch(&mut self, name: &str) -> Result<Vec<u8>, String> {
-        if name.contains(':') {
-            return Err("only local files are read".to_owned());
-        }
         if self.loader.reading.len() >= DEEP {
             return Err(format!("files stand in each other deeper than {DEEP}"));
         }

@@ -9,6 +9,7 @@
 //! Nodes are stored children first, so a USE can only point to a node that is complete.
 //! Cycles cannot be built, and the conversion needs no recursion.
 
+mod address;
 mod animate;
 mod build;
 mod covering;

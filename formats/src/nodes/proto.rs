@@ -7,6 +7,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::address::Address;
 use super::animate::{Route, plain_name};
 use super::build::{Builder, Open};
 use super::files::is_urn;
@@ -32,7 +33,7 @@ pub(super) enum Prototype {
     /// It stands in a file that has been read.
     Here(Arc<Body>),
     /// It stands in one of these files.
-    Elsewhere(Arc<[String]>),
+    Elsewhere(Arc<[Address]>),
     /// It is a node that is known without it.
     Known(Arc<str>),
     /// Its files have been looked for in vain.
@@ -256,7 +257,7 @@ impl Builder<'_> {
         let known = named.or_else(|| urns.find_map(|urn| known(urn.rsplit(':').next()?)));
         let prototype = match known {
             Some(kind) => Prototype::Known(kind.into()),
-            None => Prototype::Elsewhere(addresses.iter().map(|a| self.file.beside(a)).collect()),
+            None => Prototype::Elsewhere(self.addresses(node).into()),
         };
         self.declare_as(name, prototype);
     }

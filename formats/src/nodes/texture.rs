@@ -6,6 +6,7 @@ use glam::{DAffine2, DVec2, DVec3};
 use kernel::{Channel, Filter, Image, Material, MaterialId, ShareTexture, Texels, Texture, Wrap};
 
 use super::Node;
+use super::address::REMOTE;
 use super::scene::{Converter, Made};
 use crate::Error;
 use crate::pictures::Picture;
@@ -31,10 +32,15 @@ impl Converter<'_> {
     pub(super) fn image_texture(&mut self, node: &Node) -> Made {
         let mut reasons = Vec::new();
         for address in node.strings("url").iter().filter(|a| !a.is_empty()) {
-            match self.pictures.load(&node.file.beside(address), self.options) {
-                Ok(picture) => return self.picture(node, picture),
-                Err(reason) => reasons.push(format!("{address}: {reason}")),
+            let mut reason = REMOTE.to_owned();
+            let address = node.file.address(address);
+            for name in &address.names {
+                match self.pictures.load(name, self.options) {
+                    Ok(picture) => return self.picture(node, picture),
+                    Err(found) => reason = found,
+                }
             }
+            reasons.push(format!("{}: {reason}", address.shown));
         }
         if !reasons.is_empty() {
             let text = format!("a picture could not be read: {}", reasons.join("; "));

@@ -9,6 +9,7 @@ use super::Dialect;
 use super::spell::{Out, Value};
 use super::tree::Tree;
 use crate::Place;
+use crate::nodes::address::encoded;
 use crate::write::has_weights;
 
 impl Tree<'_> {
@@ -85,7 +86,7 @@ impl Tree<'_> {
             out.field("image", Value::One(pixels(image)));
         } else {
             out = Out::new("ImageTexture");
-            out.field("url", Value::Texts(vec![image.name().to_owned()]));
+            out.field("url", Value::Texts(vec![encoded(image.name())]));
             let place = Place::item(0, format!("picture \"{}\"", image.name()));
             let text = "pictures are named and not copied; put the file beside what is written";
             self.warnings.unsupported(place, text);
