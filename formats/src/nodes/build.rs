@@ -232,8 +232,11 @@ impl<'a> Builder<'a> {
             return self.instance(&prototype, open);
         }
         if is_inline(&open.node.kind) {
-            self.inline(&mut open.node)?;
+            let contents = self.inline(&mut open.node)?;
             open.height = self.height_inside(&open.node);
+            if let (false, Some(scope)) = (open.node.def.is_empty(), self.scopes.last_mut()) {
+                scope.inlines.insert(Arc::clone(&open.node.def), contents);
+            }
         }
         if &*open.node.kind == "CoordinateDeformer" {
             self.deform(&open.node);

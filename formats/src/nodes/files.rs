@@ -8,7 +8,7 @@ use super::address::{Address, REMOTE};
 use super::build::Builder;
 use super::proto::{Body, Prototype, Scope};
 use super::{Field, File, Link, Node, Spelling};
-use crate::Error;
+use crate::{Error, Problem};
 
 /// How deep files may stand inside each other.
 const DEEP: usize = 32;
@@ -65,25 +65,26 @@ impl Builder<'_> {
         spelling(bytes, self)
     }
 
-    /// Puts the scene of the first file that can be read into an `Inline`, in its units.
+    /// Puts the scene of the first file that can be read into an `Inline`, in its units. Gives
+    /// what that file holds.
     ///
     /// # Errors
     /// If a limit is passed.
-    pub(super) fn inline(&mut self, node: &mut Node) -> Result<(), Error> {
+    pub(super) fn inline(&mut self, node: &mut Node) -> Result<Option<Arc<Contents>>, Error> {
         // The prototype around it still has to say where it leads.
         if node.connections.iter().any(|(field, _)| &**field == "url") {
-            return Ok(());
+            return Ok(None);
         }
         node.children.clear();
         if !node.flag("load", true, &mut self.warnings) {
-            return Ok(());
+            return Ok(None);
         }
         let addresses = self.addresses(node);
-        let scene = |contents: &Contents, _: Option<&str>| {
-            Some((contents.scene?, contents.file.length.metres))
+        let scene = |contents: &Arc<Contents>, _: Option<&str>| {
+            Some((contents.scene?, Arc::clone(contents)))
         };
-        let Some((scene, metres)) = self.first_of(node, &addresses, scene)? else {
-            return Ok(());
+        let Some((scene, contents)) = self.first_of(node, &addresses, scene)? else {
+            return Ok(None);
         };
         node.children.push(Link {
             node: scene,
@@ -91,12 +92,12 @@ impl Builder<'_> {
             defined_here: false,
         });
         node.kind = "Transform".into();
-        let scale = metres / node.file.length.metres;
+        let scale = contents.file.length.metres / node.file.length.metres;
         node.fields = vec![Field {
             name: "scale".into(),
             value: format!("{scale} {scale} {scale}").into(),
         }];
-        Ok(())
+        Ok(Some(contents))
     }
 
     /// The files that a node names; a URN says nothing about where one is.
@@ -115,7 +116,7 @@ impl Builder<'_> {
         node: &Node,
         addresses: &[Address],
     ) -> Result<Option<Arc<Body>>, Error> {
-        let body = |contents: &Contents, fragment: Option<&str>| {
+        let body = |contents: &Arc<Contents>, fragment: Option<&str>| {
             let name = fragment.or(contents.names.first.as_deref())?;
             match contents.names.prototypes.get(name)? {
                 Prototype::Here(body) => Some(Arc::clone(body)),
@@ -123,6 +124,72 @@ impl Builder<'_> {
             }
         };
         self.first_of(node, addresses, body)
+    }
+
+    /// An `EXPORT`: what other files may import from this one.
+    pub(super) fn export(&mut self, statement: &Node) {
+        let local = statement.name_in("localDEF");
+        let name = Some(statement.name_in("AS")).filter(|name| !name.is_empty());
+        if let Some(scope) = self.scopes.last_mut() {
+            let name = name.unwrap_or_else(|| Arc::clone(&local));
+            scope.exports.insert(name, local);
+        }
+    }
+
+    /// An `IMPORT`: gives a name to a node of the file of an `Inline`. What several `Inline`s show
+    /// of one file is the same for all of them.
+    pub(super) fn import(&mut self, statement: &Node) {
+        let [inline, first, second, other] =
+            ["inlineDEF", "importedDEF", "exportedDEF", "AS"].map(|f| statement.name_in(f));
+        let name = if first.is_empty() { second } else { first };
+        let what = format!("IMPORT of {name}");
+        let place = self.file.place(statement.line, &what);
+        let node = match self.imported(&inline, &name) {
+            Ok((node, problem)) => {
+                if let Some(problem) = problem {
+                    self.warnings.add(place, problem);
+                }
+                node
+            }
+            Err(problem) => return self.warnings.add(place, problem),
+        };
+        let name = if other.is_empty() { name } else { other };
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.nodes.insert(name, node);
+        }
+    }
+
+    /// The node of this name in the file of an `Inline`, and what is wrong with it.
+    fn imported(&self, inline: &str, name: &str) -> Result<(usize, Option<Problem>), Problem> {
+        let scope = self.scopes.last();
+        let contents = scope.and_then(|scope| scope.inlines.get(inline));
+        let Some(contents) = contents else {
+            let text = format!("no Inline before it has the DEF \"{inline}\"; it is left out");
+            return Err(Problem::Invalid(text));
+        };
+        let Some(contents) = contents else {
+            let text = format!("the Inline {inline} shows no file; it is left out");
+            return Err(Problem::Unsupported(text));
+        };
+        let (file, names) = (&contents.file, &contents.names);
+        let exported = names.exports.get(name);
+        let Some(&node) = names.nodes.get(exported.map_or(name, |own| own)) else {
+            let text = format!("{} has no such node; it is left out", file.name);
+            return Err(Problem::Invalid(text));
+        };
+        let problem = if exported.is_none() {
+            let text = format!("{} has no EXPORT of it; it is taken anyhow", file.name);
+            Some(Problem::Invalid(text))
+        } else if file.length.metres.to_bits() != self.file.length.metres.to_bits() {
+            let text = format!(
+                "{} has another unit of length; what is used of it or routed to it is not scaled",
+                file.name
+            );
+            Some(Problem::Unsupported(text))
+        } else {
+            None
+        };
+        Ok((node, problem))
     }
 
     /// What is wanted from the first of these files that has it; if there is none, a warning
@@ -134,7 +201,7 @@ impl Builder<'_> {
         &mut self,
         node: &Node,
         addresses: &[Address],
-        wanted: impl Fn(&Contents, Option<&str>) -> Option<T>,
+        wanted: impl Fn(&Arc<Contents>, Option<&str>) -> Option<T>,
     ) -> Result<Option<T>, Error> {
         let mut reasons = Vec::new();
         for address in addresses {

@@ -227,6 +227,11 @@ impl Node {
         self.strings(field).into_iter().next().unwrap_or_default()
     }
 
+    /// A field that is the name of a node, as it stands there.
+    fn name_in(&self, field: &str) -> Arc<str> {
+        self.text(field).unwrap_or_default().trim().into()
+    }
+
     /// The numbers of a field; empty if it is not there or one of them is malformed.
     pub(crate) fn numbers(&self, field: &str, warnings: &mut Warnings) -> Vec<f64> {
         let Some(text) = self.text(field) else {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::address::Address;
 use super::animate::{Route, plain_name};
 use super::build::{Builder, Open};
-use super::files::is_urn;
+use super::files::{Contents, is_urn};
 use super::kinds::{is_group, is_known, known};
 use super::text::words;
 use super::{Field, Link, Node};
@@ -25,6 +25,10 @@ pub(super) struct Scope {
     pub(super) prototypes: HashMap<Arc<str>, Prototype>,
     /// The first prototype that is declared here.
     pub(super) first: Option<Arc<str>>,
+    /// What other files may import: their name for it, and the one here.
+    pub(super) exports: HashMap<Arc<str>, Arc<str>>,
+    /// What the files of `Inline`s hold, by the DEF of these; of those without a file, nothing.
+    pub(super) inlines: HashMap<Arc<str>, Option<Arc<Contents>>>,
 }
 
 /// A declared prototype.
@@ -107,7 +111,9 @@ impl Builder<'_> {
             }
             "unit" => self.set_unit(&open.node),
             "ROUTE" => self.route(&open.node)?,
-            "component" | "meta" | "IMPORT" | "EXPORT" => {}
+            "IMPORT" => self.import(&open.node),
+            "EXPORT" => self.export(&open.node),
+            "component" | "meta" => {}
             _ => return Ok(Some(open)),
         }
         Ok(None)

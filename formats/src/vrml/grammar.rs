@@ -123,6 +123,8 @@ impl<'a> Reader<'a, '_, '_> {
                 self.builder.end()?;
                 self.rest = &self.text[self.text.len() - self.rest.len() - word.len()..];
             }
+            // No node in a list of nodes.
+            (Some(Level::Nodes(_)), Token::Word("NULL")) => {}
             (Some(Level::Node), Token::Word(word)) => self.field(word)?,
             (Some(Level::Nodes(slot)), Token::Word(word)) => self.node(word, Some(slot))?,
             (Some(Level::File | Level::Body), Token::Word(word)) => self.statement(word)?,
@@ -222,15 +224,7 @@ impl<'a> Reader<'a, '_, '_> {
                 Ok(())
             }
             "UNIT" => self.unit(),
-            "IMPORT" | "EXPORT" => {
-                // A name, and AS with another one.
-                self.next();
-                if self.peek() == Some(Token::Word("AS")) {
-                    self.next();
-                    self.next();
-                }
-                Ok(())
-            }
+            "IMPORT" | "EXPORT" => self.passage(word),
             _ => self.node(word, None),
         }
     }
@@ -354,12 +348,16 @@ impl<'a> Reader<'a, '_, '_> {
         }
     }
 
-    /// Whether what follows is a node.
+    /// Whether what follows is a node, perhaps after places without one.
     fn begins_node(&self) -> bool {
-        let Ok((rest, Token::Word(word))) = token(self.rest) else {
+        let mut next = token(self.rest);
+        while let Ok((rest, Token::Word("NULL"))) = next {
+            next = token(rest);
+        }
+        let Ok((rest, Token::Word(word))) = next else {
             return false;
         };
-        let is_name = number(word).is_err() && !matches!(word, "TRUE" | "FALSE" | "NULL");
+        let is_name = number(word).is_err() && !matches!(word, "TRUE" | "FALSE");
         matches!(word, "DEF" | "USE" | "PROTO" | "EXTERNPROTO" | "ROUTE")
             || is_name && matches!(token(rest), Ok((_, Token::Open)))
     }
@@ -425,6 +423,27 @@ impl<'a> Reader<'a, '_, '_> {
             let (node, field) = end.split_once('.').unwrap_or((end, ""));
             self.builder.field(names[0], node);
             self.builder.field(names[1], field);
+        }
+        self.builder.end()
+    }
+
+    /// `IMPORT inline.name AS name` or `EXPORT name AS name`; what begins with `AS` may be missing.
+    fn passage(&mut self, keyword: &str) -> Result<(), Error> {
+        let line = self.line();
+        self.builder.begin(keyword, line)?;
+        let from = self.name().unwrap_or_default();
+        match (keyword, from.split_once('.')) {
+            ("IMPORT", Some((inline, name))) => {
+                self.builder.field("inlineDEF", inline);
+                self.builder.field("importedDEF", name);
+            }
+            ("IMPORT", None) => self.builder.field("inlineDEF", from),
+            _ => self.builder.field("localDEF", from),
+        }
+        if self.peek() == Some(Token::Word("AS")) {
+            self.next();
+            let name = self.name().unwrap_or_default();
+            self.builder.field("AS", name);
         }
         self.builder.end()
     }

@@ -83,6 +83,24 @@ fn what_does_not_belong_is_passed_over() {
 }
 
 #[test]
+fn places_without_a_node_are_skipped_in_lists() {
+    for list in [
+        format!("NULL {TRIANGLE}"),
+        format!("NULL, NULL # none\n {TRIANGLE} NULL"),
+        format!("{TRIANGLE} NULL"),
+        format!("NULL DEF T {TRIANGLE} NULL"),
+    ] {
+        let text = format!("Group {{ children [ {list} ] }} {TRIANGLE}");
+        let import = read_scene(&text);
+        assert_eq!(corners(&import), [[1.0, 0.0, 0.0]; 2], "{list}");
+        assert_eq!(messages(&import), [""; 0], "{list}");
+    }
+    let import = read_scene(&format!("Group {{ children [ NULL ] }} {TRIANGLE}"));
+    assert_eq!(import.scene.placement_count(), 1);
+    assert_eq!(messages(&import), [""; 0]);
+}
+
+#[test]
 fn a_file_that_ends_too_soon_keeps_what_was_complete() {
     let import = read_scene(&format!(
         "{TRIANGLE} Group {{ children [ {TRIANGLE} Shape {{"
@@ -261,6 +279,83 @@ fn prototypes_and_scenes_come_from_files_beside() {
     // Half a metre is the unit of the scene in the folder, a metre that of the prototype.
     assert_eq!(corners(&import), [[1.0, 0.0, 4.0], [1.0, 4.0, 1.0]]);
     assert_eq!(messages(&import), Vec::<String>::new());
+}
+
+/// A file with a moved triangle that others may import, and one they should not.
+fn wheel() -> String {
+    format!(
+        "#X3D V3.3 utf8\nDEF A Transform {{ translation 0 1 0 children {TRIANGLE} }}\n\
+         DEF B Transform {{ translation 0 2 0 children {TRIANGLE} }}\nEXPORT A AS Wheel"
+    )
+}
+
+#[test]
+fn nodes_of_inlined_files_are_imported() {
+    let wheel = wheel();
+    let files = Files(&[("w.x3dv", &wheel)]);
+    let moved = "DEF T TimeSensor { } DEF P PositionInterpolator { key [ 0 1 ] \
+        keyValue [ 0 0 0, 0 8 0 ] } ROUTE T.fraction_changed TO P.set_fraction";
+    let import = read_text(
+        &format!(
+            "DEF I Inline {{ url \"w.x3dv\" }}\nIMPORT I.Wheel AS W\n\
+             Transform {{ translation 5 0 0 children USE W }}\n\
+             {moved} ROUTE P.value_changed TO W.set_translation"
+        ),
+        &files,
+    );
+    assert_eq!(messages(&import), [""; 0]);
+    let expected = [[1.0, 1.0, 0.0], [1.0, 2.0, 0.0], [6.0, 1.0, 0.0]];
+    assert_eq!(corners(&import), expected);
+    let animation = import.animation.as_ref().expect("a route");
+    let scene = animation.scene_at(0.5).unwrap();
+    let later = Import {
+        scene,
+        ..Import::default()
+    };
+    let expected = [[1.0, 4.0, 0.0], [1.0, 2.0, 0.0], [6.0, 4.0, 0.0]];
+    assert_eq!(corners(&later), expected);
+    // Without AS the name stays.
+    let import = read_text(
+        "DEF I Inline { url \"w.x3dv\" } IMPORT I.Wheel USE Wheel",
+        &files,
+    );
+    assert_eq!(messages(&import), [""; 0]);
+    assert_eq!(import.scene.placement_count(), 3);
+}
+
+#[test]
+fn what_cannot_be_imported_is_told() {
+    let wheel = wheel();
+    let small = wheel.replace("utf8\n", "utf8\nUNIT length mm 0.001\n");
+    let files = Files(&[("w.x3dv", &wheel), ("s.x3dv", &small)]);
+    for (statement, expected) in [
+        (
+            "IMPORT I.B AS W",
+            "w.x3dv has no EXPORT of it; it is taken anyhow",
+        ),
+        ("IMPORT I.C AS W", "w.x3dv has no such node; it is left out"),
+        (
+            "IMPORT J.B AS W",
+            "no Inline before it has the DEF \"J\"; it is left out",
+        ),
+        (
+            "IMPORT N.B AS W",
+            "the Inline N shows no file; it is left out",
+        ),
+        (
+            "IMPORT S.Wheel AS W",
+            "s.x3dv has another unit of length; what is used of it or routed to it is not scaled",
+        ),
+    ] {
+        let text = format!(
+            "DEF I Inline {{ url \"w.x3dv\" }} DEF N Inline {{ load FALSE }} \
+             DEF S Inline {{ url \"s.x3dv\" }}\n{statement}"
+        );
+        let import = read_text(&text, &files);
+        let name = statement.split(['.', ' ']).nth(2).unwrap();
+        let expected = format!("line 3, IMPORT of {name}: {expected}");
+        assert_eq!(messages(&import), [expected]);
+    }
 }
 
 #[test]

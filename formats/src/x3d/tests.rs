@@ -362,3 +362,35 @@ fn prototypes_of_files_in_other_units_are_scaled() {
         "{bounds:?}"
     );
 }
+
+#[test]
+fn nodes_are_imported_and_lists_have_gaps_in_xml_and_json() {
+    struct Part;
+    impl crate::Resolver for Part {
+        fn resolve(&self, _: &str) -> std::io::Result<Vec<u8>> {
+            let text = "<Shape DEF='B'><Sphere/></Shape><EXPORT localDEF='B' AS='Ball'/>";
+            Ok(file(text).into_bytes())
+        }
+    }
+    let json = "{ \"X3D\": { \"@version\": \"3.3\", \"Scene\": { \"-children\": [ null,\n\
+        { \"Inline\": { \"@DEF\": \"I\", \"@url\": [ \"part.x3d\" ] } }, null,\n\
+        { \"IMPORT\": { \"@inlineDEF\": \"I\", \"@importedDEF\": \"Ball\", \"@AS\": \"C\" } },\n\
+        { \"Group\": { \"-metadata\": null, \"-children\": [ null,\n\
+          { \"Shape\": { \"@USE\": \"C\" } } ] } } ] } } }";
+    for text in [
+        file(
+            "<Inline DEF='I' url='part.x3d'/><IMPORT inlineDEF='I' importedDEF='Ball' AS='C'/>\
+             <Group><Shape USE='C'/></Group>",
+        ),
+        file(
+            "<Inline DEF='I' url='part.x3d'/><IMPORT inlineDEF='I' exportedDEF='Ball'/>\
+             <Shape USE='Ball'/>",
+        ),
+        json.to_owned(),
+    ] {
+        let (limits, resolver) = (&Limits::default(), &Part);
+        let import = read(text.as_bytes(), &ReadOptions { limits, resolver }).unwrap();
+        assert_eq!(messages(&import), [""; 0], "{text}");
+        assert_eq!(import.scene.placement_count(), 2, "{text}");
+    }
+}
