@@ -17,6 +17,9 @@ const PARTS: usize = 16;
 /// What ends this share of a domain beside a curve ends on it.
 const NEAR: f64 = 1e-6;
 
+/// How much nearer than elsewhere what is beside a curve is looked at: tips of faces may be thin.
+const NEARER: f64 = 1e-3;
+
 /// Halvings of such a part.
 const STEPS: usize = 50;
 
@@ -77,7 +80,8 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
                 let on = |t: f64| on_surface(surface, &curve, shift, corners, t);
                 let divides = |t: f64| {
                     let (point, left) = aside(&curve, t, size);
-                    holds(point + shift + left) != holds(point + shift - left)
+                    let (point, left) = (point + shift, left * NEARER);
+                    holds(point + left) != holds(point - left)
                 };
                 let near = size.length() * NEAR;
                 for (from, step) in parts(&breaks, &curve, shift, (&ends, near)) {
