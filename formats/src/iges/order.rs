@@ -30,6 +30,26 @@ pub(super) struct Order<F> {
     pub(super) accuracy: f64,
 }
 
+/// The ends of a curve, in parameters and in space.
+struct Ends {
+    uv: [DVec2; 2],
+    points: [DVec3; 2],
+}
+
+/// A curve of a loop by its place in the file, and whether it is run through backwards.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Step {
+    curve: usize,
+    is_turned: bool,
+}
+
+impl Step {
+    /// Where the step begins (0) or ends (1) among the ends of its curve.
+    fn side(self, side: usize) -> usize {
+        if self.is_turned { 1 - side } else { side }
+    }
+}
+
 impl<F: Fn(DVec2) -> DVec3> Order<F> {
     /// Lets closed curves begin where others of the loop end, turns curves round where that lets
     /// them meet, in space, and puts them in the order in which they meet without a jump; whether
@@ -38,55 +58,104 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
         if curves.len() < 2 {
             return (curves, false);
         }
-        let (curves, ends) = self.turned(self.opened(curves));
-        match self.sorted(&curves, &ends) {
-            Some(order) => {
-                let next = ends.iter().cycle().skip(1);
-                let mut pairs = ends.iter().zip(next);
-                let is_torn = pairs.any(|(own, next)| own[1].distance(next[0]) > self.accuracy);
-                let curves = order.into_iter().map(|k| curves[k].clone());
-                (curves.collect(), is_torn)
+        let curves = self.opened(curves);
+        let ends = self.ends(&curves);
+        let listed = self.listed(&ends);
+        let (steps, is_torn) = self.sorted(&ends, &listed).unwrap_or((listed, false));
+        let walked = |step: Step| {
+            let curve = &curves[step.curve];
+            if step.is_turned {
+                curve.reversed()
+            } else {
+                curve.clone()
             }
-            None => (curves, false),
-        }
+        };
+        (steps.into_iter().map(walked).collect(), is_torn)
     }
 
     /// The order in which each curve begins where the one before ends, in parameters as they are, if
-    /// it is another one than that of the file, and the only one.
+    /// it is another one than the `listed` one, and the only one; whether the curves do not even meet
+    /// in space as the file lists them.
+    ///
+    /// They run as they do in the file, as listed, or, where those that are listed side by side do
+    /// not meet, either way.
+    fn sorted(&self, ends: &[Ends], listed: &[Step]) -> Option<(Vec<Step>, bool)> {
+        let is_done = |steps: &[Step]| pairs(steps).all(|(a, b)| self.follows(ends, a, b));
+        if listed.len() > SORTED || is_done(listed) {
+            return None;
+        }
+        let is_torn = |steps: &[Step]| pairs(steps).any(|(a, b)| !self.meets(ends, a, b));
+        let straight: Vec<_> = (0..ends.len())
+            .map(|curve| Step {
+                curve,
+                is_turned: false,
+            })
+            .collect();
+        let found = [straight.as_slice(), listed].into_iter().find_map(|steps| {
+            let order = self.walk(ends, steps)?;
+            Some((order, is_torn(steps)))
+        });
+        found.or_else(|| {
+            let turned = straight.iter().map(|step| Step {
+                is_turned: true,
+                ..*step
+            });
+            let both: Vec<_> = straight.iter().copied().chain(turned).collect();
+            let mut order = self.walk(ends, &both).filter(|_| is_torn(listed))?;
+            // Most run as the file has them.
+            if 2 * order.iter().filter(|step| step.is_turned).count() > order.len() {
+                order.reverse();
+                order.iter_mut().for_each(|s| s.is_turned = !s.is_turned);
+            }
+            Some((order, true))
+        })
+    }
+
+    /// Goes through all curves once, each time by the only one of the steps that follows.
     ///
     /// Where two seams of a surface cross, loops pass one point of space several times, and in space
     /// any curve from there can follow any that comes there.
-    fn sorted(&self, curves: &[Curve<DVec2>], ends: &[[DVec3; 2]]) -> Option<Vec<usize>> {
-        let count = curves.len();
-        if count > SORTED {
-            return None;
-        }
-        let follows = |k: usize, next: usize| {
-            let jump = (curves[next].start() - curves[k].end()).abs();
-            let jumps = |axis: usize| {
-                let period = self.periods[axis].as_ref().map(|p| p.end - p.start);
-                period.is_some_and(|period| jump[axis] > 0.5 * period)
-            };
-            ends[k][1].distance(ends[next][0]) <= self.accuracy && !jumps(0) && !jumps(1)
-        };
-        if (0..count).all(|k| follows(k, (k + 1) % count)) {
-            return None;
-        }
-        let mut order = vec![0];
-        while order.len() <= count {
+    fn walk(&self, ends: &[Ends], steps: &[Step]) -> Option<Vec<Step>> {
+        let first = *steps.first()?;
+        let mut order = vec![first];
+        while order.len() <= ends.len() {
             let last = order[order.len() - 1];
-            let mut next = (0..count).filter(|&next| follows(last, next));
+            let follows = |next: &Step| next.curve != last.curve && self.follows(ends, last, *next);
+            let mut next = steps.iter().copied().filter(follows);
             match (next.next(), next.next()) {
-                (Some(0), None) if order.len() == count => return Some(order),
-                (Some(next), None) if next != 0 => order.push(next),
+                (Some(next), None) if next == first && order.len() == ends.len() => {
+                    return Some(order);
+                }
+                (Some(next), None) if next.curve != first.curve => order.push(next),
                 _ => break,
             }
         }
         None
     }
 
-    fn ends(&self, curves: &[Curve<DVec2>]) -> Vec<[DVec3; 2]> {
-        let ends = |c: &Curve<DVec2>| [(self.point)(c.start()), (self.point)(c.end())];
+    /// Whether a step begins in space where another ends.
+    fn meets(&self, ends: &[Ends], step: Step, next: Step) -> bool {
+        let from = ends[step.curve].points[step.side(1)];
+        let to = ends[next.curve].points[next.side(0)];
+        from.distance(to) <= self.accuracy
+    }
+
+    /// Whether it begins there in parameters, too, without a jump.
+    fn follows(&self, ends: &[Ends], step: Step, next: Step) -> bool {
+        let jump = (ends[next.curve].uv[next.side(0)] - ends[step.curve].uv[step.side(1)]).abs();
+        let jumps = |axis: usize| {
+            let period = self.periods[axis].as_ref().map(|p| p.end - p.start);
+            period.is_some_and(|period| jump[axis] > 0.5 * period)
+        };
+        self.meets(ends, step, next) && !jumps(0) && !jumps(1)
+    }
+
+    fn ends(&self, curves: &[Curve<DVec2>]) -> Vec<Ends> {
+        let ends = |c: &Curve<DVec2>| {
+            let uv = [c.start(), c.end()];
+            let points = uv.map(&self.point);
+            Ends { uv, points }
+        };
         curves.iter().map(ends).collect()
     }
 
@@ -95,8 +164,9 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
         let ends = self.ends(&curves);
         let count = curves.len();
         let opened = |(k, curve): (usize, Curve<DVec2>)| {
-            let stops = [(k + count - 1) % count, (k + 1) % count].map(|beside| ends[beside]);
-            let [start, end] = ends[k];
+            let stops =
+                [(k + count - 1) % count, (k + 1) % count].map(|beside| ends[beside].points);
+            let [start, end] = ends[k].points;
             let meets = |p: &DVec3| p.distance(start) <= self.accuracy;
             if !meets(&end) || stops.as_flattened().iter().any(meets) {
                 return vec![curve];
@@ -149,24 +219,30 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
         least::least(&curve.knots().breaks(), off)
     }
 
-    /// Turns curves round, each only where that is clearly better; the curves and their ends.
-    fn turned(&self, mut curves: Chain) -> (Chain, Vec<[DVec3; 2]>) {
-        let mut ends = self.ends(&curves);
+    /// The curves in the order of the file, each turned round only where that is clearly better.
+    fn listed(&self, ends: &[Ends]) -> Vec<Step> {
         let better = |turned: f64, straight: f64| straight > self.near && turned < 0.5 * straight;
-        let to_next = |p: DVec3| p.distance(ends[1][0]).min(p.distance(ends[1][1]));
-        if better(to_next(ends[0][0]), to_next(ends[0][1])) {
-            curves[0] = curves[0].reversed();
-            ends[0].reverse();
+        let [first, second] = [0, 1].map(|k| ends[k].points);
+        let to_second = |p: DVec3| p.distance(second[0]).min(p.distance(second[1]));
+        let mut steps = vec![Step {
+            curve: 0,
+            is_turned: better(to_second(first[0]), to_second(first[1])),
+        }];
+        for curve in 1..ends.len() {
+            let last = steps[curve - 1];
+            let before = ends[last.curve].points[last.side(1)];
+            let [straight, turned] = ends[curve].points.map(|p| before.distance(p));
+            let is_turned = better(turned, straight);
+            steps.push(Step { curve, is_turned });
         }
-        for k in 1..curves.len() {
-            let before = ends[k - 1][1];
-            if better(before.distance(ends[k][1]), before.distance(ends[k][0])) {
-                curves[k] = curves[k].reversed();
-                ends[k].reverse();
-            }
-        }
-        (curves, ends)
+        steps
     }
+}
+
+/// Each step with the one after it; the first one follows the last.
+fn pairs(steps: &[Step]) -> impl Iterator<Item = (Step, Step)> {
+    let next = steps.iter().cycle().skip(1);
+    steps.iter().copied().zip(next.copied())
 }
 
 #[cfg(test)]
@@ -211,5 +287,53 @@ mod tests {
         let sorted = [8, 0, 1, 2, 3, 4, 5, 6, 7].map(line).to_vec();
         assert_eq!(order.aligned(torn), (sorted, true));
         assert_eq!(order.aligned(right.clone()), (right, false));
+    }
+
+    /// All orders of some numbers.
+    fn orders(rest: &[usize]) -> Vec<Vec<usize>> {
+        if rest.is_empty() {
+            return vec![Vec::new()];
+        }
+        let with = |first: usize| {
+            let others: Vec<_> = rest.iter().copied().filter(|k| *k != first).collect();
+            let orders = orders(&others).into_iter();
+            orders.map(move |others| [vec![first], others].concat())
+        };
+        rest.iter().copied().flat_map(with).collect()
+    }
+
+    #[test]
+    fn a_square_is_found_in_all_orders_of_its_sides_and_with_any_turned() {
+        let corners = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(DVec2::from);
+        let order = Order {
+            point: |uv: DVec2| uv.extend(0.0),
+            periods: [None, None],
+            near: 1e-9,
+            accuracy: 1e-6,
+        };
+        for listed in orders(&[0, 1, 2, 3]) {
+            for turned in 0..16_u8 {
+                let side = |k: usize| {
+                    let line = Curve::line(corners[k], corners[(k + 1) % 4], 0.0..1.0).unwrap();
+                    let is_turned = turned >> k & 1 == 1;
+                    if is_turned { line.reversed() } else { line }
+                };
+                let file: Chain = listed.iter().map(|&k| side(k)).collect();
+                let (made, is_torn) = order.aligned(file.clone());
+                let next = made.iter().cycle().skip(1);
+                let mut pairs = made.iter().zip(next);
+                assert!(
+                    made.len() == 4 && pairs.all(|(c, next)| c.end() == next.start()),
+                    "{listed:?}, turned {turned:b}"
+                );
+                let steps = |by: usize| (0..4).all(|k| (listed[k] + by) % 4 == listed[(k + 1) % 4]);
+                // Listed backwards, they meet, too.
+                if turned == 0 && !steps(3) {
+                    assert_eq!(is_torn, !steps(1), "{listed:?}");
+                    let first = (0..4).map(|k| side((listed[0] + k) % 4));
+                    assert_eq!(made, first.collect::<Chain>());
+                }
+            }
+        }
     }
 }

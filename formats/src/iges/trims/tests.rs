@@ -248,6 +248,43 @@ fn wide_gaps_in_narrow_loops_are_bridged_before_the_loops_are_given_up() {
 }
 
 #[test]
+fn curves_of_a_loop_may_be_listed_in_any_order() {
+    let ends = [
+        "0.25,0.25,0.,0.75,0.25,0.",
+        "0.75,0.25,0.,0.75,0.75,0.",
+        "0.75,0.75,0.,0.25,0.75,0.",
+        "0.25,0.75,0.,0.25,0.25,0.",
+    ];
+    let area = |bounds: &[(i64, &str)]| {
+        let mut entities = vec![square(0.0)];
+        entities.extend([0, 3, 1, 2].map(|k| made(110, ends[k])));
+        entities.push(made(102, "4,3,5,7,9"));
+        for entity in &mut entities {
+            entity.status = "00010000";
+        }
+        entities.extend(bounds.iter().map(|(kind, text)| made(*kind, text)));
+        let (scene, warnings) = read(&entities);
+        let text = "the curves of a trim loop are listed out of order; they are taken in the order \
+                    in which they meet";
+        assert!(
+            warnings.len() == 1 && warnings[0].ends_with(text),
+            "{warnings:?}"
+        );
+        kernel::Integrals::of(&scene.patches()[0], DVec3::ZERO).area()
+    };
+    let trimmed = (144, "1,1,0,13");
+    let bounds = [
+        [(142, "1,1,0,11,2"), trimmed],
+        [(142, "1,1,11,0,1"), trimmed],
+        [(141, "0,1,1,4,3,1,0,5,1,0,7,1,0,9,1,0"), (143, "0,1,1,13")],
+        [(141, "1,2,1,1,0,1,4,3,5,7,9"), (143, "1,1,1,13")],
+    ];
+    for bounds in bounds {
+        assert!((area(&bounds) - 0.25).abs() < 1e-9, "{bounds:?}");
+    }
+}
+
+#[test]
 fn small_gaps_in_loops_are_bridged() {
     let (scene, warnings) = read(&trimmed("0.,0.,0.,0.995,0.,0."));
     assert_eq!(scene.patches()[0].loops[0].segments().len(), 5);
