@@ -1,9 +1,12 @@
 //! Trim loops: from curves of the parameter domain, or from curves of space laid onto the
 //! surface.
 
+mod along;
 mod extent;
 mod flat;
 mod laid;
+#[cfg(test)]
+mod sphere_tests;
 #[cfg(test)]
 mod tests;
 
@@ -44,6 +47,8 @@ const BRIDGED: f64 = 1e-2;
 enum Source {
     /// Those of the parameter domain, where they are where those of space are.
     Flat,
+    /// Those of the parameter domain, which run along those of space.
+    FlatAlong,
     /// Those of the parameter domain, wherever they are.
     FlatAnywhere,
     /// Those of space.
@@ -316,6 +321,9 @@ impl<'a> Trimmer<'a> {
 
     /// The loops of the curves that each prefers, of the others where those bound no face, or with
     /// wider gaps. What was repaired for those that are given up is not told.
+    ///
+    /// On a closed surface curves of space do not tell which side of them is the face, nor which way
+    /// round they are meant; where those of the parameter domain run along them, they do.
     fn best_closed(
         &self,
         reader: &mut Reader<'_, '_>,
@@ -341,6 +349,19 @@ impl<'a> Trimmer<'a> {
                 Ok(made)
             })
         };
+        let tells = |l: &Loop| l.prefers_space && l.uses.iter().all(|u| !u.flat.is_empty());
+        if !is_quadric && self.closed != [false; 2] && loops.iter().any(tells) {
+            let along = |l: &Loop| {
+                if tells(l) {
+                    Source::FlatAlong
+                } else {
+                    preferred(l)
+                }
+            };
+            if let Ok(made) = made(&along, self.accuracy, None) {
+                return Ok(made);
+            }
+        }
         let mut problem = match made(&preferred, self.accuracy, None) {
             Err(problem) => problem,
             made => return made,
@@ -412,8 +433,11 @@ impl<'a> Trimmer<'a> {
         };
         let made = kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation)
             .map_err(Problem::Geometry)?;
+        let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
+        if made.wide_gaps > 0 && loops.iter().any(|l| source(l) == Source::FlatAlong) {
+            return Err(Problem::Invalid(text.to_owned()));
+        }
         for _ in 0..made.wide_gaps {
-            let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
             reader.repaired(face, text);
         }
         let mut loops = made.loops;
@@ -460,7 +484,9 @@ impl<'a> Trimmer<'a> {
             };
             match flat {
                 Ok(flat) if !flat.is_empty() => chain.extend(flat),
-                Err(problem) if stretch.space == 0 => return Err(problem),
+                Err(problem) if stretch.space == 0 || source == Source::FlatAlong => {
+                    return Err(problem);
+                }
                 // A vertex: the loop goes on from the same point.
                 _ if stretch.space == 0 => {}
                 _ => chain.extend(self.laid(reader, stretch)?),

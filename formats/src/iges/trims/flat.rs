@@ -19,6 +19,12 @@ const MISSES: f64 = 2e-2;
 /// So are those that miss them by more than this share of their own size, and [`COARSE`].
 const SHARE: f64 = 0.1;
 
+/// Why curves of the parameter domain are not believed.
+pub(super) fn elsewhere() -> Problem {
+    let text = "a curve of the parameter domain is not where its curve of space is";
+    Problem::Invalid(text.to_owned())
+}
+
 impl Trimmer<'_> {
     /// The curves of a stretch in the parameter domain, if they are where its curve of space
     /// is.
@@ -44,11 +50,15 @@ impl Trimmer<'_> {
             return Ok(curves);
         }
         let index = reader.file.follow(stretch.space, "a trim curve")?;
-        let Ok(rails) = reader.glimpse(index) else {
+        let rails = match reader.glimpse(index) {
+            Err(problem) if source == Source::FlatAlong => return Err(problem),
             // Nothing to compare with.
-            return Ok(curves);
+            Err(_) => return Ok(curves),
+            Ok(rails) => rails,
         };
-        if rails.len() == curves.len() {
+        if source == Source::FlatAlong {
+            self.check_along(&curves, &rails)?;
+        } else if rails.len() == curves.len() {
             let apart = |curve: &Curve<DVec2>, rail: &Rail| {
                 let own = [self.point(curve.start()), self.point(curve.end())];
                 let other = [rail.curve.start(), rail.curve.end()];
@@ -65,8 +75,7 @@ impl Trimmer<'_> {
                 .zip(&rails)
                 .any(|(c, r)| apart(c, r) > allowed(r))
             {
-                let text = "a curve of the parameter domain is not where its curve of space is";
-                return Err(Problem::Invalid(text.to_owned()));
+                return Err(elsewhere());
             }
         }
         if let ([curve], [rail]) = (curves.as_slice(), rails.as_slice()) {

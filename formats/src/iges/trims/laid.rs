@@ -27,7 +27,7 @@ const STEADY: f64 = 1e-10;
 const BORDER: f64 = 1e-3;
 
 /// What a point of a curve costs beside the search for it, in control points that are mixed.
-const POINT: usize = 16;
+pub(super) const POINT: usize = 16;
 
 /// Why a curve of space is not laid onto its surface after many others.
 pub(super) fn spent() -> Problem {
@@ -92,7 +92,7 @@ impl Trimmer<'_> {
     }
 
     /// Takes from the work that is left.
-    fn spend(&self, work: usize) {
+    pub(super) fn spend(&self, work: usize) {
         self.left.set(self.left.get().saturating_sub(work));
     }
 

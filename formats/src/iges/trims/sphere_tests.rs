@@ -1,0 +1,115 @@
+//! Faces of a sphere, of which curves of space alone do not tell which side is meant.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use kernel::Integrals;
+
+use crate::iges::testing::{Made, made, part, read};
+
+const X: DVec3 = DVec3::X;
+const Y: DVec3 = DVec3::Y;
+const NORTH: DVec3 = DVec3::Z;
+const SOUTH: DVec3 = DVec3::NEG_Z;
+
+/// The border of the domain without the octant between X, Y, and the north pole.
+const FLAT: &str = "1,7,0.,0.,-1.,4.,-1.,4.,1.,1.,1.,1.,0.,0.,0.,0.,-1.";
+
+/// The same in space: up the whole seam, and down half of it.
+const WITHOUT_OCTANT: [[DVec3; 2]; 5] = [[SOUTH, X], [X, NORTH], [NORTH, Y], [Y, X], [X, SOUTH]];
+
+fn list(numbers: impl IntoIterator<Item = f64>) -> String {
+    let numbers: Vec<_> = numbers.into_iter().map(|x| format!("{x:?}")).collect();
+    numbers.join(",")
+}
+
+/// The sphere of radius 2: from X around by quarters in u, and up from the south pole in v.
+fn sphere() -> Made {
+    let w = 0.5_f64.sqrt();
+    let corner = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0, 1.0];
+    let circle: Vec<_> = (0..9).map(|k| (corner[k], corner[(k + 6) % 8])).collect();
+    let half = [(0.0, -1.0), (1.0, -1.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+    let weight = |k: usize| if k % 2 == 1 { w } else { 1.0 };
+    let nodes = || (0..5).flat_map(|j| (0..9).map(move |i| (i, j)));
+    let weights = list(nodes().map(|(i, j)| weight(i) * weight(j)));
+    let points = list(nodes().flat_map(|(i, j)| {
+        let ((x, y), (radius, z)) = (circle[i], half[j]);
+        [2.0 * radius * x, 2.0 * radius * y, 2.0 * z]
+    }));
+    let knots = "0.,0.,0.,1.,1.,2.,2.,3.,3.,4.,4.,4.,-1.,-1.,-1.,0.,0.,1.,1.,1.";
+    let text = format!("8,4,2,2,1,0,0,0,0,{knots},{weights},{points},0.,4.,-1.,1.");
+    part(128, 0, &text)
+}
+
+/// A quarter of a great circle of that sphere.
+fn quarter([from, to]: [DVec3; 2]) -> Made {
+    let points = [from, from + to, to].map(|p| p * 2.0);
+    let points = list(points.iter().flat_map(DVec3::to_array));
+    let w = 0.5_f64.sqrt();
+    let text = format!("2,2,0,0,0,0,0.,0.,0.,1.,1.,1.,1.,{w:?},1.,{points},0.,1.,0.,0.,1.");
+    part(126, 0, &text)
+}
+
+/// The area of the face between curves, with a curve of the parameter domain if there is one, by what
+/// the file prefers.
+fn area(curves: Vec<Made>, flat: Option<&str>, preference: u8) -> f64 {
+    let mut entities = vec![sphere()];
+    let pointers: String = (0..curves.len())
+        .map(|k| format!(",{}", 2 * k + 3))
+        .collect();
+    let count = curves.len();
+    entities.extend(curves);
+    entities.push(part(102, 0, &format!("{count}{pointers}")));
+    let space = 2 * entities.len() - 1;
+    let mut domain = 0;
+    if let Some(flat) = flat {
+        let mut flat = part(106, 11, flat);
+        flat.status = "00010500";
+        entities.push(flat);
+        domain = space + 2;
+    }
+    entities.push(part(142, 0, &format!("0,1,{domain},{space},{preference}")));
+    let bound = 2 * entities.len() - 1;
+    entities.push(made(144, &format!("1,1,0,{bound}")));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(warnings, [""; 0]);
+    let [patch] = scene.patches() else {
+        panic!("{} patches", scene.patches().len())
+    };
+    Integrals::of(patch, DVec3::ZERO).area()
+}
+
+fn quarters(curves: &[[DVec3; 2]]) -> Vec<Made> {
+    curves.iter().copied().map(quarter).collect()
+}
+
+fn assert_area(found: f64, expected: f64) {
+    assert!((found - expected).abs() < 1e-5, "{found}, not {expected}");
+}
+
+#[test]
+fn curves_of_the_domain_tell_the_side_whatever_the_file_prefers() {
+    // Without the curves of the domain this would be the octant.
+    let octant = [[NORTH, Y], [Y, X], [X, NORTH]];
+    let around = "1,10,0.,0.,-1.,4.,-1.,4.,0.,4.,1.,1.,1.,1.,0.,0.,0.,0.,1.,0.,0.,0.,-1.";
+    for (curves, flat) in [
+        (&WITHOUT_OCTANT[..], FLAT),
+        (&octant, FLAT),
+        (&octant, around),
+    ] {
+        for preference in 0..4 {
+            let found = area(quarters(curves), Some(flat), preference);
+            assert_area(found, 14.0 * PI);
+        }
+    }
+}
+
+#[test]
+fn curves_of_the_domain_that_run_elsewhere_do_not_count_where_those_of_space_are_preferred() {
+    let octant = [[NORTH, Y], [Y, X], [X, NORTH]];
+    // With an edge that strays by a hundredth of a quarter.
+    let bent = FLAT
+        .replace("1,7,", "1,8,")
+        .replace("1.,0.,0.,0.", "1.,0.,0.5,0.01,0.,0.");
+    assert_area(area(quarters(&octant), Some(&bent), 2), 2.0 * PI);
+}
