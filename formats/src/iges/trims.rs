@@ -5,6 +5,7 @@ mod along;
 mod extent;
 mod flat;
 mod laid;
+mod slits;
 #[cfg(test)]
 mod sphere_tests;
 #[cfg(test)]
@@ -419,14 +420,23 @@ impl<'a> Trimmer<'a> {
         source: Choice<'_>,
         accuracy: f64,
     ) -> Result<Vec<TrimLoop>, Problem> {
-        let mut chains = Vec::new();
+        let (mut chains, mut is_slit) = (Vec::new(), false);
         self.strays.set(0.0);
         for one in loops {
-            chains.push(self.chain(reader, face, one, source(one), accuracy)?);
+            let chain = self.chain(reader, face, one, source(one), accuracy)?;
+            let is_laid =
+                source(one) == Source::Space || one.uses.iter().all(|u| u.flat.is_empty());
+            let slit = if is_laid && !one.is_oriented {
+                self.slit(&chain)
+            } else {
+                None
+            };
+            is_slit |= slit.is_some();
+            chains.push(slit.unwrap_or(chain));
         }
         let orientation = if loops.iter().all(|l| l.is_oriented) {
             Orientation::Left
-        } else if loops.iter().all(|l| source(l) != Source::Space) {
+        } else if is_slit || loops.iter().all(|l| source(l) != Source::Space) {
             Orientation::Literal
         } else {
             Orientation::Unknown

@@ -50,6 +50,26 @@ fn quarter([from, to]: [DVec3; 2]) -> Made {
     part(126, 0, &text)
 }
 
+/// The circle of latitude 30 degrees north, from where it meets the seam eastwards.
+fn circle() -> Made {
+    part(
+        100,
+        0,
+        "1.,0.,0.,1.7320508075688772,0.,1.7320508075688772,0.",
+    )
+}
+
+/// Half of the meridian of X from there to the north pole, or to the south pole.
+fn meridian(z: f64) -> Made {
+    // The middle control point is where the tangents meet.
+    let [start, end] = [DVec3::new(3.0_f64.sqrt(), 0.0, 1.0), DVec3::Z * z];
+    let middle = (start + end) * (4.0 / (4.0 + start.dot(end)));
+    let weight = ((4.0 + start.dot(end)) / 8.0).sqrt();
+    let points = list([start, middle, end].iter().flat_map(DVec3::to_array));
+    let text = format!("2,2,0,0,0,0,0.,0.,0.,1.,1.,1.,1.,{weight:?},1.,{points},0.,1.,0.,0.,1.");
+    part(126, 0, &text)
+}
+
 /// The area of the face between curves, with a curve of the parameter domain if there is one, by what
 /// the file prefers.
 fn area(curves: Vec<Made>, flat: Option<&str>, preference: u8) -> f64 {
@@ -77,6 +97,15 @@ fn area(curves: Vec<Made>, flat: Option<&str>, preference: u8) -> f64 {
         panic!("{} patches", scene.patches().len())
     };
     Integrals::of(patch, DVec3::ZERO).area()
+}
+
+/// Curves the other way round.
+fn backwards(curves: &[[DVec3; 2]]) -> Vec<Made> {
+    curves
+        .iter()
+        .rev()
+        .map(|[a, b]| quarter([*b, *a]))
+        .collect()
 }
 
 fn quarters(curves: &[[DVec3; 2]]) -> Vec<Made> {
@@ -112,4 +141,25 @@ fn curves_of_the_domain_that_run_elsewhere_do_not_count_where_those_of_space_are
         .replace("1,7,", "1,8,")
         .replace("1.,0.,0.,0.", "1.,0.,0.5,0.01,0.,0.");
     assert_area(area(quarters(&octant), Some(&bent), 2), 2.0 * PI);
+}
+
+#[test]
+fn a_seam_that_is_run_along_both_ways_has_the_face_on_both_sides() {
+    for preference in [0, 2] {
+        for curves in [quarters(&WITHOUT_OCTANT), backwards(&WITHOUT_OCTANT)] {
+            assert_area(area(curves, None, preference), 14.0 * PI);
+        }
+        for (z, expected) in [(2.0, 4.0 * PI), (-2.0, 12.0 * PI)] {
+            let cap = vec![circle(), meridian(z), meridian(z)];
+            assert_area(area(cap, None, preference), expected);
+        }
+    }
+}
+
+#[test]
+fn an_octant_is_small_whichever_way_its_curves_run() {
+    let octant = [[NORTH, Y], [Y, X], [X, NORTH]];
+    for curves in [quarters(&octant), backwards(&octant)] {
+        assert_area(area(curves, None, 2), 2.0 * PI);
+    }
 }
