@@ -275,7 +275,7 @@ impl Trimmer<'_> {
                 uv[axis] = wound(knots[axis], uv[axis]);
             }
         }
-        uv
+        guess.map_or(uv, |guess| self.steady(uv, guess))
     }
 
     /// Parameters of which at a pole those stay as they were that make no difference there.

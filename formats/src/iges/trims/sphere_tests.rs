@@ -41,11 +41,13 @@ fn sphere() -> Made {
     part(128, 0, &text)
 }
 
-/// A quarter of a great circle of that sphere.
-fn quarter([from, to]: [DVec3; 2]) -> Made {
-    let points = [from, from + to, to].map(|p| p * 2.0);
+/// A part of a great circle of that sphere, less than half.
+fn arc([from, to]: [DVec3; 2]) -> Made {
+    // The middle control point is where the tangents meet.
+    let cosine = from.dot(to);
+    let points = [from, (from + to) / (1.0 + cosine), to].map(|p| p * 2.0);
     let points = list(points.iter().flat_map(DVec3::to_array));
-    let w = 0.5_f64.sqrt();
+    let w = ((1.0 + cosine) / 2.0).sqrt();
     let text = format!("2,2,0,0,0,0,0.,0.,0.,1.,1.,1.,1.,{w:?},1.,{points},0.,1.,0.,0.,1.");
     part(126, 0, &text)
 }
@@ -59,15 +61,9 @@ fn circle() -> Made {
     )
 }
 
-/// Half of the meridian of X from there to the north pole, or to the south pole.
-fn meridian(z: f64) -> Made {
-    // The middle control point is where the tangents meet.
-    let [start, end] = [DVec3::new(3.0_f64.sqrt(), 0.0, 1.0), DVec3::Z * z];
-    let middle = (start + end) * (4.0 / (4.0 + start.dot(end)));
-    let weight = ((4.0 + start.dot(end)) / 8.0).sqrt();
-    let points = list([start, middle, end].iter().flat_map(DVec3::to_array));
-    let text = format!("2,2,0,0,0,0,0.,0.,0.,1.,1.,1.,1.,{weight:?},1.,{points},0.,1.,0.,0.,1.");
-    part(126, 0, &text)
+/// The part of the meridian of X from there to the north pole, or to the south pole.
+fn meridian(pole: DVec3) -> Made {
+    arc([DVec3::new(0.75_f64.sqrt(), 0.0, 0.5), pole])
 }
 
 /// The area of the face between curves, with a curve of the parameter domain if there is one, by what
@@ -101,15 +97,11 @@ fn area(curves: Vec<Made>, flat: Option<&str>, preference: u8) -> f64 {
 
 /// Curves the other way round.
 fn backwards(curves: &[[DVec3; 2]]) -> Vec<Made> {
-    curves
-        .iter()
-        .rev()
-        .map(|[a, b]| quarter([*b, *a]))
-        .collect()
+    curves.iter().rev().map(|[a, b]| arc([*b, *a])).collect()
 }
 
 fn quarters(curves: &[[DVec3; 2]]) -> Vec<Made> {
-    curves.iter().copied().map(quarter).collect()
+    curves.iter().copied().map(arc).collect()
 }
 
 fn assert_area(found: f64, expected: f64) {
@@ -149,8 +141,8 @@ fn a_seam_that_is_run_along_both_ways_has_the_face_on_both_sides() {
         for curves in [quarters(&WITHOUT_OCTANT), backwards(&WITHOUT_OCTANT)] {
             assert_area(area(curves, None, preference), 14.0 * PI);
         }
-        for (z, expected) in [(2.0, 4.0 * PI), (-2.0, 12.0 * PI)] {
-            let cap = vec![circle(), meridian(z), meridian(z)];
+        for (pole, expected) in [(NORTH, 4.0 * PI), (SOUTH, 12.0 * PI)] {
+            let cap = vec![circle(), meridian(pole), meridian(pole)];
             assert_area(area(cap, None, preference), expected);
         }
     }
@@ -162,4 +154,32 @@ fn an_octant_is_small_whichever_way_its_curves_run() {
     for curves in [quarters(&octant), backwards(&octant)] {
         assert_area(area(curves, None, 2), 2.0 * PI);
     }
+}
+
+#[test]
+fn meridians_end_at_poles_with_their_own_parameter() {
+    let [a, b] = [1.0_f64, 5.4428].map(|angle| DVec3::new(angle.cos(), angle.sin(), 0.0));
+    let middle = (a + b).normalize();
+    let curves = [[a, NORTH], [NORTH, b], [b, middle], [middle, a]];
+    let mut entities = vec![
+        part(116, 0, "0.,0.,0.,0"),
+        part(123, 0, "0.,0.,1."),
+        part(123, 0, "1.,0.,0."),
+        part(196, 1, "1,2.,3,5"),
+    ];
+    entities.extend(curves.map(arc));
+    entities.push(part(102, 0, "4,9,11,13,15"));
+    entities.push(part(142, 0, "0,7,0,17,2"));
+    entities.push(made(144, "7,1,0,19"));
+    let (scene, warnings) = read(&entities);
+    assert_eq!(warnings, [""; 0]);
+    let [patch] = scene.patches() else {
+        panic!("{} patches", scene.patches().len())
+    };
+    let mut segments = patch.loops.iter().flat_map(|l| l.segments());
+    assert!(
+        segments.all(|curve| curve.degree() == 1),
+        "{:?}",
+        patch.loops
+    );
 }
