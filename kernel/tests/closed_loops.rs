@@ -321,6 +321,34 @@ fn what_runs_along_a_seam_is_left_out_on_its_other_side() {
 }
 
 #[test]
+fn what_is_beyond_a_seam_by_rounding_is_no_loop() {
+    let height = TAU + 2e-6;
+    let nearly = path(&[
+        [1.0, 5.0],
+        [5.0, 5.0],
+        [5.0, 6.0],
+        [3.0001, 6.0],
+        [3.0, height],
+        [2.9999, 6.0],
+        [1.0, 6.0],
+        [1.0, 5.0],
+    ]);
+    let loops = close(&torus(), &[nearly], Orientation::Left).unwrap().loops;
+    assert_eq!(loops.len(), 1);
+    // But a small hole is one on both sides.
+    let hole = path(&[
+        [1.0, height],
+        [1.0001, TAU - 2e-6],
+        [1.0002, height],
+        [1.0, height],
+    ]);
+    let loops = close(&torus(), &[hole], Orientation::Unknown)
+        .unwrap()
+        .loops;
+    assert_eq!(loops.len(), 2);
+}
+
+#[test]
 fn paths_jump_at_poles_only() {
     let sphere = sphere();
     let eighth = path(&[[0.0, 0.0], [1.0, 0.0], [1.0, FRAC_PI_2]]);

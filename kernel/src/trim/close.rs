@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use super::TrimLoop;
 use super::clip::clipped;
 use super::parts::{ended, moved};
+use super::{NO_AREA, TrimLoop};
 use crate::{Curve, Error, Surface, nearest};
 
 /// Gaps up to this share of the domain's diagonal are rounding.
@@ -37,6 +37,10 @@ pub(super) const TILES: u8 = 8;
 
 /// Loops farther away than this many periods are refused: their digits tell no place in a period.
 const FAR: f64 = 1e6;
+
+/// A part of a loop beyond a seam with less than this share of the area of the largest is rounding, if it
+/// is as good as none of the domain.
+const NO_PART: f64 = 1e-6;
 
 /// What a loop on a surface without border leaves of the domain is nothing up to this share.
 const NO_OUTSIDE: f64 = 1e-6;
@@ -412,6 +416,13 @@ impl Closer<'_> {
                 }
             }
             parts = tiled;
+        }
+        // Where the loop touches a seam, what is beyond by rounding is no part of it.
+        if parts.len() > 1 {
+            let areas = || parts.iter().map(|part| part.signed_area().abs());
+            let least = areas().fold(0.0, f64::max) * NO_PART;
+            let least = least.min(self.size.element_product() * NO_AREA);
+            parts.retain(|part| part.signed_area().abs() > least);
         }
         loops.extend(parts);
         Ok(())
