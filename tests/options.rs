@@ -46,6 +46,10 @@ fn options_without_effect_are_named() {
              nurbray: warning: --points is for --synthetic\n",
         ),
         (
+            "model --synthetic sphere -o c.x3d --method coons --closed columns --caps rounded",
+            "--caps rounded is for --closed rows",
+        ),
+        (
             "render samples/teapot.obj -o t.png --size 8x6 --time 1",
             "samples/teapot.obj: warning: --time is for what moves",
         ),

@@ -260,6 +260,13 @@ impl Args {
                 "--method coons and interpolate",
             ),
             (
+                "--caps rounded",
+                self.caps == End::Rounded
+                    && is_grid
+                    && !matches!(grid.closed, None | Some(Closed::Rows)),
+                "--closed rows",
+            ),
+            (
                 "--twist",
                 grid.twist.is_some() && self.method != Method::Coons,
                 "--method coons",

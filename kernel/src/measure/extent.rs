@@ -17,8 +17,11 @@ const PARTS: usize = 16;
 /// What ends this share of a domain beside a curve ends on it.
 const NEAR: f64 = 1e-6;
 
+/// A loop is thin with less area than this share of the square of its length.
+const THIN: f64 = 1e-8;
+
 /// How much nearer than elsewhere what is beside a curve is looked at: tips of faces may be thin.
-const NEARER: f64 = 1e-3;
+const NEARER: f64 = 1e-5;
 
 /// Halvings of such a part.
 const STEPS: usize = 50;
@@ -75,13 +78,17 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
     // Beyond a seam nothing is looked at: the face ends there, too.
     let holds = |uv: DVec2| uv.clamp(corners[0], corners[1]) == uv && region.contains(uv);
     for trim in &patch.loops {
+        // Such a loop cannot be told from a line run to and fro by what is beside it.
+        let (low, high) = trim.hull();
+        let length = ((high - low) / size).max_element();
+        let is_thin = trim.signed_area().abs() < THIN * length * length * size.element_product();
         for shift in shifts(trim, corners, surface.closed()) {
             for curve in trim.segments().iter().flat_map(Curve::bezier_pieces) {
                 let on = |t: f64| on_surface(surface, &curve, shift, corners, t);
                 let divides = |t: f64| {
                     let (point, left) = aside(&curve, t, size);
                     let (point, left) = (point + shift, left * NEARER);
-                    holds(point + left) != holds(point - left)
+                    is_thin || holds(point + left) != holds(point - left)
                 };
                 let near = size.length() * NEAR;
                 for (from, step) in parts(&breaks, &curve, shift, (&ends, near)) {

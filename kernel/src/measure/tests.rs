@@ -86,6 +86,25 @@ fn boxes_end_where_a_side_is_no_longer_shared() {
 }
 
 #[test]
+fn thin_faces_and_tips_are_in_the_box() {
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+    ];
+    for width in [1e-6, 1e-8, 1e-13] {
+        let path = [[0.2, 0.5], [0.8, 0.5], [0.8, 0.5 + width], [0.2, 0.5]];
+        let side = Curve::polyline(&path.map(DVec2::from)).unwrap();
+        let mut patch = Patch::from(plane(corners, &[0.3]));
+        patch.loops = vec![TrimLoop::new(vec![side], 0.0).unwrap()];
+        let bounds = patch.bounds();
+        assert!((bounds.min.x - 0.2).abs() < 1e-9, "{bounds:?}");
+        assert!((bounds.max.x - 0.8).abs() < 1e-9, "{bounds:?}");
+    }
+}
+
+#[test]
 fn trimmed_planes_have_the_area_inside() {
     let outer = circle(DVec2::new(0.52, 0.45), 0.41, 1.0);
     let hole = circle(DVec2::new(0.5, 0.5), 0.2, 1.0);
