@@ -13,6 +13,9 @@ use glam::DVec3;
 
 use crate::ReadOptions;
 
+/// Why a file that is named is not read.
+pub(crate) const REMOTE: &str = "only local files are read";
+
 /// A picture, and what its file says about its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Picture {
@@ -50,7 +53,7 @@ impl Pictures {
 
     fn fetch(&mut self, name: &str, options: &ReadOptions<'_>) -> Result<Picture, String> {
         if name.contains("://") {
-            return Err("only local files are read".to_owned());
+            return Err(REMOTE.to_owned());
         }
         let bytes = options.resolver.resolve(name);
         let bytes = bytes.map_err(|problem| problem.to_string())?;

@@ -120,11 +120,8 @@ fn members(file: &File<'_>, index: usize) -> Option<Vec<i64>> {
         Err(_) => return None,
     };
     match entity.map(|entity| entity.content) {
-        Some(Content::Members(members)) => Some(members),
-        Some(Content::Solid(shell, voids)) => Some([vec![shell], voids].concat()),
-        Some(Content::Placed(placed)) => Some(placed.iter().map(|(solid, _)| *solid).collect()),
         Some(Content::Copies(copies)) => Some(vec![copies.base]),
-        Some(_) => None,
+        Some(content) => content.into_members(),
         None => Some(Vec::new()),
     }
 }

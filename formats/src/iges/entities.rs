@@ -63,6 +63,18 @@ pub(super) enum Content {
     Copies(Copies),
 }
 
+impl Content {
+    /// Pointers to the shells, solids or other members that it is composed of, if it is.
+    pub(super) fn into_members(self) -> Option<Vec<i64>> {
+        match self {
+            Self::Members(members) => Some(members),
+            Self::Solid(shell, voids) => Some([vec![shell], voids].concat()),
+            Self::Placed(placed) => Some(placed.iter().map(|(solid, _)| *solid).collect()),
+            _ => None,
+        }
+    }
+}
+
 /// Reads an entity; `None` if it is none that can be shown.
 ///
 /// The numbers of surfaces and curves are left to others.
@@ -226,10 +238,8 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
                     }
                     _ => vec![surface],
                 },
-                Some(Content::Members(members)) => members,
-                Some(Content::Solid(shell, voids)) => [vec![shell], voids].concat(),
-                Some(Content::Placed(placed)) => placed.iter().map(|(solid, _)| *solid).collect(),
-                _ => Vec::new(),
+                Some(content) => content.into_members().unwrap_or_default(),
+                None => Vec::new(),
             });
         }
         _ => return Ok(Vec::new()),

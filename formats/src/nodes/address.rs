@@ -5,9 +5,6 @@
 
 use super::File;
 
-/// Why an address has no names.
-pub(super) const REMOTE: &str = "only local files are read";
-
 /// Characters that mean something else in an address, or must not stand there.
 const RESERVED: &[char] = &[
     ' ', '"', '#', '%', ':', '<', '>', '?', '[', ']', '^', '`', '{', '|', '}',

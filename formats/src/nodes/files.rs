@@ -4,10 +4,11 @@ use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 
-use super::address::{Address, REMOTE};
+use super::address::Address;
 use super::build::Builder;
 use super::proto::{Body, Prototype, Scope};
 use super::{Field, File, Link, Node, Spelling};
+use crate::pictures::REMOTE;
 use crate::{Error, Problem};
 
 /// How deep files may stand inside each other.

@@ -11,6 +11,8 @@
 
 mod address;
 mod animate;
+#[cfg(test)]
+mod animate_tests;
 mod build;
 mod covering;
 mod curve;

@@ -6,10 +6,9 @@ use glam::{DAffine2, DVec2, DVec3};
 use kernel::{Channel, Filter, Image, Material, MaterialId, ShareTexture, Texels, Texture, Wrap};
 
 use super::Node;
-use super::address::REMOTE;
 use super::scene::{Converter, Made};
 use crate::Error;
-use crate::pictures::Picture;
+use crate::pictures::{Picture, REMOTE};
 
 /// A texture node.
 #[derive(Clone, Debug)]

@@ -88,14 +88,12 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
                 let divides = |t: f64| {
                     let (point, left) = aside(&curve, t, size);
                     let (point, left) = (point + shift, left * NEARER);
-                    is_thin || holds(point + left) != holds(point - left)
+                    holds(point + left) != holds(point - left)
                 };
                 let near = size.length() * NEAR;
                 for (from, step) in parts(&breaks, &curve, shift, (&ends, near)) {
-                    let mut looks = [0.01, 0.5, 0.99]
-                        .map(|share| from + step * share)
-                        .into_iter();
-                    if looks.any(divides) {
+                    let mut looks = [0.01, 0.5, 0.99].iter().map(|share| from + step * share);
+                    if is_thin || looks.any(divides) {
                         along(&on, [from, from + step], bounds);
                     }
                 }

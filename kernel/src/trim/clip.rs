@@ -50,10 +50,11 @@ fn runs(trim: &TrimLoop, axis: usize, range: &Range<f64>) -> Result<Vec<Run>, Er
     let near = SLIVER * (range.end - range.start);
     let is_kept = |piece: &Curve<DVec2>| {
         let middle = f64::midpoint(piece.domain().start, piece.domain().end);
+        let place = piece.evaluate(middle)[axis];
         let (min, max) = hull(slice::from_ref(piece));
-        let is_inside = range.start <= piece.evaluate(middle)[axis]
-            && piece.evaluate(middle)[axis] <= range.end;
-        is_inside && max[axis] > range.start + near && min[axis] < range.end - near
+        (range.start..=range.end).contains(&place)
+            && max[axis] > range.start + near
+            && min[axis] < range.end - near
     };
     let mut runs: Vec<Run> = Vec::new();
     // Whether the last piece was kept, and the first.
