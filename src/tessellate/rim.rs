@@ -11,6 +11,12 @@ use super::round::Round;
 /// Parameters so near to a border of the domain, as a share of it, are on the border.
 pub(super) const SNAP: f64 = 1e-7;
 
+/// What is on the border moves there by no more than about this share of the tolerance.
+const SNAPPED: f64 = 0.1;
+
+/// The same as a share of the domain where rounding errors move it.
+const LEAST: f64 = 1e-13;
+
 /// Where a part of the border is looked at, as shares of it.
 const PLACES: [f64; 3] = [0.271, 0.5, 0.788];
 
@@ -27,6 +33,8 @@ pub(crate) struct Face<'a> {
     pub(super) region: Option<TrimRegion>,
     /// Largest distance from the surface, in its own units.
     pub(super) tolerance: f64,
+    /// How near to a border of the domain parameters are on it.
+    near: DVec2,
 }
 
 impl<'a> Face<'a> {
@@ -38,8 +46,12 @@ impl<'a> Face<'a> {
 
     /// One of which edges alone are wanted: what is known of triangles over it is not looked for.
     pub(crate) fn of_edges(patch: &'a Patch, tolerance: f64) -> Self {
+        let pieces = Pieces::new(&patch.surface);
+        let size = patch.surface.hull_bounds().diagonal();
+        let share = (SNAPPED * tolerance / size).clamp(LEAST, SNAP);
         Self {
-            pieces: Pieces::new(&patch.surface),
+            near: pieces.domain().size() * share,
+            pieces,
             region: patch.region(),
             tolerance,
         }
@@ -80,7 +92,7 @@ impl<'a> Face<'a> {
     /// crease if they are nearly on that.
     pub(super) fn snapped(&self, uv: DVec2) -> DVec2 {
         let domain = self.pieces.domain();
-        let near = domain.size() * SNAP;
+        let near = self.near;
         let mut uv = self.clamped(uv);
         for axis in 0..2 {
             for border in [domain.min[axis], domain.max[axis]] {
@@ -121,7 +133,7 @@ impl<'a> Face<'a> {
         if lines.iter().all(|lines| lines.is_empty()) {
             return passed;
         }
-        let near = self.pieces.domain().size() * SNAP;
+        let near = self.near;
         for piece in boundary.bezier_pieces() {
             let hull = Rect::around(piece.points());
             for (axis, lines) in lines.iter().enumerate() {
@@ -180,7 +192,7 @@ impl<'a> Face<'a> {
     /// The parts of the domain's border and of the loops that bound the face.
     pub(crate) fn rims(&self, patch: &Patch) -> Vec<Curve<DVec2>> {
         let domain = self.pieces.domain();
-        let near = domain.size() * SNAP;
+        let near = self.near;
         let mut rims = Vec::new();
         if self.region.is_some() {
             let sides = Side::all(&domain);

@@ -149,3 +149,21 @@ fn what_is_thinner_than_the_tolerance_does_not_vanish() {
     let closed = result.shells.iter().filter(|shell| shell.is_closed());
     assert_eq!(closed.count(), 2);
 }
+
+#[test]
+fn what_is_thin_along_the_border_of_the_domain_does_not_vanish() {
+    let corners = [[0.5, 1.0], [0.6, 1.0 - 1e-7], [0.7, 1.0 - 1e-7], [0.8, 1.0]];
+    let corners = corners.map(DVec2::from_array);
+    let [start, .., end] = corners;
+    let knots = kernel::KnotVector::bezier(3, 0.0..1.0).unwrap();
+    let bend = kernel::Curve::new(knots, &corners, None).unwrap();
+    let back = kernel::Curve::line(end, start, 0.0..1.0).unwrap();
+    let square = modelling::plane(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..1.0, 0.0..1.0);
+    let mut patch: Patch = square.unwrap().into();
+    patch.loops = vec![kernel::TrimLoop::new(vec![bend, back], 1e-12).unwrap()];
+    for tolerance in [1e-3, 1e-6, 1e-8] {
+        let result = with_tolerance_of(vec![patch.clone()], tolerance);
+        let area = result.shells[0].area;
+        assert!((1e-8..1.5001e-8).contains(&area), "{area}");
+    }
+}
