@@ -15,10 +15,10 @@ const FLAT: f64 = 0.05;
 /// Most pairs of sides that are held against each other.
 const PAIRS: usize = 200_000_000;
 
-/// Refuses contours that bound no area, or repairs them where that is asked for.
+/// Refuses contours that bound no area or have fewer points than `least`, or repairs them where that is asked for.
 pub(super) fn check(
     layers: &mut [Layer],
-    about: &About<'_>,
+    (about, least): (&About<'_>, usize),
     repair: bool,
     warnings: &mut Warnings,
 ) -> Result<(), Error> {
@@ -29,11 +29,13 @@ pub(super) fn check(
         }
         distinct(layer, true, about, repair, warnings)?;
         let count = layer.points.len();
-        if count < 3 {
-            let text = match count {
-                1 => "the layer has 1 point; a closed contour has at least 3".to_owned(),
-                _ => format!("the layer has {count} points; a closed contour has at least 3"),
+        if count < least {
+            let points = if count == 1 { "point" } else { "points" };
+            let wanted = match least {
+                3 => "a closed contour has at least 3".to_owned(),
+                _ => format!("the method needs at least {least}"),
             };
+            let text = format!("the layer has {count} {points}; {wanted}");
             return Err(about.error(&layer.place, text));
         }
         check_closed(layer, about, repair, warnings)?;

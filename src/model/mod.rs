@@ -131,6 +131,9 @@ fn node(scene: &mut Scene, name: String, children: Vec<Child>) -> Result<NodeId,
     })
 }
 
+/// Makes surfaces between contours.
+type Join = fn(&[Vec<DVec3>]) -> Result<Vec<Surface>, kernel::Error>;
+
 /// The bodies that one of the file becomes: names and faces.
 fn parts(
     body: &PointBody,
@@ -139,16 +142,17 @@ fn parts(
     warnings: &mut Warnings,
 ) -> Result<Vec<(String, Vec<Patch>)>, Error> {
     let layers = &body.layers;
-    let join = match options.method {
+    // What joins contours, and how many points these have at least.
+    let (join, least) = match options.method {
         ModelMethod::Coons(_) | ModelMethod::Interpolate(_) => {
             let faces = grid::faces(layers, about, options, warnings)?;
             return Ok(vec![(body.name.clone(), faces)]);
         }
-        ModelMethod::Contours => modelling::blend,
-        ModelMethod::Loft => modelling::loft,
+        ModelMethod::Contours => (modelling::blend as Join, 4),
+        ModelMethod::Loft => (modelling::loft as Join, 3),
     };
     let mut layers = layers.clone();
-    contour::check(&mut layers, about, options.repair, warnings)?;
+    contour::check(&mut layers, (about, least), options.repair, warnings)?;
     let stacks = branches::stacks(layers, about, options, warnings)?;
     let count = stacks.len();
     let mut parts = Vec::new();

@@ -10,10 +10,20 @@ use glam::DVec3;
 use super::layers::{Ring, matched, rings};
 use crate::{Curve, Error, KnotVector, Surface};
 
+/// Points of a contour at least.
+const LEAST: usize = 4;
+
 /// The closed curve that blends the points of a contour over its parameters, at the last of which
 /// the first point comes again. Quadratic and continuous.
 fn blended_contour(points: &[DVec3], parameters: &[f64]) -> Result<Curve<DVec3>, Error> {
     let count = points.len();
+    // The middle of three points is the same for each of them.
+    if count < LEAST {
+        return Err(Error::PointCount {
+            found: count,
+            expected: LEAST,
+        });
+    }
     // Line `k` fits the points before, at and after point `k`.
     let line = |k: usize| {
         let before = (k + count - 1) % count;
@@ -71,7 +81,7 @@ impl Line {
 /// Biquadratic and continuous across all borders.
 ///
 /// # Errors
-/// If there are fewer than two contours, one has fewer than three points, a point is not finite,
+/// If there are fewer than two contours, one has fewer than four points, a point is not finite,
 /// two neighbours coincide or two layers lie at the same height.
 pub fn blend(contours: &[Vec<DVec3>]) -> Result<Vec<Surface>, Error> {
     let rings = rings(contours, blended_contour)?;
@@ -155,8 +165,18 @@ mod tests {
     }
 
     #[test]
+    fn three_points_have_nothing_to_blend() {
+        let refused = Error::PointCount {
+            found: 3,
+            expected: 4,
+        };
+        assert_eq!(blend(&stack(&[5, 3, 5])), Err(refused));
+        assert!(blend(&stack(&[5, 4, 5])).is_ok());
+    }
+
+    #[test]
     fn contours_are_as_defined() {
-        for count in [3, 4, 7, 40] {
+        for count in [4, 7, 40] {
             let points = contour(count, 1.0, 0.0);
             let chord = |k: usize| points[k].distance(points[(k + 1) % count]);
             let total: f64 = (0..count).map(chord).sum();
