@@ -5,7 +5,7 @@ use crate::tessellate::{FaceMesh, Tessellation};
 /// The largest share by which a number changes in single precision.
 pub(crate) const SINGLE: f64 = 0.5 * f32::EPSILON as f64;
 
-/// How far triangles are from the surfaces where they are shown, in units of the scene.
+/// How far triangles are from the surfaces, and lines from curves, where they are shown, in units of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// At most.
@@ -23,8 +23,12 @@ impl Accuracy {
             let faces = triangles.faces.iter().flatten();
             faces.map(|face| get(face) * face.scale).fold(0.0, f64::max)
         };
+        let strips = triangles.strips.iter().flatten();
+        let lines = strips
+            .map(|strip| strip.proven * strip.scale)
+            .fold(0.0, f64::max);
         Self {
-            proven: most(|face| face.proven) + rounding,
+            proven: most(|face| face.proven).max(lines) + rounding,
             sampled: most(|face| face.sampled) + rounding,
             gap: most(|face| face.gap),
         }

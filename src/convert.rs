@@ -32,6 +32,8 @@ pub struct MeshWriter {
     pub packs: bool,
     /// Whether a mesh is stored once, wherever it stands.
     pub has_places: bool,
+    /// Whether curves and points that stand for themselves are written, curves as lines.
+    pub has_lines: bool,
     /// Scene and triangles to bytes; the name is that of the file without its ending.
     write: fn(&Scene, &Tessellation, &Source, Packing, &str) -> io::Result<Export>,
     rounding: fn(&Scene, Packing) -> f64,
@@ -46,6 +48,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         extensions: &["glb"],
         packs: true,
         has_places: true,
+        has_lines: true,
         write: |scene, mesh, source, packing, stem| {
             gltf::write(scene, mesh, source, (Container::Binary, packing), stem)
         },
@@ -57,6 +60,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         extensions: &["gltf"],
         packs: true,
         has_places: true,
+        has_lines: true,
         write: |scene, mesh, source, packing, stem| {
             gltf::write(scene, mesh, source, (Container::Separate, packing), stem)
         },
@@ -68,6 +72,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         extensions: &["stl"],
         packs: false,
         has_places: false,
+        has_lines: false,
         write: |scene, mesh, _, _, _| polygons::stl(scene, mesh),
         rounding: |scene, _| polygons::rounding(scene),
         lacks: LACKED_BY_SHAPES,
@@ -77,6 +82,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         extensions: &["ply"],
         packs: false,
         has_places: false,
+        has_lines: false,
         write: |scene, mesh, _, _, _| polygons::ply(scene, mesh),
         rounding: |scene, _| polygons::rounding(scene),
         lacks: LACKED_BY_SHAPES,
@@ -86,6 +92,7 @@ pub const MESH_WRITERS: &[MeshWriter] = &[
         extensions: &["obj"],
         packs: false,
         has_places: false,
+        has_lines: true,
         write: |scene, mesh, _, _, _| Ok(polygons::obj(scene, mesh)),
         // Its numbers are those of the triangles, to the last digit.
         rounding: |_, _| 0.0,
@@ -136,6 +143,14 @@ impl Target {
         let mut writers = MESH_WRITERS.iter();
         let found = writers.find(|writer| writer.extensions.contains(&extension.as_str()));
         found.map(Self::Triangles)
+    }
+
+    /// Whether curves and points that stand for themselves are written.
+    pub fn has_lines(self) -> bool {
+        match self {
+            Self::Surfaces(_) => true,
+            Self::Triangles(writer) => writer.has_lines,
+        }
     }
 
     /// Whether surfaces become triangles.

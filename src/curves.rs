@@ -18,9 +18,6 @@ const STRAY: f64 = 0.05;
 /// How often a part of a curve is halved at most.
 const HALVINGS: u32 = 14;
 
-/// What has no material.
-const DARK: DVec3 = DVec3::new(0.02, 0.04, 0.10);
-
 /// Draws all curves and points of the scene that no surface hides, where the depths of the film
 /// tell. The data channels stay those of the surfaces.
 ///
@@ -32,12 +29,12 @@ pub fn draw_curves(film: Film, scene: &Scene, camera: &Camera) -> Film {
         ink: vec![Ink::default(); film.colors().len()],
         film,
         radius: TUBE,
-        color: DARK,
+        color: Material::THIN,
     };
     for placement in scene.wire_placements() {
         let wire = scene.wire(placement.wire);
-        let own = |id| color(scene.material(id));
-        brush.color = wire.material.map_or(DARK, own);
+        let own = |id| scene.material(id).flat();
+        brush.color = wire.material.map_or(Material::THIN, own);
         match &wire.shape {
             WireShape::Curve(curve) => {
                 brush.radius = TUBE;
@@ -53,10 +50,6 @@ pub fn draw_curves(film: Film, scene: &Scene, camera: &Camera) -> Film {
         }
     }
     brush.finish()
-}
-
-fn color(material: &Material) -> DVec3 {
-    (material.emissive + material.diffuse).clamp(DVec3::ZERO, DVec3::ONE)
 }
 
 /// What is drawn at a pixel.

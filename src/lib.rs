@@ -45,6 +45,7 @@ pub mod output;
 mod polygons;
 mod random;
 mod render;
+mod segment;
 mod sets;
 mod simd;
 mod tessellate;
@@ -63,6 +64,7 @@ pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
 pub use tessellate::{
-    FaceMesh, Screen, Shell, TessellateOptions, Tessellation, Tolerance, TooManyPoints, tessellate,
+    FaceMesh, Screen, Shell, Strip, TessellateOptions, Tessellation, Tolerance, TooManyPoints,
+    tessellate,
 };
 pub use volume::{SliceRule, Unsuitable, VolumeMethod, volumes};

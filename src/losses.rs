@@ -21,11 +21,11 @@ pub(crate) const LACKED_BY_SHAPES: &[Part] = &[
 
 /// What groups of polygons do not hold.
 pub(crate) const LACKED_BY_GROUPS: &[Part] = &[
-    WIRES, MATERIALS, PICTURES, COLORS, CAMERAS, LIGHTS, BACKGROUND, NODE_NAMES, UNIT,
+    MATERIALS, PICTURES, COLORS, CAMERAS, LIGHTS, BACKGROUND, NODE_NAMES, UNIT,
 ];
 
 /// What glTF does not hold.
-pub(crate) const LACKED_BY_GLTF: &[Part] = &[WIRES, HIGHLIGHT_PICTURES, BACKS, BACKGROUND];
+pub(crate) const LACKED_BY_GLTF: &[Part] = &[HIGHLIGHT_PICTURES, BACKS, BACKGROUND];
 
 const WIRES: Part = Part {
     what: "curves and points without a surface",

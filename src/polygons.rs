@@ -1,4 +1,4 @@
-//! Plain triangle formats: STL, PLY and OBJ. Everything stands where the scene shows it, in
+//! Plain formats of polygons: STL, PLY and OBJ. Everything stands where the scene shows it, in
 //! the units of the scene.
 
 use std::collections::HashSet;
@@ -7,7 +7,7 @@ use std::io;
 
 use formats::Export;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use kernel::{Mesh, Scene, Shape};
+use kernel::{Mesh, Scene, Shape, WireId, WireShape};
 
 use crate::accuracy::SINGLE;
 use crate::tessellate::Tessellation;
@@ -30,19 +30,32 @@ fn placed<'a>(scene: &'a Scene, triangles: &'a Tessellation) -> Vec<Placed<'a>> 
 /// How much there is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Amount {
-    /// Corners of triangles, each once in its mesh.
+    /// Corners of triangles, each once in its mesh, and ends of lines.
     pub points: u64,
     /// Triangles.
     pub triangles: u64,
 }
 
 impl Amount {
-    /// All that a scene shows: each mesh once, and once for each place.
-    pub fn of(scene: &Scene, triangles: &Tessellation) -> [Self; 2] {
+    /// All that a scene shows: each mesh once, and once for each place; with the points of lines if
+    /// `lines` are shown.
+    pub fn of(scene: &Scene, triangles: &Tessellation, lines: bool) -> [Self; 2] {
         let placed = placed(scene, triangles);
         let mut known = HashSet::new();
         let stored = placed.iter().filter(|(shape, ..)| known.insert(*shape));
-        [Self::sum(stored), Self::sum(&placed)]
+        let mut sums = [Self::sum(stored), Self::sum(&placed)];
+        if lines {
+            let count = |wire: WireId| {
+                let strip = triangles.strips[wire.index()].as_ref();
+                strip.map_or(0, |strip| strip.points.len() as u64)
+            };
+            let placed = scene.wire_placements();
+            let mut known = HashSet::new();
+            let stored = placed.iter().filter(|at| known.insert(at.wire));
+            sums[0].points += stored.map(|at| count(at.wire)).sum::<u64>();
+            sums[1].points += placed.iter().map(|at| count(at.wire)).sum::<u64>();
+        }
+        sums
     }
 
     fn sum<'a>(placed: impl IntoIterator<Item = &'a Placed<'a>>) -> Self {
@@ -57,7 +70,7 @@ impl Amount {
 
 /// How far single precision moves a point of a scene at most.
 pub(crate) fn rounding(scene: &Scene) -> f64 {
-    let bounds = scene.hull_bounds();
+    let bounds = scene.extent();
     SINGLE * bounds.min.abs().max(bounds.max.abs()).length()
 }
 
@@ -167,19 +180,14 @@ pub(crate) fn ply(scene: &Scene, triangles: &Tessellation) -> io::Result<Export>
     })
 }
 
-/// OBJ with a group for each placement.
+/// OBJ with a group for each placement: triangles first, then lines and points.
 pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
     let mut text = String::from("# triangles by nurbray\n");
     let (mut point, mut normal, mut texture) = (1_usize, 1_usize, 1_usize);
-    for (number, (_, mesh, map)) in placed(scene, triangles).iter().enumerate() {
+    let placed = placed(scene, triangles);
+    for (number, (_, mesh, map)) in placed.iter().enumerate() {
         let normals = of_normals(map);
-        let name: String = mesh.name.split_whitespace().collect::<Vec<_>>().join("_");
-        // Writing into a string cannot fail.
-        let _ = writeln!(text, "g {name}#{number}");
-        for &p in mesh.positions() {
-            let p = map.transform_point3(p);
-            let _ = writeln!(text, "v {:?} {:?} {:?}", p.x, p.y, p.z);
-        }
+        group(&mut text, (&mesh.name, number), mesh.positions(), map);
         for uv in mesh.uvs() {
             let _ = writeln!(text, "vt {:?} {:?}", uv.x, uv.y);
         }
@@ -205,8 +213,41 @@ pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
         texture += mesh.uvs().len();
         normal += mesh.normals().len();
     }
+    for (number, at) in (placed.len()..).zip(scene.wire_placements()) {
+        let wire = scene.wire(at.wire);
+        let strip = triangles.strips[at.wire.index()].as_ref();
+        let (points, kind) = match (&wire.shape, strip) {
+            (WireShape::Points(points), _) if points.is_empty() => continue,
+            (WireShape::Points(points), _) => (points, 'p'),
+            (WireShape::Curve(_), Some(strip)) => (&strip.points, 'l'),
+            (WireShape::Curve(_), None) => continue,
+        };
+        group(
+            &mut text,
+            (&wire.name, number),
+            points,
+            &at.world_from_object,
+        );
+        text.push(kind);
+        for _ in points {
+            let _ = write!(text, " {point}");
+            point += 1;
+        }
+        text.push('\n');
+    }
     Export {
         bytes: text.into_bytes(),
         ..Export::default()
+    }
+}
+
+/// Begins a group with its points.
+fn group(text: &mut String, (name, number): (&str, usize), points: &[DVec3], map: &DAffine3) {
+    let name: String = name.split_whitespace().collect::<Vec<_>>().join("_");
+    // Writing into a string cannot fail.
+    let _ = writeln!(text, "g {name}#{number}");
+    for &p in points {
+        let p = map.transform_point3(p);
+        let _ = writeln!(text, "v {:?} {:?} {:?}", p.x, p.y, p.z);
     }
 }

@@ -39,14 +39,54 @@ fn curves_alone_are_converted_where_they_can_be() {
         let scene = open(place.path(out), &Limits::default()).unwrap().scene;
         assert_eq!(scene.wires().len(), 1, "{out}");
     }
-    for out in ["out.glb", "out.stl"] {
+    for out in ["out.ply", "out.stl"] {
         let run = place.run(&format!("convert curve.obj -o {out}"));
         assert_eq!(run.code, Some(2), "{out}");
-        assert!(
-            run.stderr.contains("there is nothing to convert"),
-            "{}",
-            run.stderr
-        );
+        let words = "there is no surface to convert, only 1 curves and points";
+        assert!(run.stderr.contains(words), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn curves_become_lines_within_the_tolerance() {
+    let place = Place::new();
+    let shown = "cstype bezier\ndeg 1 1\nsurf 0 1 0 1 1 2 3 4\nparm u 0 1\nparm v 0 1\nend\n";
+    let faced = format!("{CURVE}v 1 1 1\n{shown}p 1\n");
+    for (text, count) in [(CURVE, 0), (&faced, 1)] {
+        fs::write(place.path("curve.obj"), text).unwrap();
+        for options in ["", "--quantize", "--meshopt"] {
+            let run = place.run(&format!(
+                "convert curve.obj -o c.glb --tolerance 0.001 --json {options}"
+            ));
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+            let told: serde_json::Value = serde_json::from_str(run.stdout.trim()).unwrap();
+            assert_eq!(told["left_out"].as_array().unwrap().len(), 0, "{told}");
+            let lines = told["lines"].as_u64().unwrap();
+            assert!((24..80).contains(&lines), "{lines}");
+        }
+        let run = place.run("convert curve.obj -o c.glb --tolerance 0.001");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let bytes = fs::read(place.path("c.glb")).unwrap();
+        let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes).unwrap();
+        let primitives = document.meshes().flat_map(|mesh| mesh.primitives());
+        let (lines, others): (Vec<_>, Vec<_>) =
+            primitives.partition(|own| own.mode() == gltf::mesh::Mode::Lines);
+        assert_eq!((lines.len(), others.len()), (1, 2 * count));
+        let reader = lines[0].reader(|_| blob.as_deref());
+        let points: Vec<_> = reader.read_positions().unwrap().collect();
+        assert!(points.len() % 2 == 0 && points.first() != points.last());
+        for pair in points.chunks_exact(2) {
+            for [x, y, z] in [pair[0], pair[1]] {
+                // The curve is y = 2 x - x^2.
+                assert!((y - x * (2.0 - x)).abs() < 1e-6 && z.abs() < 1e-9);
+            }
+            let [x, y] = [0, 1].map(|k| f32::midpoint(pair[0][k], pair[1][k]));
+            assert!((y - x * (2.0 - x)).abs() < 2e-3, "{x} {y}");
+        }
+        let run = place.run("convert curve.obj -o c.obj --triangles --tolerance 0.001");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let scene = open(place.path("c.obj"), &Limits::default()).unwrap().scene;
+        assert_eq!(scene.wires().len(), 1 + count);
     }
 }
 

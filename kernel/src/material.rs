@@ -95,6 +95,14 @@ const DIELECTRIC: f64 = 0.04;
 const NARROWEST: f64 = 1024.0;
 
 impl Material {
+    /// The colour of lines and points without a material.
+    pub const THIN: DVec3 = DVec3::new(0.02, 0.04, 0.10);
+
+    /// The one colour of lines and points, which no light shades.
+    pub fn flat(&self) -> DVec3 {
+        (self.emissive + self.diffuse).clamp(DVec3::ZERO, DVec3::ONE)
+    }
+
     /// A physically based material, also read as a Phong material of about the same look: the
     /// width of the highlight is that of the distribution of normals
     /// (Walter et al. 2007, section 5.2), `roughness^2` of glTF being that width.

@@ -48,6 +48,16 @@ pub enum WireShape {
     Points(Vec<DVec3>),
 }
 
+impl Wire {
+    /// A box around the control points of a curve, or around points.
+    pub fn hull_bounds(&self) -> Aabb {
+        match &self.shape {
+            WireShape::Curve(curve) => curve.hull_bounds(),
+            WireShape::Points(points) => Aabb::around(points.iter().copied()),
+        }
+    }
+}
+
 /// Two curves on patches that the file says are one in space.
 ///
 /// The patches stand in the same coordinates.
@@ -529,20 +539,41 @@ impl Scene {
     pub fn hull_bounds(&self) -> Aabb {
         let patches: Vec<_> = self.patches.iter().map(Patch::hull_bounds).collect();
         let meshes: Vec<_> = self.meshes.iter().map(Mesh::bounds).collect();
+        self.bounds_of(|node| {
+            let boxes = node.children.iter().map(|child| match child {
+                Child::Node(_) => Aabb::EMPTY,
+                Child::Item(item) => match item.shape {
+                    Shape::Patch(id) => patches[id.0],
+                    Shape::Mesh(id) => meshes[id.0],
+                },
+            });
+            boxes.fold(Aabb::EMPTY, Aabb::union)
+        })
+    }
+
+    /// The same or, where there is neither surface nor mesh, a box around the control points of all
+    /// curves and around all points.
+    pub fn extent(&self) -> Aabb {
+        let bounds = self.hull_bounds();
+        if !bounds.is_empty() {
+            return bounds;
+        }
+        let wires: Vec<_> = self.wires.iter().map(Wire::hull_bounds).collect();
+        self.bounds_of(|node| {
+            let boxes = node.wires.iter().map(|id| wires[id.0]);
+            boxes.fold(Aabb::EMPTY, Aabb::union)
+        })
+    }
+
+    /// A box around what `own` says of each node, where it is shown.
+    fn bounds_of(&self, own: impl Fn(&Node) -> Aabb) -> Aabb {
         // Boxes of whole nodes, children first: each node is visited once, however often used.
         let mut nodes: Vec<Aabb> = Vec::new();
         for node in &self.nodes {
-            let bounds = node.children.iter().fold(Aabb::EMPTY, |bounds, child| {
+            let bounds = node.children.iter().fold(own(node), |bounds, child| {
                 bounds.union(match child {
                     Child::Node(id) => nodes[id.0],
-                    Child::Item(Item {
-                        shape: Shape::Patch(id),
-                        ..
-                    }) => patches[id.0],
-                    Child::Item(Item {
-                        shape: Shape::Mesh(id),
-                        ..
-                    }) => meshes[id.0],
+                    Child::Item(_) => Aabb::EMPTY,
                 })
             });
             nodes.push(bounds.transformed(&node.parent_from_node));

@@ -286,14 +286,17 @@ fn write(
         input::warnings_json(&import.warnings),
     );
     let scene = &import.scene;
-    // Triangles hold no curves.
-    let curves = if target.has_triangles() {
-        0
-    } else {
-        scene.wire_placement_count()
-    };
-    if scene.placement_count() == 0 && curves == 0 {
-        bail!("{}: there is nothing to convert", input::display(source));
+    if scene.placement_count() == 0 {
+        match scene.wire_placement_count() {
+            0 => bail!("{}: there is nothing to convert", input::display(source)),
+            wires if !target.has_lines() => bail!(
+                "{}: there is no surface to convert, only {wires} curves and points, which {} does not \
+                 hold; glTF and OBJ do",
+                input::display(source),
+                target.name()
+            ),
+            _ => {}
+        }
     }
     let started = Instant::now();
     let (mut export, report) = export(scene, *target, path, &args.mesh, origin)

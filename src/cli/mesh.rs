@@ -108,9 +108,7 @@ impl Distance {
 
     /// The length in units of the scene.
     pub(super) fn length(self, scene: &Scene) -> anyhow::Result<f64> {
-        Ok(self
-            .tolerance(scene)?
-            .length(scene.hull_bounds().diagonal()))
+        Ok(self.tolerance(scene)?.length(scene.extent().diagonal()))
     }
 }
 
@@ -148,7 +146,7 @@ impl MeshArgs {
         format: &str,
         rounding: f64,
     ) -> anyhow::Result<TessellateOptions> {
-        let bounds = scene.hull_bounds();
+        let bounds = scene.extent();
         let diagonal = bounds.diagonal();
         let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
         if reach > f64::from(f32::MAX) {
@@ -216,7 +214,7 @@ pub(super) fn count(
     writer: &MeshWriter,
     most: usize,
 ) -> anyhow::Result<u64> {
-    let [stored, shown] = Amount::of(scene, triangles);
+    let [stored, shown] = Amount::of(scene, triangles, writer.has_lines);
     if writer.has_places {
         return Ok(stored.triangles);
     }
@@ -235,10 +233,12 @@ pub(super) fn count(
 /// What there is to say about triangles whose points are moved by up to `rounding` afterwards.
 pub(super) fn report(triangles: &Tessellation, count: u64, rounding: f64) -> Value {
     let faces = triangles.faces.iter().flatten();
+    let strips = triangles.strips.iter().flatten();
     let accuracy = Accuracy::of(triangles, rounding);
     let shells = &triangles.shells;
     json!({
         "triangles": count,
+        "lines": strips.map(|strip| strip.points.len() - 1).sum::<usize>(),
         "tolerance": triangles.tolerance + rounding,
         "proven_deviation": accuracy.proven,
         "sampled_deviation": accuracy.sampled,

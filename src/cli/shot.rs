@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
-use nurbray::kernel::{Aabb, Camera, Projection, Scene, WireShape, linear_from_srgb};
+use nurbray::kernel::{Aabb, Camera, Projection, Scene, linear_from_srgb};
 use nurbray::methods::map_picture;
 use nurbray::{
     Accelerator, CertifyStats, Film, RenderOptions, RenderStats, certify_film, draw_curves,
@@ -178,10 +178,7 @@ fn camera(
 fn wire_boxes(scene: &Scene) -> impl Iterator<Item = Aabb> + '_ {
     let placements = scene.wire_placements().into_iter();
     placements.map(|placement| {
-        let bounds = match &scene.wire(placement.wire).shape {
-            WireShape::Curve(curve) => curve.hull_bounds(),
-            WireShape::Points(points) => Aabb::around(points.iter().copied()),
-        };
+        let bounds = scene.wire(placement.wire).hull_bounds();
         bounds.transformed(&placement.world_from_object)
     })
 }

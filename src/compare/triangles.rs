@@ -3,6 +3,8 @@
 use glam::DVec3;
 use kernel::Aabb;
 
+use crate::segment;
+
 /// Boxes of a leaf.
 const FILL: usize = 4;
 
@@ -83,13 +85,7 @@ pub(crate) fn closest([a, b, c]: [DVec3; 3], p: DVec3) -> Closest {
 fn closest_of_sliver(corners: [DVec3; 3], normal: DVec3, p: DVec3) -> Closest {
     let at = |shares| Closest::at(corners, shares);
     let on_side = |k: usize| {
-        let (a, way) = (corners[k], corners[(k + 1) % 3] - corners[k]);
-        let share = way.dot(p - a) / way.length_squared();
-        let share = if share.is_nan() {
-            0.0
-        } else {
-            share.clamp(0.0, 1.0)
-        };
+        let share = segment::share(p, corners[k], corners[(k + 1) % 3]);
         let mut shares = [0.0; 3];
         (shares[k], shares[(k + 1) % 3]) = (1.0 - share, share);
         at(shares)

@@ -21,6 +21,8 @@ use super::place::Place;
 #[derive(Debug, Default)]
 pub(super) struct Materials {
     known: BTreeMap<(Option<usize>, bool, bool), Index<Material>>,
+    /// Of lines and points.
+    thin: BTreeMap<Option<usize>, Index<Material>>,
     pictures: Pictures,
 }
 
@@ -61,11 +63,38 @@ impl Materials {
                 made.alpha_mode = Valid(AlphaMode::Blend);
             }
         }
-        root.materials.push(made);
-        let index = Index::new(number(root.materials.len() - 1));
+        let index = push(root, made);
         self.known.insert(key, index);
         Ok(index)
     }
+
+    /// The same for lines and points, which have one colour and no shades.
+    pub(super) fn add_thin(
+        &mut self,
+        scene: &Scene,
+        id: Option<MaterialId>,
+        root: &mut gltf::json::Root,
+    ) -> Index<Material> {
+        let source = id.map(|id| scene.material(id));
+        let flat = kernel::Material {
+            name: source.map(|own| own.name.clone()).unwrap_or_default(),
+            diffuse: source.map_or(kernel::Material::THIN, kernel::Material::flat),
+            opacity: source.map_or(1.0, |own| own.opacity),
+            specular: DVec3::ZERO,
+            ..kernel::Material::default()
+        };
+        let add = || push(root, material(&flat, false));
+        *self
+            .thin
+            .entry(id.map(MaterialId::index))
+            .or_insert_with(add)
+    }
+}
+
+/// Adds a material to a file.
+fn push(root: &mut gltf::json::Root, material: Material) -> Index<Material> {
+    root.materials.push(material);
+    Index::new(number(root.materials.len() - 1))
 }
 
 /// A Phong material becomes a dielectric whose lobe is as wide: Blinn's exponent `n` is that

@@ -86,7 +86,7 @@ pub fn write(
     tree::add(scene, &mut shapes, top, &mut root)?;
     let mut roots = vec![top];
     if root.nodes[0].children.is_none() {
-        let text = "there is no triangle in the scene";
+        let text = "there is no triangle, line or point in the scene";
         return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, text));
     }
     let world = DAffine3::from_mat3(DMat3::from_quat(rotation) * metres);
@@ -173,7 +173,7 @@ fn add_views(
     root: &mut gltf::json::Root,
     roots: &mut Vec<Index<Node>>,
 ) {
-    let diagonal = scene.hull_bounds().diagonal();
+    let diagonal = scene.extent().diagonal();
     let mut nodes = Vec::new();
     for camera in &scene.cameras {
         nodes.push(look::add_camera(camera, world, metres, diagonal, root));

@@ -19,6 +19,7 @@ const ROUNDINGS: f64 = 8.0;
 pub fn rounding(scene: &Scene, packing: Packing) -> f64 {
     let patches: Vec<_> = scene.patches().iter().map(|p| p.hull_bounds()).collect();
     let meshes: Vec<_> = scene.meshes().iter().map(kernel::Mesh::bounds).collect();
+    let wires: Vec<_> = scene.wires().iter().map(|w| w.hull_bounds()).collect();
     let is_node = |child: &&Child| matches!(child, Child::Node(_));
     let count = |node: &Node| node.children.iter().filter(is_node).count();
     // Many places of a part are put together before they are rounded.
@@ -27,6 +28,9 @@ pub fn rounding(scene: &Scene, packing: Packing) -> f64 {
     let mut nodes: Vec<(Aabb, f64)> = Vec::new();
     for node in scene.nodes() {
         let (mut own, mut below, mut moved) = (Aabb::EMPTY, Aabb::EMPTY, 0.0_f64);
+        for wire in &node.wires {
+            own = own.union(wires[wire.index()]);
+        }
         for child in &node.children {
             match child {
                 Child::Item(item) => {

@@ -1,4 +1,4 @@
-//! Meshes of the file: the triangles of what a node shows.
+//! Meshes of the file: the triangles of what a node shows, and its lines and points.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io;
@@ -6,8 +6,8 @@ use std::io;
 use glam::{DAffine2, DVec2, DVec3, DVec4};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked::Valid;
-use gltf::json::{Index, Mesh};
-use kernel::{Aabb, Item, MaterialId, Scene, Shape};
+use gltf::json::{Accessor, Index, Mesh};
+use kernel::{Aabb, Child, MaterialId, NodeId, Scene, Shape, WireId, WireShape};
 use serde_json::{Value, json};
 
 use super::buffer::{Data, extras, number};
@@ -25,6 +25,28 @@ pub(super) struct Placed {
     pub(super) mesh: Index<Mesh>,
     pub(super) origin: DVec3,
     pub(super) step: f64,
+}
+
+/// What a mesh shows: shapes with their materials, and wires.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Content {
+    shapes: Vec<(Shape, Option<MaterialId>)>,
+    wires: Vec<WireId>,
+}
+
+impl Content {
+    /// What a node shows itself.
+    pub(super) fn of(scene: &Scene, id: NodeId) -> Self {
+        let node = scene.node(id);
+        let shape = |child: &Child| match child {
+            Child::Item(item) => Some((item.shape, scene.item_material(item))),
+            Child::Node(_) => None,
+        };
+        Self {
+            shapes: node.children.iter().filter_map(shape).collect(),
+            wires: node.wires.clone(),
+        }
+    }
 }
 
 /// Where positions are measured from.
@@ -92,6 +114,14 @@ impl Grid {
     }
 }
 
+/// Lines or points of one material.
+#[derive(Debug, Default)]
+struct Thin {
+    material: Option<MaterialId>,
+    positions: Vec<[f32; 3]>,
+    wires: Vec<Value>,
+}
+
 /// What a primitive's triangles have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Look {
@@ -122,7 +152,7 @@ pub(super) struct Shapes<'a> {
     quantize: bool,
     /// For every patch whether its shell is closed.
     closed: Vec<bool>,
-    known: HashMap<Vec<(Shape, Option<MaterialId>)>, Option<Placed>>,
+    known: HashMap<Content, Option<Placed>>,
     materials: Materials,
     pub(super) data: Data,
 }
@@ -146,25 +176,20 @@ impl<'a> Shapes<'a> {
         }
     }
 
-    /// The mesh of what a node shows; `None` if there is no triangle in it.
+    /// The mesh of what a node shows; `None` if there is no triangle, line or point in it.
     ///
     /// # Errors
     /// If a picture cannot be encoded.
     pub(super) fn add(
         &mut self,
-        items: &[Item],
+        content: Content,
         root: &mut gltf::json::Root,
     ) -> io::Result<Option<Placed>> {
-        let material = |item: &Item| self.scene.item_material(item);
-        let key: Vec<_> = items
-            .iter()
-            .map(|item| (item.shape, material(item)))
-            .collect();
-        if let Some(known) = self.known.get(&key) {
+        if let Some(known) = self.known.get(&content) {
             return Ok(*known);
         }
-        let placed = self.build(&key, root)?;
-        self.known.insert(key, placed);
+        let placed = self.build(&content, root)?;
+        self.known.insert(content, placed);
         Ok(placed)
     }
 
@@ -177,17 +202,19 @@ impl<'a> Shapes<'a> {
 
     fn build(
         &mut self,
-        items: &[(Shape, Option<MaterialId>)],
+        Content { shapes, wires }: &Content,
         root: &mut gltf::json::Root,
     ) -> io::Result<Option<Placed>> {
-        let meshes = items.iter().filter_map(|item| self.mesh(item.0));
-        let bounds = meshes.fold(Aabb::EMPTY, |all, mesh| all.union(mesh.bounds()));
+        let meshes: Vec<_> = shapes.iter().filter_map(|item| self.mesh(item.0)).collect();
+        let boxes = meshes.iter().map(|mesh| mesh.bounds());
+        let wired = wires.iter().map(|id| self.scene.wire(*id).hull_bounds());
+        let bounds = boxes.chain(wired).fold(Aabb::EMPTY, Aabb::union);
         if bounds.is_empty() {
             return Ok(None);
         }
         let grid = Grid::of(&bounds, self.quantize);
         let mut batches: BTreeMap<Look, Batch> = BTreeMap::new();
-        for &(shape, material) in items {
+        for &(shape, material) in shapes {
             let Some(mesh) = self.mesh(shape) else {
                 continue;
             };
@@ -210,13 +237,14 @@ impl<'a> Shapes<'a> {
                 primitives.push(self.primitive(look, &batch, root)?);
             }
         }
+        for ((mode, _), thin) in self.thin(wires, &grid) {
+            primitives.push(self.thin_primitive(mode, &thin, root));
+        }
         if primitives.is_empty() {
             return Ok(None);
         }
-        let name = items
-            .iter()
-            .filter_map(|item| self.mesh(item.0))
-            .map(|m| &m.name);
+        let wires = wires.iter().map(|id| &self.scene.wire(*id).name);
+        let name = meshes.iter().map(|mesh| &mesh.name).chain(wires);
         root.meshes.push(Mesh {
             extensions: None,
             extras: None,
@@ -232,19 +260,83 @@ impl<'a> Shapes<'a> {
         }))
     }
 
+    /// The lines and points of wires, by their materials.
+    fn thin(&self, wires: &[WireId], grid: &Grid) -> BTreeMap<(bool, Option<usize>), Thin> {
+        let mut parts: BTreeMap<_, Thin> = BTreeMap::new();
+        for &id in wires {
+            let wire = self.scene.wire(id);
+            let strip = self.triangles.strips[id.index()].as_ref();
+            let (are_lines, points) = match (&wire.shape, strip) {
+                (WireShape::Points(points), _) => (false, points.clone()),
+                (WireShape::Curve(_), Some(strip)) => {
+                    let lines = strip.points.windows(2);
+                    (true, lines.flatten().copied().collect())
+                }
+                (WireShape::Curve(_), None) => continue,
+            };
+            if points.is_empty() {
+                continue;
+            }
+            let key = (are_lines, wire.material.map(MaterialId::index));
+            let part = parts.entry(key).or_default();
+            part.material = wire.material;
+            part.wires.push(json!({
+                "wire": id.index(),
+                "name": wire.name,
+                "source": wire.source,
+                "firstVertex": part.positions.len(),
+                "vertexCount": points.len(),
+            }));
+            part.positions
+                .extend(points.into_iter().map(|p| grid.place(p)));
+        }
+        parts
+    }
+
+    fn thin_primitive(
+        &mut self,
+        lines: bool,
+        thin: &Thin,
+        root: &mut gltf::json::Root,
+    ) -> Primitive {
+        let positions = self.positions(&thin.positions);
+        let mode = if lines { Mode::Lines } else { Mode::Points };
+        let material = self.materials.add_thin(self.scene, thin.material, root);
+        Primitive {
+            attributes: BTreeMap::from([(Valid(Semantic::Positions), positions)]),
+            extensions: None,
+            extras: extras(&json!({ "wires": thin.wires })),
+            indices: None,
+            material: Some(material),
+            mode: Valid(mode),
+            targets: None,
+        }
+    }
+
+    /// Stores positions as the file has them.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "on a grid they are from 0 to 65535"
+    )]
+    fn positions(&mut self, positions: &[[f32; 3]]) -> Index<Accessor> {
+        if self.quantize {
+            let steps: Vec<_> = positions.iter().map(|p| p.map(|x| x as u16)).collect();
+            self.data.add_steps(&steps)
+        } else {
+            self.data.add_points(positions)
+        }
+    }
+
     fn primitive(
         &mut self,
         look: Look,
         batch: &Batch,
         root: &mut gltf::json::Root,
     ) -> io::Result<Primitive> {
-        let (data, quantize) = (&mut self.data, self.quantize);
         let mut attributes = BTreeMap::new();
-        let positions = if quantize {
-            data.add_steps(&batch.steps())
-        } else {
-            data.add_points(&batch.positions)
-        };
+        let positions = self.positions(&batch.positions);
+        let (data, quantize) = (&mut self.data, self.quantize);
         attributes.insert(Valid(Semantic::Positions), positions);
         if look.normals {
             let normals = if quantize {
@@ -292,17 +384,6 @@ impl<'a> Shapes<'a> {
 }
 
 impl Batch {
-    /// Positions on a grid.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "from 0 to 65535"
-    )]
-    fn steps(&self) -> Vec<[u16; 3]> {
-        let positions = self.positions.iter();
-        positions.map(|p| p.map(|x| x as u16)).collect()
-    }
-
     /// Appends a mesh.
     #[expect(
         clippy::cast_possible_truncation,

@@ -5,12 +5,12 @@ use std::io;
 
 use glam::{DAffine3, DVec3};
 use gltf::json::{Index, Node};
-use kernel::{Child, Item, MaterialId, NodeId, Scene, Shape};
+use kernel::{Child, NodeId, Scene};
 use serde_json::{Value, json};
 
 use super::buffer::number;
 use super::place::Place;
-use super::shapes::{Placed, Shapes};
+use super::shapes::{Content, Placed, Shapes};
 
 /// Equal parts below one node that become places of one node, from this number on.
 pub(super) const MANY: usize = 64;
@@ -28,10 +28,11 @@ pub(super) fn add<'s>(
     top: Index<Node>,
     root: &mut gltf::json::Root,
 ) -> io::Result<()> {
-    // How many shapes each node shows: those that show none are left out.
+    // How many shapes and wires each node shows: those that show none are left out.
     let mut shown: Vec<u64> = Vec::new();
     for node in scene.nodes() {
-        let count = node.children.iter().fold(0_u64, |sum, child| match child {
+        let wires = node.wires.len() as u64;
+        let count = node.children.iter().fold(wires, |sum, child| match child {
             Child::Item(_) => sum.saturating_add(1),
             Child::Node(id) => sum.saturating_add(shown[id.index()]),
         });
@@ -95,8 +96,7 @@ impl Tree<'_, '_> {
             place.apply_to(&mut made);
             own = self.push(made, own);
         }
-        let items = items(scene, id);
-        if let Some(placed) = self.shapes.add(&items, self.root)? {
+        if let Some(placed) = self.shapes.add(Content::of(scene, id), self.root)? {
             self.hold(placed, own);
         }
         // Children that are the same part at other places are counted before they are written.
@@ -153,7 +153,7 @@ impl Tree<'_, '_> {
             let node = self.scene.node(id);
             map *= node.parent_from_node;
             match node.children[..] {
-                [Child::Node(only)] => id = only,
+                [Child::Node(only)] if node.wires.is_empty() => id = only,
                 _ if node.children.iter().all(|c| matches!(c, Child::Item(_))) => break,
                 _ => return None,
             }
@@ -164,16 +164,14 @@ impl Tree<'_, '_> {
         }
     }
 
-    /// What makes two parts the same: a name and shapes.
-    fn key(&self, part: NodeId) -> (&str, Vec<(Shape, Option<MaterialId>)>) {
-        let shape = |item: Item| (item.shape, self.scene.item_material(&item));
-        let items = items(self.scene, part).into_iter().map(shape);
-        (&self.scene.node(part).name, items.collect())
+    /// What makes two parts the same: a name and what they show.
+    fn key(&self, part: NodeId) -> (&str, Content) {
+        (&self.scene.node(part).name, Content::of(self.scene, part))
     }
 
     /// One node for many places of a part.
     fn instance(&mut self, part: NodeId, places: &[Place], parent: Index<Node>) -> io::Result<()> {
-        let Some(placed) = self.shapes.add(&items(self.scene, part), self.root)? else {
+        let Some(placed) = self.shapes.add(Content::of(self.scene, part), self.root)? else {
             return Ok(());
         };
         let data = &mut self.shapes.data;
@@ -205,14 +203,4 @@ impl Tree<'_, '_> {
         self.instanced = true;
         Ok(())
     }
-}
-
-/// What a node shows itself.
-fn items(scene: &Scene, id: NodeId) -> Vec<Item> {
-    let children = scene.node(id).children.iter();
-    let items = children.filter_map(|child| match child {
-        Child::Item(item) => Some(*item),
-        Child::Node(_) => None,
-    });
-    items.collect()
 }

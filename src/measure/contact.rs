@@ -9,6 +9,7 @@ use kernel::{Aabb, Curve, Surface};
 use smallvec::SmallVec;
 
 use super::Face;
+use crate::segment;
 use crate::sets::Sets;
 
 /// Fewest and most chords of each piece of a trim; there are as many as the surface has pieces along
@@ -87,21 +88,9 @@ impl Chord {
         self.ends[0].distance(self.ends[1])
     }
 
-    /// Where the point of a segment nearest to `point` is, as a share of it.
-    fn share(point: DVec3, from: DVec3, to: DVec3) -> f64 {
-        let along = to - from;
-        let share = (point - from).dot(along) / along.length_squared();
-        if share.is_finite() {
-            share.clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
-    }
-
     /// Whether a point leaves no gap to the curve, which passes both ends and the middle.
     fn is_near(&self, point: DVec3, slack: f64) -> bool {
-        let distance =
-            |from: DVec3, to: DVec3| point.distance(from.lerp(to, Self::share(point, from, to)));
+        let distance = |from: DVec3, to: DVec3| segment::distance(point, from, to);
         let [from, to] = self.ends;
         let near = distance(from, self.middle).min(distance(self.middle, to));
         near <= self.length() * GAP + slack
@@ -117,7 +106,7 @@ impl Chord {
         let b = (from - self.middle * 2.0 + to) * 2.0;
         let a = (to - from - b) * 0.5;
         let at = |t: f64| from + (a * 2.0 + b * t) * t;
-        let mut t = Self::share(point, from, to);
+        let mut t = segment::share(point, from, to);
         for _ in 0..STEPS {
             let tangent = (a + b * t) * 2.0;
             let step = (point - at(t)).dot(tangent) / tangent.length_squared();

@@ -14,7 +14,7 @@ use super::room::Room;
 use super::sew::{Named, sew};
 use super::shell::{Part, Shell, Turned, shells};
 use super::vanish::gone;
-use super::{FaceMesh, Limits, TessellateOptions, deviation, stretch};
+use super::{FaceMesh, Limits, TessellateOptions, deviation, lengthened};
 
 /// How often what would vanish is made four times finer at most.
 const FINER: u32 = 8;
@@ -51,16 +51,14 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
             node_uses[id.index()] = node_uses[id.index()].saturating_add(1);
         }
     }
-    // From the root down: where a node stands below the nearest shared one, and how much it
-    // is lengthened there at most.
+    // From the root down: where a node stands below the nearest shared one.
     let mut frames: Vec<Option<(usize, DAffine3)>> = vec![None; nodes.len()];
-    let mut scales = vec![0.0_f64; nodes.len()];
+    let scales = lengthened(scene);
     // Whether all below a node bounds a void, and the patches of which this is so.
     let mut in_void = vec![false; nodes.len()];
     let mut voids = HashSet::new();
     let mut owners: HashMap<PatchId, usize> = HashMap::new();
     if let Some(root) = scene.root() {
-        scales[root.index()] = stretch(&scene.node(root).parent_from_node);
         frames[root.index()] = Some((root.index(), DAffine3::IDENTITY));
     }
     // Every place has a number, and every patch the numbers of its places.
@@ -79,8 +77,6 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
                 Child::Node(id) => {
                     in_void[id.index()] |= is_void;
                     let below = &scene.node(*id).parent_from_node;
-                    let scale = scales[index] * stretch(below);
-                    scales[id.index()] = scales[id.index()].max(scale);
                     frames[id.index()] = Some(if node_uses[id.index()] > 1 {
                         (id.index(), DAffine3::IDENTITY)
                     } else {

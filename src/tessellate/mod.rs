@@ -24,6 +24,7 @@ mod seed;
 mod separable;
 mod sew;
 mod shell;
+mod strips;
 #[cfg(test)]
 mod tests;
 mod trail;
@@ -32,14 +33,16 @@ mod vanish;
 use std::fmt;
 
 use glam::{DAffine3, DVec2};
-use kernel::{Camera, Mesh, Projection, Scene, Shape};
+use kernel::{Camera, Child, Mesh, Projection, Scene, Shape, WireShape};
 use rayon::prelude::*;
 
 use self::room::Room;
+use self::strips::Reach;
 
 pub(crate) use rim::Face;
 pub(crate) use sew::{Edge, Sewn, Use, sew};
 pub use shell::Shell;
+pub use strips::Strip;
 
 /// How far triangles may be from the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,6 +132,9 @@ pub struct Tessellation {
     /// The triangles of each patch of the scene, in its own coordinates; `None` for patches
     /// that nothing shows.
     pub faces: Vec<Option<FaceMesh>>,
+    /// The straight lines of each wire of the scene that is a curve; `None` for points and for what
+    /// nothing shows.
+    pub strips: Vec<Option<Strip>>,
     /// What hangs together.
     pub shells: Vec<Shell>,
     /// The tolerance in units of the scene.
@@ -190,7 +196,7 @@ pub fn tessellate(
 
 /// [`tessellate`] within a thread of the pool.
 fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, TooManyPoints> {
-    let diagonal = scene.hull_bounds().diagonal();
+    let diagonal = scene.extent().diagonal();
     let tolerance = options.tolerance.length(diagonal);
     // Of a scene without extent nothing is left whatever the tolerance.
     let tolerance = if tolerance > 0.0 {
@@ -211,8 +217,12 @@ fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, To
     let done = done.ok_or(TooManyPoints {
         most: options.most_points,
     })?;
+    let strips = strips(scene, tolerance, options.angle, &room);
     let mut result = Tessellation {
         faces: vec![None; scene.patches().len()],
+        strips: strips.ok_or(TooManyPoints {
+            most: options.most_points,
+        })?,
         shells: Vec::new(),
         tolerance,
         crossings: 0,
@@ -225,6 +235,49 @@ fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, To
         result.crossings += done.crossings;
     }
     Ok(result)
+}
+
+/// The straight lines of all curves that stand for themselves; `None` if there is no room for them.
+fn strips(scene: &Scene, tolerance: f64, angle: f64, room: &Room) -> Option<Vec<Option<Strip>>> {
+    let mut scales = vec![0.0_f64; scene.wires().len()];
+    for (node, scale) in scene.nodes().iter().zip(lengthened(scene)) {
+        for wire in &node.wires {
+            let own = &mut scales[wire.index()];
+            *own = own.max(scale);
+        }
+    }
+    let wires = scene.wires().par_iter().zip(scales);
+    let strips = wires.map(|(wire, scale)| match &wire.shape {
+        WireShape::Curve(curve) if scale > 0.0 => {
+            let tolerance = tolerance / scale;
+            let reach = Reach {
+                tolerance,
+                angle,
+                room,
+            };
+            Strip::of(curve, scale, &reach).map(Some)
+        }
+        _ => Some(None),
+    });
+    strips.collect()
+}
+
+/// How much what is in each node is lengthened at most where it is shown; zero where it is not.
+fn lengthened(scene: &Scene) -> Vec<f64> {
+    let mut scales = vec![0.0_f64; scene.nodes().len()];
+    if let Some(root) = scene.root() {
+        scales[root.index()] = stretch(&scene.node(root).parent_from_node);
+    }
+    // From the root down.
+    for (index, node) in scene.nodes().iter().enumerate().rev() {
+        for child in &node.children {
+            if let Child::Node(id) = child {
+                let scale = scales[index] * stretch(&scene.node(*id).parent_from_node);
+                scales[id.index()] = scales[id.index()].max(scale);
+            }
+        }
+    }
+    scales
 }
 
 impl Screen {

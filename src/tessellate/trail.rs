@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve};
 
 use super::rim::Face;
+use crate::segment;
 
 /// Steps towards the nearest point of a curve, at most.
 const STEPS: usize = 20;
@@ -246,12 +247,7 @@ impl Trail {
         };
         let chord = |(k, w): (usize, &[(f64, DVec3)])| {
             let way = w[1].1 - w[0].1;
-            let share = (target - w[0].1).dot(way) / way.length_squared();
-            let share = if share.is_finite() {
-                share.clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
+            let share = segment::share(target, w[0].1, w[1].1);
             let off = (w[0].1 + way * share).distance(target);
             let along = self.lengths[k] + (self.lengths[k + 1] - self.lengths[k]) * share;
             let more = more(along);
