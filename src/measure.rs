@@ -40,6 +40,8 @@ pub struct Measure {
     pub bodies: Vec<Body>,
     /// How many faces belong to no closed body.
     pub open_faces: usize,
+    /// How many meshes are shown: they are in the box, and not in what else is measured.
+    pub meshes: usize,
 }
 
 impl Measure {
@@ -233,6 +235,7 @@ pub fn measure(scene: &Scene) -> Measure {
         area_error: 0.0,
         bodies: Vec::new(),
         open_faces: 0,
+        meshes: placements.len() - faces.len(),
     };
     for part in &measured {
         result.area += part.sum.area();
@@ -306,7 +309,13 @@ impl<'a> Part<'a> {
         let bounds = faces
             .iter()
             .fold(Aabb::EMPTY, |all, face| all.union(face.bounds));
-        let origin = bounds.center();
+        // What has nothing inside its loops has a middle, too.
+        let hulls = faces.iter().map(|face| face.patch.hull_bounds());
+        let origin = if bounds.is_empty() {
+            hulls.fold(Aabb::EMPTY, Aabb::union).center()
+        } else {
+            bounds.center()
+        };
         let each: Vec<_> = faces
             .par_iter()
             .map(|face| Integrals::of(&face.patch, origin))

@@ -367,6 +367,18 @@ fn folders_stand_for_the_files_in_them() {
             run.stdout
         );
     }
+    // What cannot be read is told.
+    fs::write(place.path("parts/more/packed.x3db"), [0xe0, 0, 0, 1]).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("nowhere", place.path("parts/gone.igs")).unwrap();
+    let run = place.run("info parts --json");
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    assert!(run.stderr.contains("binary encoding"), "{}", run.stderr);
+    assert!(
+        !cfg!(unix) || run.stderr.contains("gone.igs"),
+        "{}",
+        run.stderr
+    );
     let run = place.run("info parts/more/none");
     assert!(run.stderr.contains("no file in it"), "{}", run.stderr);
     let run = place.run("probe parts --rays -");

@@ -25,6 +25,9 @@ use crate::{Aabb, BezierSurface, Curve, Patch, oriented};
 /// Error that is looked for, as a share of what a cube of the size of the face has.
 const ACCURACY: f64 = 1e-12;
 
+/// Roundings of a coordinate, or of a parameter, on the way to an integral.
+const ROUNDINGS: f64 = 4.0;
+
 /// Steps of a strip in which the places are counted where loops cross the borders of pieces.
 const STEPS: f64 = (1_u64 << 40) as f64;
 
@@ -49,8 +52,8 @@ pub struct Integrals {
 impl Integrals {
     /// The integrals over a face in its own coordinates, moments about `origin`.
     ///
-    /// The errors are differences of two answers, the better of which is given; they bound the
-    /// true error unless the surface has details that both miss.
+    /// The errors are differences of two answers, the better of which is given, and what rounding leaves
+    /// open; they bound the true error unless the surface has details that both miss.
     pub fn of(patch: &Patch, origin: DVec3) -> Self {
         Face::new(patch, origin).integrals()
     }
@@ -143,6 +146,26 @@ impl<'a> Face<'a> {
     }
 
     fn integrals(&self) -> Integrals {
+        let mut total = self.quadrature();
+        total.errors += total.sums.abs() * self.rounding();
+        total
+    }
+
+    /// What rounding leaves open of an integral, as a share of it: the farther a face is from the origin of
+    /// space or parameters, the more.
+    fn rounding(&self) -> f64 {
+        let surface = &self.patch.surface;
+        let bounds = surface.hull_bounds();
+        let far = bounds.min.abs().max(bounds.max.abs()).max_element() / bounds.diagonal();
+        let places = [surface.knots_u(), surface.knots_v()].map(|knots| {
+            let Range { start, end } = knots.domain();
+            start.abs().max(end.abs()) / (end - start)
+        });
+        let share = ROUNDINGS * f64::EPSILON * places.into_iter().fold(far, f64::max);
+        if share.is_finite() { share } else { 0.0 }
+    }
+
+    fn quadrature(&self) -> Integrals {
         let [columns, strips] = [0, 1].map(|axis| self.breaks[axis].len() - 1);
         let mut total = Integrals::default();
         let mut add = |(sums, errors): (Sums, Sums), sign: f64| {

@@ -1,5 +1,6 @@
 //! A surface with its trim loops: what a file calls a face.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -41,6 +42,11 @@ impl Patch {
     /// A box around the face: around the control points of that part of the surface where its
     /// loops are, which may be a small one.
     pub fn hull_bounds(&self) -> Aabb {
+        self.where_loops_are().hull_bounds()
+    }
+
+    /// That part of the surface.
+    pub(crate) fn where_loops_are(&self) -> Cow<'_, Surface> {
         let (mut min, mut max) = (DVec2::MAX, DVec2::MIN);
         for (shift, trim) in self.shifted() {
             let hull = trim.hull();
@@ -55,12 +61,12 @@ impl Patch {
         let own = &self.surface;
         let along_u = part(own.knots_u(), min.x, max.x);
         let part = match (along_u, part(own.knots_v(), min.y, max.y)) {
-            (None, None) => return own.hull_bounds(),
+            (None, None) => return Cow::Borrowed(own),
             (Some(u), None) => own.restricted_u(u),
             (None, Some(v)) => own.restricted_v(v),
             (Some(u), Some(v)) => own.restricted_u(u).and_then(|part| part.restricted_v(v)),
         };
-        part.as_ref().unwrap_or(own).hull_bounds()
+        part.map_or(Cow::Borrowed(own), Cow::Owned)
     }
 
     /// Texture coordinates at parameters of the domain.

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec2, DVec3};
 
+mod extent;
+
 use crate::{Aabb, Camera, Curve, Error, Image, Light, Material, Mesh, Patch, Sky};
 
 /// Index of a patch in its scene.
@@ -532,53 +534,6 @@ impl Scene {
             }
         }
         placements
-    }
-
-    /// A box around everything shown: the [control points of patches](Patch::hull_bounds), the
-    /// vertices of meshes.
-    pub fn hull_bounds(&self) -> Aabb {
-        let patches: Vec<_> = self.patches.iter().map(Patch::hull_bounds).collect();
-        let meshes: Vec<_> = self.meshes.iter().map(Mesh::bounds).collect();
-        self.bounds_of(|node| {
-            let boxes = node.children.iter().map(|child| match child {
-                Child::Node(_) => Aabb::EMPTY,
-                Child::Item(item) => match item.shape {
-                    Shape::Patch(id) => patches[id.0],
-                    Shape::Mesh(id) => meshes[id.0],
-                },
-            });
-            boxes.fold(Aabb::EMPTY, Aabb::union)
-        })
-    }
-
-    /// The same or, where there is neither surface nor mesh, a box around the control points of all
-    /// curves and around all points.
-    pub fn extent(&self) -> Aabb {
-        let bounds = self.hull_bounds();
-        if !bounds.is_empty() {
-            return bounds;
-        }
-        let wires: Vec<_> = self.wires.iter().map(Wire::hull_bounds).collect();
-        self.bounds_of(|node| {
-            let boxes = node.wires.iter().map(|id| wires[id.0]);
-            boxes.fold(Aabb::EMPTY, Aabb::union)
-        })
-    }
-
-    /// A box around what `own` says of each node, where it is shown.
-    fn bounds_of(&self, own: impl Fn(&Node) -> Aabb) -> Aabb {
-        // Boxes of whole nodes, children first: each node is visited once, however often used.
-        let mut nodes: Vec<Aabb> = Vec::new();
-        for node in &self.nodes {
-            let bounds = node.children.iter().fold(own(node), |bounds, child| {
-                bounds.union(match child {
-                    Child::Node(id) => nodes[id.0],
-                    Child::Item(_) => Aabb::EMPTY,
-                })
-            });
-            nodes.push(bounds.transformed(&node.parent_from_node));
-        }
-        self.root.map_or(Aabb::EMPTY, |root| nodes[root.0])
     }
 }
 

@@ -168,11 +168,11 @@ fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
                 Target::of
             };
             let Some(target) = target(&path) else {
-                bail!(
-                    "{}: the ending tells the format; use one of {}",
-                    path.display(),
-                    endings()
-                );
+                let what = match Target::of(&path) {
+                    Some(other) => format!("{} holds no triangles", other.name()),
+                    None => format!("the ending tells the format; use one of {}", endings()),
+                };
+                bail!("{}: {what}", path.display());
             };
             // A file that is given several times is converted once.
             let real = source.canonicalize();

@@ -173,7 +173,8 @@ fn find(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
         // Links to folders are not followed: they may lead back.
         if entry.file_type()?.is_dir() {
             find(&path, found)?;
-        } else if path.is_file() && is_known(&path) {
+        } else if is_known(&path) && (path.is_file() || path.metadata().is_err()) {
+            // A link to nowhere is told as a file that cannot be read.
             found.push(path);
         }
     }

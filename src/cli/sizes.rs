@@ -32,6 +32,13 @@ pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
     if faces > 0 {
         let _ = writeln!(text, "    open     {faces} faces belong to no closed body");
     }
+    if measure.meshes > 0 {
+        let _ = writeln!(
+            text,
+            "    meshes   {} are in the box, but not measured",
+            measure.meshes
+        );
+    }
     for body in &measure.bodies {
         let voids = voids(body);
         let name = named(&body.name);
@@ -76,6 +83,7 @@ pub(super) fn to_json(measure: &Measure) -> Value {
         "area": measure.area,
         "area_error": measure.area_error,
         "open_faces": measure.open_faces,
+        "meshes_not_measured": measure.meshes,
         "bodies": measure.bodies.iter().map(body).collect::<Vec<_>>(),
     })
 }

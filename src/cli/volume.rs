@@ -170,6 +170,9 @@ fn volumes(file: &Path, args: &Args) -> anyhow::Result<String> {
         let faces = measure.open_faces;
         let _ = writeln!(text, "  open: {faces} faces belong to no closed body");
     }
+    if measure.meshes > 0 {
+        let _ = writeln!(text, "  meshes: {} are not measured", measure.meshes);
+    }
     Ok(visible(&text))
 }
 

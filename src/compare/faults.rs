@@ -113,14 +113,16 @@ pub(crate) fn faults(
     pose: Option<Fault>,
 ) -> Vec<Fault> {
     let mut found = Vec::new();
-    match pose {
-        Some(fault) => found.push(fault),
-        None => {
-            found.extend(missing(exact, samples, coarse));
-            found.extend(extra(exact, soup, feet));
-        }
+    let kind = pose.as_ref().map(|fault| fault.kind);
+    found.extend(pose);
+    if kind.is_none() {
+        found.extend(missing(exact, samples, coarse));
+        found.extend(extra(exact, soup, feet));
     }
-    found.extend(inside_out(samples));
+    // What is elsewhere has other triangles beside it than its own.
+    if matches!(kind, None | Some(FaultKind::Mirrored)) {
+        found.extend(inside_out(samples, coarse));
+    }
     found
 }
 
@@ -139,19 +141,23 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
     let size = own.diagonal();
     let stride = soup.points.len().div_ceil(TRIED).max(1);
     let points: Vec<DVec3> = soup.points.iter().step_by(stride).copied().collect();
-    let fits = |map: DAffine3| {
+    let is_near = |map: DAffine3| {
         let near = |p: &&DVec3| {
             let foot = exact.nearest(map.transform_point3(**p));
             foot.is_some_and(|foot| foot.distance <= NEAR * size)
         };
+        points.par_iter().filter(near).count() as f64 >= MOST * points.len() as f64
+    };
+    let fits = |map: DAffine3| {
         let box_of = Aabb::around(points.iter().map(|p| map.transform_point3(*p)));
         // A part of the body fits into it, too; the whole reaches as far.
-        let reaches = box_of.diagonal() > 0.5 * size;
-        reaches && points.par_iter().filter(near).count() as f64 >= MOST * points.len() as f64
+        box_of.diagonal() > 0.5 * size && is_near(map)
     };
     if fits(DAffine3::IDENTITY) {
         return None;
     }
+    // It may be a part.
+    let is_part = is_near(DAffine3::IDENTITY);
     let ratio = other.diagonal() / size;
     let units = UNITS.iter().flat_map(|&(factor, small, large)| {
         [
@@ -171,6 +177,8 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
             "scaled it fits"
         } else if fits(about_center) {
             "scaled and moved it fits"
+        } else if is_part {
+            continue;
         } else {
             "scaled it does not fit either"
         };
@@ -184,6 +192,9 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
         if fits(map) {
             return fault(kind, text);
         }
+    }
+    if is_part {
+        return None;
     }
     let text = format!(
         "most of the mesh is farther than {} % of the size from every surface",
@@ -245,9 +256,10 @@ fn poses(own: DVec3, other: DVec3) -> Vec<(FaultKind, String, DAffine3)> {
     poses
 }
 
-/// Whether closed bodies are turned inside out.
-fn inside_out(samples: &[Sample]) -> Option<Fault> {
-    let known = samples.iter().filter(|s| s.outwards.is_some());
+/// Whether closed bodies are turned inside out, where they have triangles.
+fn inside_out(samples: &[Sample], coarse: f64) -> Option<Fault> {
+    let has_triangles = |s: &&Sample| s.outwards.is_some() && s.distance <= coarse;
+    let known = samples.iter().filter(has_triangles);
     let (mut inwards, mut all) = (0.0, 0.0);
     for sample in known {
         all += sample.area;
@@ -277,9 +289,8 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     *values.select_nth_unstable_by(half, f64::total_cmp).1
 }
 
-/// What distance a sample may have where the mesh is only coarse: a few times the median of the
-/// better half of the faces, each by its own median, so that a large face without triangles does
-/// not stand for the rest.
+/// What distance a sample may have where the mesh is only coarse: a few times that of the best tenth of
+/// the faces, each by its own median, so that faces without triangles do not stand for the rest.
 pub(crate) fn typical(exact: &Exact<'_>, samples: &[Sample]) -> f64 {
     let mut faces = vec![Vec::new(); exact.faces.len()];
     for sample in samples {
@@ -288,8 +299,7 @@ pub(crate) fn typical(exact: &Exact<'_>, samples: &[Sample]) -> f64 {
     let medians = faces.into_iter().filter(|face| !face.is_empty());
     let mut medians: Vec<f64> = medians.map(|face| median(face.into_iter())).collect();
     medians.sort_by(f64::total_cmp);
-    medians.truncate(medians.len().div_ceil(2));
-    BEYOND * median(medians.into_iter())
+    BEYOND * medians.get(medians.len() / 10).copied().unwrap_or_default()
 }
 
 /// Faces without triangles: they are farther from the mesh than `coarse`.

@@ -146,9 +146,10 @@ impl<'a> Region<'a> {
             .sum()
     }
 
-    fn volume(&self) -> f64 {
+    /// The volume between the triangles and a point.
+    fn volume(&self, apex: DVec3) -> f64 {
         self.corners()
-            .map(|[a, b, c]| a.dot(b.cross(c)) / 6.0)
+            .map(|[a, b, c]| (a - apex).dot((b - apex).cross(c - apex)) / 6.0)
             .sum()
     }
 }
@@ -231,6 +232,8 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<Turned>, Vec<Shell>) {
     let count = component.iter().max().map_or(0, |k| k + 1);
     let mut shells: Vec<Shell> = (0..count).map(|_| Shell::empty()).collect();
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); count];
+    // A point of each: far from the origin volumes about it are rounding errors.
+    let mut apexes: Vec<Option<DVec3>> = vec![None; count];
     for (k, region) in regions.iter().enumerate() {
         members[component[k]].push(k);
         let shell = &mut shells[component[k]];
@@ -239,11 +242,10 @@ pub(super) fn shells(parts: &[Part<'_>]) -> (Vec<Turned>, Vec<Shell>) {
         }
         shell.triangles += region.triangles.len();
         shell.area += region.area();
-        shell.volume += if turned[k] {
-            -region.volume()
-        } else {
-            region.volume()
-        };
+        let apex = &mut apexes[component[k]];
+        *apex = apex.or_else(|| Some(region.corners().next()?[0]));
+        let volume = apex.map_or(0.0, |apex| region.volume(apex));
+        shell.volume += if turned[k] { -volume } else { volume };
         shell.euler -= number(region.inner);
     }
     for uses in shared() {

@@ -9,22 +9,25 @@ mod broken_tests;
 mod tests;
 
 use crate::nodes::{self, Builder, without_mark};
-use crate::{Error, Format, Import, ReadOptions, vrml};
+use crate::{Error, Format, Import, Place, Problem, ReadOptions, vrml};
 
 /// The row of this format.
 pub(crate) const FORMAT: Format = Format {
     name: "X3D",
-    extensions: &["x3d", "x3dz", "x3dv", "x3dvz", "x3dj", "json"],
+    extensions: &["x3d", "x3dz", "x3dv", "x3dvz", "x3dj", "json", "x3db"],
     sniff,
     read,
 };
+
+/// How files in the binary encoding begin.
+const INFOSET: &[u8] = &[0xe0, 0, 0, 1];
 
 /// How far into a file its X3D element is looked for: comments may stand before it.
 const HEAD: usize = 1 << 16;
 
 fn sniff(bytes: &[u8]) -> bool {
     let bytes = without_mark(bytes);
-    if bytes.starts_with(b"#X3D V") {
+    if bytes.starts_with(b"#X3D V") || bytes.starts_with(INFOSET) {
         return true;
     }
     let start = bytes.trim_ascii_start();
@@ -39,6 +42,15 @@ fn sniff(bytes: &[u8]) -> bool {
 }
 
 fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
+    if bytes.starts_with(INFOSET) {
+        let text =
+            "the file is in the binary encoding (Fast Infoset); write it as XML or classic text";
+        return Err(Error {
+            format: FORMAT.name,
+            place: Place::default(),
+            problem: Problem::Unsupported(text.to_owned()),
+        });
+    }
     nodes::read(FORMAT.name, spelled, bytes, options)
 }
 

@@ -23,6 +23,9 @@ const THIN: f64 = 1e-8;
 /// How much nearer than elsewhere what is beside a curve is looked at: tips of faces may be thin.
 const NEARER: f64 = 1e-5;
 
+/// Parameters that differ by this share of themselves are told apart.
+const TOLD: f64 = 8.0 * f64::EPSILON;
+
 /// Halvings of such a part.
 const STEPS: usize = 50;
 
@@ -87,7 +90,10 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
                 let on = |t: f64| on_surface(surface, &curve, shift, corners, t);
                 let divides = |t: f64| {
                     let (point, left) = aside(&curve, t, size);
-                    let (point, left) = (point + shift, left * NEARER);
+                    let point = point + shift;
+                    // Far from the origin of the parameters nearer is the same place.
+                    let told = TOLD * point.abs().max_element() / left.abs().max_element();
+                    let left = left * told.max(NEARER);
                     holds(point + left) != holds(point - left)
                 };
                 let near = size.length() * NEAR;

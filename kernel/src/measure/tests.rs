@@ -105,6 +105,28 @@ fn thin_faces_and_tips_are_in_the_box() {
 }
 
 #[test]
+fn parameters_may_be_far_from_their_origin() {
+    let at = 7e7;
+    let (low, high) = (at - 8.0, at + 8.0);
+    let square = crate::modelling::plane(
+        DVec3::ZERO,
+        DVec3::X * 16.0,
+        DVec3::Y * 16.0,
+        low..high,
+        low..high,
+    );
+    let mut patch = Patch::from(square.unwrap());
+    patch.loops = vec![window(DVec2::splat(at - 7.0), DVec2::splat(at + 7.0))];
+    let bounds = patch.bounds();
+    assert!(
+        (bounds.size() - DVec3::new(14.0, 14.0, 0.0)).length() < 1e-6,
+        "{bounds:?}"
+    );
+    let area = Integrals::of(&patch, bounds.center()).area();
+    assert!((area - 196.0).abs() < 1e-6, "{area}");
+}
+
+#[test]
 fn trimmed_planes_have_the_area_inside() {
     let outer = circle(DVec2::new(0.52, 0.45), 0.41, 1.0);
     let hole = circle(DVec2::new(0.5, 0.5), 0.2, 1.0);

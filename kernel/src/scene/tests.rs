@@ -179,6 +179,28 @@ fn bounds_follow_rotations() {
 }
 
 #[test]
+fn bounds_are_no_larger_for_turns_that_undo_each_other() {
+    let mut scene = Scene::default();
+    let mut patch = square();
+    patch.loops = vec![TrimLoop::border(&(0.25..0.5), &(-1.0..0.75)).unwrap()];
+    let shape = Shape::Patch(scene.add_patch(patch).unwrap());
+    let mut children = vec![shown(shape)];
+    for turn in [0.3, -0.5, 0.7, -0.5] {
+        let node = Node {
+            parent_from_node: DAffine3::from_rotation_z(turn),
+            children,
+            ..Node::default()
+        };
+        children = vec![Child::Node(scene.add_node(node).unwrap())];
+    }
+    let root = scene.add_node(moved(DVec3::X, children)).unwrap();
+    scene.set_root(root).unwrap();
+    let bounds = scene.hull_bounds();
+    assert!(bounds.min.distance(DVec3::new(1.25, 0.0, 0.0)) < 1e-15);
+    assert!(bounds.max.distance(DVec3::new(1.5, 0.75, 0.0)) < 1e-15);
+}
+
+#[test]
 fn bounds_are_those_of_what_is_left_of_faces() {
     let mut patch = square();
     patch.loops = vec![TrimLoop::border(&(0.25..0.5), &(-1.0..0.75)).unwrap()];

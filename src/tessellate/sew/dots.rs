@@ -1,6 +1,6 @@
 //! Borders too small to see.
 
-use super::{Sewer, Strand};
+use super::{LONG, Sewer, Strand};
 
 impl Sewer<'_, '_> {
     /// Makes one point of space of what is smaller than `reach` and keeps strands from their
@@ -31,7 +31,8 @@ impl Sewer<'_, '_> {
         })
     }
 
-    /// Makes one of two vertices if all that runs between them is short; that becomes a point.
+    /// Makes one of two vertices if what runs between them is short, and becomes a point, or long, and
+    /// becomes a ring.
     fn pinch(&mut self, a: usize, b: usize, reach: f64) {
         let (a, b) = (self.root(a), self.root(b));
         if a == b {
@@ -45,13 +46,15 @@ impl Sewer<'_, '_> {
                 ends == [a, b] || ends == [b, a]
             })
             .collect();
-        let is_dot = |&s: &usize| self.is_dot(&self.strands[s], reach);
-        if !between.iter().all(is_dot) {
+        let is_dot = |s: &usize| self.is_dot(&self.strands[*s], reach);
+        let (dots, rest): (Vec<_>, Vec<_>) = between.into_iter().partition(is_dot);
+        let is_long = |s: &usize| self.strands[*s].trail.length() > LONG * reach;
+        if dots.is_empty() && !rest.is_empty() || !rest.iter().all(is_long) {
             return;
         }
         self.unite(a, b, reach, true);
         if self.root(a) == self.root(b) {
-            for s in between {
+            for s in dots {
                 match self.strands[s].edge {
                     Some(edge) => self.joints[edge].collapsed = true,
                     None => self.strands[s].collapsed = true,

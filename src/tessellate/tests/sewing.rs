@@ -314,3 +314,39 @@ fn bodies(lists: Vec<Vec<Patch>>) -> Scene {
     scene.set_root(root).unwrap();
     scene
 }
+
+#[test]
+fn rings_that_begin_side_by_side_are_one() {
+    // The rim of the disc begins at a bump that is too high for the first pass, and ends on the pipe's seam
+    // beside it do not.
+    let seam: f64 = 3e-5;
+    let frame = modelling::Frame::new(
+        DVec3::ZERO,
+        DVec3::Z,
+        DVec3::new(seam.cos(), seam.sin(), 0.0),
+    );
+    let pipe = modelling::cylinder(&frame.unwrap(), 1.0, 0.0..TAU, 0.0..1.0).unwrap();
+    let mut disc: Patch = modelling::plane(
+        DVec3::NEG_ONE + DVec3::Z,
+        DVec3::X * 2.0,
+        DVec3::Y * 2.0,
+        -1.0..1.0,
+        -1.0..1.0,
+    )
+    .unwrap()
+    .into();
+    let count = 2000;
+    let mut rim: Vec<DVec2> = (0..count)
+        .map(|k| DVec2::from_angle(TAU * f64::from(k) / f64::from(count)))
+        .collect();
+    rim[0] *= 1.0 + 1.2e-5;
+    rim.insert(1, DVec2::from_angle(seam) * (1.0 + 0.6e-5));
+    rim.push(rim[0]);
+    let rim = kernel::Curve::polyline(&rim).unwrap();
+    disc.loops = vec![kernel::TrimLoop::new(vec![rim], 1e-12).unwrap()];
+    let result = with_tolerance_of(vec![pipe.into(), disc], 1e-2);
+    assert_eq!(result.shells.len(), 1);
+    let open = result.shells[0].naked;
+    let sides = result.faces[0].as_ref().unwrap().mesh.triangles().len() / 2;
+    assert!(open <= sides + 2, "{open} of {sides}");
+}
