@@ -1,11 +1,25 @@
 //! What writers keep, and what they say about what they leave out.
 
 use glam::DVec3;
-use nurbray_formats::{Export, Import, Limits, NoFiles, ReadOptions, WRITERS, read};
+use kernel::{Scene, Shape};
+use nurbray_formats::{Export, Import, Limits, NoFiles, ReadOptions, Resolver, WRITERS, read};
 
 fn import(text: &str) -> Import {
-    let (limits, resolver) = (&Limits::default(), &NoFiles);
+    import_with(text, &NoFiles)
+}
+
+fn import_with(text: &str, resolver: &dyn Resolver) -> Import {
+    let limits = &Limits::default();
     read(text.as_bytes(), None, &ReadOptions { limits, resolver }).expect("a scene")
+}
+
+/// One text, whatever the name.
+struct Named(&'static str);
+
+impl Resolver for Named {
+    fn resolve(&self, _: &str) -> std::io::Result<Vec<u8>> {
+        Ok(self.0.into())
+    }
 }
 
 fn written(import: &Import, name: &str) -> Export {
@@ -97,6 +111,57 @@ fn opacity_of_vertices_is_written_or_told() {
             .filter(|t| t.contains("the opacity of colours of vertices"));
         assert_eq!(about.count(), usize::from(is_told), "{name}: {told:?}");
     }
+}
+
+/// The colour of the first vertex of the only mesh: what is emitted, and what is reflected.
+fn vertex(scene: &Scene) -> [DVec3; 2] {
+    let placements = scene.placements();
+    let placement = placements.first().expect("a mesh");
+    let Shape::Mesh(id) = placement.shape else {
+        panic!("a surface");
+    };
+    let material = scene.material(placement.material.expect("a material"));
+    let color = scene.mesh(id).colors()[0].truncate();
+    match material.is_unlit() {
+        true => [material.emissive * color, DVec3::ZERO],
+        false => [material.emissive, material.diffuse * color],
+    }
+}
+
+#[test]
+fn colours_of_vertices_come_back_with_what_they_multiply() {
+    let faces = "mtllib a.mtl\nusemtl a\nv 0 0 0 1 0.5 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n";
+    for material in [
+        "newmtl a\nKd 1 1 1\nillum 0\n",
+        "newmtl a\nKd 0.5 0.6 0.7\nillum 0\n",
+        "newmtl a\nKd 0.5 0.6 0.7\n",
+    ] {
+        let import = import_with(faces, &Named(material));
+        let before = vertex(&import.scene);
+        assert!(before.iter().any(|color| *color != DVec3::ZERO));
+        for name in ["X3D", "X3D ClassicVRML", "VRML 97"] {
+            let after = vertex(&again(&import, name).scene);
+            let stray = before[0].distance(after[0]) + before[1].distance(after[1]);
+            assert!(stray < 1e-12, "{name}, {material}: {before:?} {after:?}");
+        }
+    }
+}
+
+#[test]
+fn what_reflects_nothing_is_no_material_of_vrml_97() {
+    let import = import(
+        "#X3D V4.0 utf8\nShape { appearance Appearance { material UnlitMaterial { emissiveColor \
+         1 0 0 transparency 0.5 } texture PixelTexture { image 1 1 3 0xFFFFFF } } \
+         geometry Sphere { } }",
+    );
+    let expected = [
+        "material \"\": the opacity of what reflects nothing: there is no such thing in the format; \
+         left out",
+        "material \"\": a colour that a picture is multiplied by: there is no such thing in the \
+         format; left out",
+    ];
+    assert_eq!(told(&written(&import, "VRML 97")), expected);
+    assert_eq!(told(&written(&import, "X3D")), [""; 0]);
 }
 
 #[test]

@@ -11,27 +11,33 @@ use gltf::json::material::{
 };
 use gltf::json::validation::Checked::Valid;
 use gltf::json::{Index, Material, Node};
-use kernel::{Camera, Light, LightKind, MaterialId, Projection, Scene};
+use kernel::{Camera, Light, LightKind, Maps, MaterialId, Projection, Scene};
+use serde_json::{Map, json};
 
 use super::buffer::{Data, number};
 use super::pictures::Pictures;
 use super::place::Place;
 
+/// The extension for materials that no light changes: an empty object.
+pub(super) const UNLIT: &str = "KHR_materials_unlit";
+
 /// Materials that have been used so far, each once for every way of showing it.
 #[derive(Debug, Default)]
 pub(super) struct Materials {
-    known: BTreeMap<(Option<usize>, bool, bool), Index<Material>>,
+    known: BTreeMap<(Option<usize>, Sides), Index<Material>>,
     /// Of lines and points.
     thin: BTreeMap<Option<usize>, Index<Material>>,
     pictures: Pictures,
 }
 
 /// How a material is shown.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Sides {
     pub(super) double: bool,
     /// Whether there are texture coordinates for its pictures.
     pub(super) textured: bool,
+    /// Whether colours of vertices let something through.
+    pub(super) clear: bool,
 }
 
 impl Materials {
@@ -47,7 +53,7 @@ impl Materials {
         data: &mut Data,
         root: &mut gltf::json::Root,
     ) -> io::Result<Index<Material>> {
-        let key = (id.map(MaterialId::index), sides.double, sides.textured);
+        let key = (id.map(MaterialId::index), sides);
         if let Some(known) = self.known.get(&key) {
             return Ok(*known);
         }
@@ -55,13 +61,21 @@ impl Materials {
         let source = id.map_or(&default, |id| scene.material(id));
         let mut made = material(source, sides.double);
         if sides.textured {
-            let pictures = self.pictures.add(&source.maps, data, root)?;
+            let maps = if source.is_unlit() {
+                &as_base(&source.maps)
+            } else {
+                &source.maps
+            };
+            let pictures = self.pictures.add(maps, data, root)?;
             made.pbr_metallic_roughness.base_color_texture = pictures.color;
             made.pbr_metallic_roughness.metallic_roughness_texture = pictures.surface;
             made.emissive_texture = pictures.emissive;
             if source.maps.opacity.is_some() {
                 made.alpha_mode = Valid(AlphaMode::Blend);
             }
+        }
+        if sides.clear {
+            made.alpha_mode = Valid(AlphaMode::Blend);
         }
         let index = push(root, made);
         self.known.insert(key, index);
@@ -78,8 +92,10 @@ impl Materials {
         let source = id.map(|id| scene.material(id));
         let flat = kernel::Material {
             name: source.map(|own| own.name.clone()).unwrap_or_default(),
-            diffuse: source.map_or(kernel::Material::THIN, kernel::Material::flat),
+            emissive: source.map_or(kernel::Material::THIN, kernel::Material::flat),
             opacity: source.map_or(1.0, |own| own.opacity),
+            ambient: DVec3::ZERO,
+            diffuse: DVec3::ZERO,
             specular: DVec3::ZERO,
             ..kernel::Material::default()
         };
@@ -91,21 +107,37 @@ impl Materials {
     }
 }
 
+/// Pictures of emitted light as those of the base colour, which is what no light changes.
+fn as_base(maps: &Maps) -> Maps {
+    Maps {
+        color: maps.emissive.clone(),
+        opacity: maps.opacity.clone(),
+        ..Maps::default()
+    }
+}
+
 /// Adds a material to a file.
 fn push(root: &mut gltf::json::Root, material: Material) -> Index<Material> {
+    let used = &mut root.extensions_used;
+    if material.extensions.is_some() && !used.iter().any(|name| name == UNLIT) {
+        used.push(UNLIT.to_owned());
+    }
     root.materials.push(material);
     Index::new(number(root.materials.len() - 1))
 }
 
 /// A Phong material becomes a dielectric whose lobe is as wide: Blinn's exponent `n` is that
 /// of the roughness `(2 / (n + 2)) ^ (1/4)` \[Walter 07, after Beckmann\]; without specular
-/// reflection it is fully rough.
+/// reflection it is fully rough. What reflects nothing has its emission for a base colour, which
+/// colours of vertices multiply, and no light changes it.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "files hold single precision"
 )]
 fn material(source: &kernel::Material, double_sided: bool) -> Material {
+    let is_unlit = source.is_unlit();
     let (base, metallic, roughness) = match source.metallic_roughness {
+        _ if is_unlit => (source.emissive, 0.0, 1.0),
         Some(given) => (given.base_color, given.metallic, given.roughness),
         None if source.specular.max_element() <= 0.0 => (source.diffuse, 0.0, 1.0),
         None => {
@@ -115,7 +147,16 @@ fn material(source: &kernel::Material, double_sided: bool) -> Material {
     };
     let unit = |x: f64| x.clamp(0.0, 1.0) as f32;
     let opaque = source.opacity >= 1.0;
+    let emissive = if is_unlit {
+        DVec3::ZERO
+    } else {
+        source.emissive
+    };
+    let extensions = is_unlit.then(|| gltf::json::extensions::material::Material {
+        others: Map::from_iter([(UNLIT.to_owned(), json!({}))]),
+    });
     Material {
+        extensions,
         name: (!source.name.is_empty()).then(|| source.name.clone()),
         pbr_metallic_roughness: PbrMetallicRoughness {
             base_color_factor: PbrBaseColorFactor(
@@ -125,7 +166,7 @@ fn material(source: &kernel::Material, double_sided: bool) -> Material {
             roughness_factor: StrengthFactor(unit(roughness)),
             ..PbrMetallicRoughness::default()
         },
-        emissive_factor: EmissiveFactor(source.emissive.to_array().map(unit)),
+        emissive_factor: EmissiveFactor(emissive.to_array().map(unit)),
         alpha_mode: Valid(if opaque {
             AlphaMode::Opaque
         } else {

@@ -195,18 +195,18 @@ fn add_views(
     }
 }
 
-/// The same without empty lists and objects, which files may not have; no extension that is
-/// written is an empty object.
+/// The same without empty lists and objects, which files may not have, but for the extension
+/// that is one.
 fn compact(value: Value) -> Value {
     match value {
         Value::Object(map) => {
             let kept = map.into_iter().map(|(k, v)| (k, compact(v)));
-            let is_empty = |v: &Value| {
+            let is_empty = |k: &str, v: &Value| {
                 v.is_null()
                     || v.as_array().is_some_and(Vec::is_empty)
-                    || v.as_object().is_some_and(Map::is_empty)
+                    || v.as_object().is_some_and(Map::is_empty) && k != look::UNLIT
             };
-            Value::Object(kept.filter(|(_, v)| !is_empty(v)).collect())
+            Value::Object(kept.filter(|(k, v)| !is_empty(k, v)).collect())
         }
         Value::Array(list) => Value::Array(list.into_iter().map(compact).collect()),
         other => other,

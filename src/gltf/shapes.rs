@@ -130,6 +130,8 @@ struct Look {
     normals: bool,
     uvs: bool,
     colors: bool,
+    /// Whether colours let something through.
+    clear: bool,
 }
 
 /// Triangles of one look.
@@ -224,6 +226,7 @@ impl<'a> Shapes<'a> {
                 normals: !mesh.normals().is_empty(),
                 uvs: !mesh.uvs().is_empty(),
                 colors: !mesh.colors().is_empty(),
+                clear: mesh.colors().iter().any(|color| color.w < 1.0),
             };
             let batch = batches.entry(look).or_default();
             batch.material = material;
@@ -368,6 +371,7 @@ impl<'a> Shapes<'a> {
         let sides = Sides {
             double: look.double_sided,
             textured: look.uvs,
+            clear: look.clear,
         };
         let materials = &mut self.materials;
         let material = materials.add(self.scene, batch.material, sides, data, root)?;

@@ -11,6 +11,9 @@ use super::tree::{Tree, rotation};
 use crate::Place;
 use crate::nodes::look::SHININESS;
 
+/// The material of X3D 4 that reflects nothing.
+pub(super) const UNLIT: &str = "UnlitMaterial";
+
 /// A reach that stands for one without an end.
 const FAR: f64 = 1e30;
 
@@ -150,7 +153,7 @@ impl Tree<'_> {
 
     /// The physically based reading, if it is the one to be written: not where the file gives
     /// colours and highlights of another look beside it.
-    fn physical(&mut self, material: &Material) -> Option<MetallicRoughness> {
+    fn physical(&self, material: &Material) -> Option<MetallicRoughness> {
         let model = material.metallic_roughness?;
         if self.dialect == Dialect::Vrml97 {
             return None;
@@ -161,24 +164,51 @@ impl Tree<'_> {
         let pairs = colors(material).into_iter().zip(colors(&usual));
         let is_usual = pairs.into_iter().all(|(a, b)| a.distance(b) < 1e-9)
             && (material.shininess - usual.shininess).abs() < 1e-6;
-        if is_usual || maps.metallic.is_some() || maps.roughness.is_some() {
-            return Some(model);
-        }
-        let place = Place::item(0, format!("material \"{}\"", material.name));
-        let text = "metalness and roughness beside colours and highlights of another look; an X3D \
-            material has one of them";
-        self.warnings.unsupported(place, text);
-        None
+        (is_usual || maps.metallic.is_some() || maps.roughness.is_some()).then_some(model)
     }
 
-    /// A material, and its type.
-    pub(super) fn material(&mut self, material: &Material) -> (&'static str, Out) {
+    /// The colour that those of vertices are multiplied by. In files they take its place.
+    pub(super) fn tint(&self, material: &Material) -> DVec3 {
+        match self.physical(material) {
+            _ if material.is_unlit() => material.emissive,
+            Some(model) => model.base_color,
+            None => material.diffuse,
+        }
+    }
+
+    /// Notes what VRML 97 cannot hold of a material that reflects nothing.
+    fn tell_unlit(&mut self, material: &Material) {
+        if material.opacity < 1.0 {
+            self.lost(material, "the opacity of what reflects nothing");
+        }
+        if !material.maps.is_empty() && material.emissive != DVec3::ONE {
+            self.lost(material, "a colour that a picture is multiplied by");
+        }
+    }
+
+    /// A material, and its type; meshes may have colours of their own.
+    pub(super) fn material(
+        &mut self,
+        material: &Material,
+        has_colors: bool,
+    ) -> (&'static str, Out) {
         let physical = self.physical(material);
-        let is_unlit = material.is_unlit() && !material.maps.is_empty();
+        let is_told = self.dialect == Dialect::Vrml97 || physical.is_some();
+        if material.metallic_roughness.is_some() && !is_told {
+            let place = Place::item(0, format!("material \"{}\"", material.name));
+            let text = "metalness and roughness beside colours and highlights of another look; \
+                an X3D material has one of them";
+            self.warnings.unsupported(place, text);
+        }
+        // The colours of vertices and pictures of other materials are lit.
+        let is_unlit = material.is_unlit() && (has_colors || !material.maps.is_empty());
         let mut out;
-        if is_unlit && self.dialect != Dialect::Vrml97 {
+        if is_unlit {
             self.is_physical = true;
-            out = Out::new("UnlitMaterial");
+            out = Out::new(UNLIT);
+            if self.dialect == Dialect::Vrml97 {
+                self.tell_unlit(material);
+            }
         } else if let Some(model) = physical {
             self.is_physical = true;
             out = Out::new("PhysicalMaterial");

@@ -1,6 +1,6 @@
 //! Surfaces with their trims, and meshes.
 
-use glam::{DVec2, DVec4};
+use glam::{DVec2, DVec3, DVec4};
 use kernel::{Curve, Mesh, Patch, Surface, WireShape, oriented};
 
 use super::Dialect;
@@ -95,8 +95,8 @@ impl Tree<'_> {
         }
     }
 
-    /// Triangles, and the type of their node.
-    pub(super) fn mesh(&self, mesh: &Mesh) -> (&'static str, Out) {
+    /// Triangles, and the type of their node; colours of vertices are multiplied by `tint`.
+    pub(super) fn mesh(&self, mesh: &Mesh, tint: DVec3) -> (&'static str, Out) {
         let (kind, indices) = match self.dialect {
             Dialect::Vrml97 => ("IndexedFaceSet", "coordIndex"),
             Dialect::Xml | Dialect::Classic => ("IndexedTriangleSet", "index"),
@@ -138,7 +138,7 @@ impl Tree<'_> {
                 4
             };
             let color = |c: &DVec4| {
-                let [r, g, b] = srgb(c.truncate());
+                let [r, g, b] = srgb(c.truncate() * tint);
                 [r, g, b, c.w].into_iter().take(width)
             };
             let numbers: Vec<_> = mesh.colors().iter().flat_map(color).collect();

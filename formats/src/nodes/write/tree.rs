@@ -6,6 +6,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Child, Item, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
 
 use super::Dialect;
+use super::look::UNLIT;
 use super::spell::{Out, Value, identifier};
 use crate::write::{Distinct, NESTING, Uses, outermost, turn};
 use crate::{Place, Problem, Warnings};
@@ -22,11 +23,15 @@ pub(super) struct Tree<'a> {
     names: Distinct,
     /// What has been written and has a name: its type and name.
     nodes: HashMap<NodeId, (&'static str, String)>,
-    shapes: HashMap<Shape, (&'static str, String)>,
-    materials: HashMap<MaterialId, (&'static str, String)>,
+    /// Meshes also by the colour that those of their vertices are multiplied by.
+    shapes: HashMap<(Shape, [u64; 3]), (&'static str, String)>,
+    materials: HashMap<Worn, (&'static str, String)>,
     /// Materials with pictures, by the names of what is around them.
-    appearances: HashMap<MaterialId, String>,
+    appearances: HashMap<Worn, String>,
 }
+
+/// A material, and whether it leaves its emission to the vertices of meshes.
+type Worn = (MaterialId, bool);
 
 /// The metadata that holds a name which no node may have.
 pub(in super::super) const NAME: &str = "name";
@@ -133,7 +138,7 @@ impl<'a> Tree<'a> {
         for wire in node.wires.iter().map(|&id| scene.wire(id)) {
             let mut shape = Out::new("Shape");
             if let Some(id) = wire.material {
-                shape.child("appearance", self.appearance(id));
+                shape.child("appearance", self.appearance(id, false));
             }
             let mut geometry = self.wire(&wire.shape);
             if !wire.name.is_empty() {
@@ -148,10 +153,19 @@ impl<'a> Tree<'a> {
     /// A shape: geometry with its material.
     fn item(&mut self, item: &Item) -> Out {
         let mut shape = Out::new("Shape");
+        let has_colors = match item.shape {
+            Shape::Mesh(id) => !self.scene.mesh(id).colors().is_empty(),
+            Shape::Patch(_) => false,
+        };
+        let mut tint = DVec3::ONE;
         if let Some(id) = self.scene.item_material(item) {
-            shape.child("appearance", self.appearance(id));
+            shape.child("appearance", self.appearance(id, has_colors));
+            if has_colors {
+                tint = self.tint(self.scene.material(id));
+            }
         }
-        let geometry = match self.shapes.get(&item.shape) {
+        let key = (item.shape, tint.to_array().map(f64::to_bits));
+        let geometry = match self.shapes.get(&key) {
             Some((kind, def)) => Out::reference(kind, def),
             None => {
                 let (kind, mut out, name) = match item.shape {
@@ -162,13 +176,13 @@ impl<'a> Tree<'a> {
                     }
                     Shape::Mesh(id) => {
                         let mesh = self.scene.mesh(id);
-                        let (kind, out) = self.mesh(mesh);
+                        let (kind, out) = self.mesh(mesh, tint);
                         (kind, out, &mesh.name)
                     }
                 };
                 let is_used = self.uses.shapes.get(&item.shape).copied() > Some(1);
                 if let Some(def) = self.define(&mut out, name, is_used.then_some("shape")) {
-                    self.shapes.insert(item.shape, (kind, def));
+                    self.shapes.insert(key, (kind, def));
                 }
                 out
             }
@@ -177,29 +191,37 @@ impl<'a> Tree<'a> {
         shape
     }
 
-    /// A material with its pictures, or a reference to what has been written of them.
-    fn appearance(&mut self, id: MaterialId) -> Out {
-        if let Some(def) = self.appearances.get(&id) {
+    /// A material with its pictures, or a reference to what has been written of them; meshes may
+    /// have colours of their own.
+    fn appearance(&mut self, id: MaterialId, has_colors: bool) -> Out {
+        let source = self.scene.material(id);
+        let worn = (id, has_colors && source.is_unlit());
+        if let Some(def) = self.appearances.get(&worn) {
             return Out::reference("Appearance", def);
         }
         let mut appearance = Out::new("Appearance");
-        if let Some((kind, def)) = self.materials.get(&id) {
+        if let Some((kind, def)) = self.materials.get(&worn) {
             appearance.child("material", Out::reference(kind, def));
             return appearance;
         }
-        let source = self.scene.material(id);
         let is_used = self.uses.materials.get(&id).copied() > Some(1);
-        let (kind, mut out) = self.material(source);
-        if source.maps.is_empty() {
+        let (kind, mut out) = self.material(source, has_colors);
+        // VRML 97 has no other materials without reflection than none.
+        let has_material = kind != UNLIT || self.dialect != Dialect::Vrml97;
+        if source.maps.is_empty() && has_material {
             if let Some(def) = self.define(&mut out, &source.name, is_used.then_some("material")) {
-                self.materials.insert(id, (kind, def));
+                self.materials.insert(worn, (kind, def));
             }
         } else {
             self.pictures(source, &mut out, &mut appearance);
-            self.define(&mut out, &source.name, None);
+            let mut name = &*source.name;
+            if has_material {
+                self.define(&mut out, name, None);
+                name = "";
+            }
             let around = is_used.then_some("appearance");
-            if let Some(def) = self.define(&mut appearance, "", around) {
-                self.appearances.insert(id, def);
+            if let Some(def) = self.define(&mut appearance, name, around) {
+                self.appearances.insert(worn, def);
             }
         }
         if let Some(back) = &source.back {
@@ -207,12 +229,11 @@ impl<'a> Tree<'a> {
                 self.lost(source, "another look from behind");
             } else {
                 self.is_physical = true;
-                let back = self.material(back).1;
+                let back = self.material(back, has_colors).1;
                 appearance.child("backMaterial", back);
             }
         }
-        // VRML 97 has no other materials without reflection than none.
-        if self.dialect != Dialect::Vrml97 || source.maps.is_empty() || !source.is_unlit() {
+        if has_material {
             appearance.child("material", out);
         }
         appearance
