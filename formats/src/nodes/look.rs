@@ -1,11 +1,10 @@
-//! What a scene is seen with: materials, lights, viewpoints, background.
+//! What a scene is seen with: materials, viewpoints, background.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::f64::consts::{FRAC_PI_4, PI};
 
 use glam::{DAffine3, DVec3};
 use kernel::{
-    Camera, Channel, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, Sky,
-    linear_from_srgb,
+    Camera, Channel, Material, MaterialId, MetallicRoughness, Projection, Sky, linear_from_srgb,
 };
 
 use super::Node;
@@ -14,15 +13,6 @@ use super::texture::{is_texture, unlit};
 
 /// Factor from the field `shininess` to the exponent of the Phong model.
 pub(super) const SHININESS: f64 = 128.0;
-
-/// Opening angles of a `SpotLight` where the file gives none: full light, and no light.
-const SPOT_3: [f64; 2] = [FRAC_PI_4, FRAC_PI_2];
-
-/// As [`SPOT_3`], since X3D 4.0.
-const SPOT_4: [f64; 2] = [0.589_049, FRAC_PI_2];
-
-/// As [`SPOT_3`], in VRML 97.
-const SPOT_97: [f64; 2] = [FRAC_PI_2, FRAC_PI_4];
 
 /// The fields of a material: ambient, diffuse, specular, shininess, emission, transparency.
 const FRONT: [&str; 6] = [
@@ -103,6 +93,35 @@ impl Converter<'_> {
         self.pictured(node, material)
     }
 
+    /// A material that takes its diffuse colour from the vertices of a mesh; without one there
+    /// is no other light.
+    pub(super) fn whitened(&mut self, material: Option<MaterialId>) -> MaterialId {
+        if let Some(known) = self.whitened.get(&material) {
+            return *known;
+        }
+        let is_unlit = material.is_none_or(|id| self.unlit.contains(&id));
+        let own = material.map_or_else(unlit, |id| self.scene.material(id).clone());
+        let white = if is_unlit {
+            Material {
+                emissive: DVec3::ONE,
+                ..own
+            }
+        } else {
+            Material {
+                ambient: DVec3::splat(share_of(own.ambient, own.diffuse)),
+                diffuse: DVec3::ONE,
+                metallic_roughness: own.metallic_roughness.map(|model| MetallicRoughness {
+                    base_color: DVec3::ONE,
+                    ..model
+                }),
+                ..own
+            }
+        };
+        let white = self.scene.add_material(white);
+        self.whitened.insert(material, white);
+        white
+    }
+
     /// Stores a material with the textures that X3D 4 has inside of it.
     fn pictured(&mut self, node: &Node, mut material: Material) -> Made {
         let is_unlit = &*node.kind == "UnlitMaterial";
@@ -147,7 +166,7 @@ impl Converter<'_> {
     }
 
     /// A linear colour.
-    fn color(&mut self, node: &Node, field: &str, default: DVec3) -> DVec3 {
+    pub(super) fn color(&mut self, node: &Node, field: &str, default: DVec3) -> DVec3 {
         let color = node.vector(field, default, &mut self.warnings);
         if color.cmplt(DVec3::ZERO).any() || color.cmpgt(DVec3::ONE).any() {
             let text = "colours go from 0 to 1; the colour is clamped";
@@ -211,80 +230,6 @@ impl Converter<'_> {
         Made::Nothing
     }
 
-    pub(super) fn light(&mut self, index: usize, node: &Node) -> Made {
-        if !node.flag("on", true, &mut self.warnings) {
-            return Made::Nothing;
-        }
-        let directional = &*node.kind == "DirectionalLight";
-        let global = node.flag("global", !directional, &mut self.warnings);
-        if !global && node.parent != self.tree.root {
-            let text = "a light of one group lights the whole scene";
-            self.warnings.unsupported(node.place(), text);
-        }
-        let world = self.world_from_parent(index);
-        let Some(kind) = self.light_kind(node, &world) else {
-            let text = "a light without a direction; it is left out";
-            self.warnings.invalid(node.place(), text);
-            return Made::Nothing;
-        };
-        let color = self.color(node, "color", DVec3::ONE);
-        // Since X3D 4.0 intensities may be above one.
-        let intensity = node.size("intensity", 1.0, &mut self.warnings);
-        let ambient = node.size("ambientIntensity", 0.0, &mut self.warnings);
-        self.scene.lights.push(Light {
-            kind,
-            color: color * intensity,
-            ambient: color * ambient,
-        });
-        Made::Nothing
-    }
-
-    fn light_kind(&mut self, node: &Node, world: &DAffine3) -> Option<LightKind> {
-        let position = node.vector("location", DVec3::ZERO, &mut self.warnings);
-        let position = world.transform_point3(position);
-        let direction = node.vector("direction", DVec3::NEG_Z, &mut self.warnings);
-        let direction = world.transform_vector3(direction).try_normalize();
-        match &*node.kind {
-            "DirectionalLight" => direction.map(|direction| LightKind::Directional { direction }),
-            "PointLight" => Some(LightKind::Point {
-                position,
-                falloff: self.falloff(node, world),
-            }),
-            _ => {
-                let [beam, cut_off] = match &*node.file.version {
-                    "2.0" => SPOT_97,
-                    version if version.starts_with('4') => SPOT_4,
-                    _ => SPOT_3,
-                };
-                let outer = self.angle(node, "cutOffAngle", cut_off).clamp(0.0, PI);
-                let inner = self.angle(node, "beamWidth", beam).clamp(0.0, outer);
-                Some(LightKind::Spot {
-                    position,
-                    direction: direction?,
-                    inner,
-                    outer,
-                    falloff: self.falloff(node, world),
-                })
-            }
-        }
-    }
-
-    /// How a light weakens, in world units.
-    fn falloff(&mut self, node: &Node, world: &DAffine3) -> Falloff {
-        let scale = scale(world);
-        let attenuation = node.vector("attenuation", DVec3::X, &mut self.warnings);
-        let radius = node.size("radius", 100.0, &mut self.warnings) * scale;
-        let attenuation = attenuation / DVec3::new(1.0, scale, scale * scale);
-        Falloff {
-            attenuation: if attenuation.is_finite() {
-                attenuation
-            } else {
-                DVec3::X
-            },
-            radius,
-        }
-    }
-
     /// The first background: one colour, or a sky and a ground of several.
     pub(super) fn background(&mut self, index: usize, node: &Node) -> Made {
         if std::mem::replace(&mut self.bound.background, true) {
@@ -329,6 +274,17 @@ impl Converter<'_> {
 }
 
 /// The mean scale of a map.
-fn scale(map: &DAffine3) -> f64 {
+pub(super) fn scale(map: &DAffine3) -> f64 {
     map.matrix3.determinant().abs().cbrt()
+}
+
+/// The share that takes one colour to another, by their brightest parts; a fifth where there is
+/// no light, as the default of materials has it.
+fn share_of(part: DVec3, whole: DVec3) -> f64 {
+    let (part, whole) = (part.max_element(), whole.max_element());
+    if whole > 0.0 {
+        (part / whole).clamp(0.0, 1.0)
+    } else {
+        0.2
+    }
 }

@@ -21,6 +21,7 @@ mod extrusion;
 mod files;
 mod kinds;
 mod knots;
+mod lights;
 mod look;
 mod mesh;
 mod nurbs;

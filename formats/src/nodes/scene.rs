@@ -8,10 +8,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::{DAffine3, DQuat, DVec3};
-use kernel::{
-    Child, Item, Material, MaterialId, MetallicRoughness, NodeId, Patch, Scene, Shape, Surface,
-    Wire, WireId,
-};
+use kernel::{Child, Item, Light, MaterialId, NodeId, Patch, Scene, Shape, Surface, Wire, WireId};
 
 use super::animate::is_driver;
 use super::curve::is_parameter_curve;
@@ -45,6 +42,7 @@ pub(super) fn convert(
             };
             converter.made.push(made);
         }
+        converter.place_lights(root);
         if let Made::Node(id) = converter.made[root] {
             converter.scene.set_root(id).map_err(|e| Error {
                 format: tree.format,
@@ -92,7 +90,9 @@ pub(super) struct Converter<'a> {
     /// Materials that reflect nothing whatever pictures and vertices say.
     pub(super) unlit: HashSet<MaterialId>,
     /// For materials of meshes with colours: those that leave the colour to them.
-    whitened: HashMap<Option<MaterialId>, MaterialId>,
+    pub(super) whitened: HashMap<Option<MaterialId>, MaterialId>,
+    /// Lights in the coordinates of the node around them.
+    pub(super) lights: Vec<Light>,
     pub(super) bound: Bound,
 }
 
@@ -120,6 +120,8 @@ pub(super) enum Made {
     Material(MaterialId),
     /// A texture, by its position in the list of textures.
     Texture(usize),
+    /// A light, by its position in the list of lights.
+    Light(usize),
 }
 
 /// Nodes of which a scene has only one in force: the first.
@@ -151,6 +153,7 @@ impl<'a> Converter<'a> {
             covers: HashMap::new(),
             unlit: HashSet::new(),
             whitened: HashMap::new(),
+            lights: Vec::new(),
             bound: Bound::default(),
         }
     }
@@ -197,6 +200,12 @@ impl<'a> Converter<'a> {
         reached.map_or(DAffine3::IDENTITY, |r| r.world_from_parent)
     }
 
+    /// What the transform of a node does.
+    pub(super) fn parent_from_node(&self, index: usize) -> DAffine3 {
+        let reached = self.reached.get(index).copied().flatten();
+        reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node)
+    }
+
     /// Turns one node into what it is in the scene; all inside it is done already.
     fn make(&mut self, index: usize) -> Result<Made, Error> {
         let tree = self.tree;
@@ -217,7 +226,7 @@ impl<'a> Converter<'a> {
                 return self.geometry(node);
             }
             "Viewpoint" | "OrthoViewpoint" => self.viewpoint(index, node),
-            "DirectionalLight" | "PointLight" | "SpotLight" => self.light(index, node),
+            "DirectionalLight" | "PointLight" | "SpotLight" => self.light(node),
             "Background" | "TextureBackground" => self.background(index, node),
             "NavigationInfo" => self.navigation(node),
             "NurbsSet" => self.nurbs_set(node),
@@ -282,10 +291,9 @@ impl<'a> Converter<'a> {
         if children.is_empty() && wires.is_empty() {
             return Made::Nothing;
         }
-        let reached = self.reached.get(index).copied().flatten();
         let made = self.scene.add_node(kernel::Node {
             name: self.label(node),
-            parent_from_node: reached.map_or(DAffine3::IDENTITY, |r| r.parent_from_node),
+            parent_from_node: self.parent_from_node(index),
             children,
             wires,
             voids: 0,
@@ -319,7 +327,7 @@ impl<'a> Converter<'a> {
     }
 
     /// The shown children of a node.
-    fn shown_inside(&self, node: &Node) -> Vec<usize> {
+    pub(super) fn shown_inside(&self, node: &Node) -> Vec<usize> {
         // What is wrong with the fields has been told on the way down.
         let shown = shown(self.tree, node, &mut Warnings::default()).into_iter();
         shown.map(|i| node.children[i].node).collect()
@@ -346,35 +354,6 @@ impl<'a> Converter<'a> {
             material = Some(self.whitened(material));
         }
         Made::Shape(geometry, material)
-    }
-
-    /// A material that takes its diffuse colour from the vertices of a mesh; without one there
-    /// is no other light.
-    fn whitened(&mut self, material: Option<MaterialId>) -> MaterialId {
-        if let Some(known) = self.whitened.get(&material) {
-            return *known;
-        }
-        let is_unlit = material.is_none_or(|id| self.unlit.contains(&id));
-        let own = material.map_or_else(texture::unlit, |id| self.scene.material(id).clone());
-        let white = if is_unlit {
-            Material {
-                emissive: DVec3::ONE,
-                ..own
-            }
-        } else {
-            Material {
-                ambient: DVec3::splat(share_of(own.ambient, own.diffuse)),
-                diffuse: DVec3::ONE,
-                metallic_roughness: own.metallic_roughness.map(|model| MetallicRoughness {
-                    base_color: DVec3::ONE,
-                    ..model
-                }),
-                ..own
-            }
-        };
-        let white = self.scene.add_material(white);
-        self.whitened.insert(material, white);
-        white
     }
 
     /// An appearance is its material with its textures; without either the default of the
@@ -581,15 +560,4 @@ fn has_picture(tree: &Tree, shape: &Node) -> bool {
     let is_pictured = |m: &Node| is_material(&m.kind) && has_texture(m);
     let mut appearances = tree.inside(shape).filter(|n| &*n.kind == "Appearance");
     appearances.any(|a| has_texture(a) || tree.inside(a).any(is_pictured))
-}
-
-/// The share that takes one colour to another, by their brightest parts; a fifth where there is
-/// no light, as the default of materials has it.
-fn share_of(part: DVec3, whole: DVec3) -> f64 {
-    let (part, whole) = (part.max_element(), whole.max_element());
-    if whole > 0.0 {
-        (part / whole).clamp(0.0, 1.0)
-    } else {
-        0.2
-    }
 }

@@ -376,6 +376,50 @@ fn spots_have_the_angles_of_their_standard() {
 }
 
 #[test]
+fn lights_shine_at_every_place_where_they_stand() {
+    let import = read_scene(
+        "Transform { translation -5 0 3 children DEF L PointLight { radius 4 } } \
+         Transform { translation 5 0 3 scale 2 2 2 children USE L } \
+         DEF G Group { children [ DEF V Viewpoint { } SpotLight { } ] } \
+         Transform { translation 0 4 0 children [ USE G USE L ] }",
+    );
+    let place = |light: &kernel::Light| match light.kind {
+        kernel::LightKind::Point { position, falloff }
+        | kernel::LightKind::Spot {
+            position, falloff, ..
+        } => (position, falloff.radius),
+        kernel::LightKind::Directional { .. } => panic!("it shines everywhere"),
+    };
+    let places: Vec<_> = import.scene.lights.iter().map(place).collect();
+    let at = |x, y, z, radius| (DVec3::new(x, y, z), radius);
+    let expected = [
+        at(-5.0, 0.0, 3.0, 4.0),
+        at(5.0, 0.0, 3.0, 8.0),
+        at(0.0, 0.0, 0.0, 100.0),
+        at(0.0, 4.0, 0.0, 100.0),
+        at(0.0, 4.0, 0.0, 4.0),
+    ];
+    assert_eq!(places, expected);
+    assert_eq!(import.scene.cameras.len(), 1);
+}
+
+#[test]
+fn lights_in_ever_more_places_end_at_a_limit() {
+    let mut text = "DEF G0 Group { children PointLight { } }\n".to_owned();
+    for k in 0..60 {
+        let next = k + 1;
+        text += &format!("DEF G{next} Group {{ children [ USE G{k} USE G{k} ] }}\n");
+    }
+    let import = read_scene(&text);
+    assert_eq!(import.scene.lights.len(), 3000);
+    let told = import.warnings.as_slice()[0].to_string();
+    assert!(
+        told.ends_with("more than 3000 places of lights; the others do not shine"),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_deformer_carries_points_through_its_volume() {
     // A cube of eight points, stretched threefold along x; linear in every direction.
     let volume = "uDimension 2 vDimension 2 wDimension 2 controlPoint [ 0 0 0, 3 0 0, 0 1 0, 3 1 0, \
