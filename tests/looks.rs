@@ -88,3 +88,11 @@ fn colours_that_let_something_through_are_blended() {
     });
     assert_eq!(modes.collect::<Vec<_>>(), ["OPAQUE", "BLEND"]);
 }
+
+#[test]
+fn parallel_views_keep_their_window() {
+    let (json, _) =
+        from_x3d("OrthoViewpoint { fieldOfView -1 -2 3 4 }\nShape { geometry Sphere { } }");
+    let view = &json["cameras"][0]["orthographic"];
+    assert_eq!([&view["xmag"], &view["ymag"]], [&json!(2.0), &json!(3.0)]);
+}

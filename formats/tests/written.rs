@@ -1,7 +1,7 @@
 //! What writers keep, and what they say about what they leave out.
 
-use glam::DVec3;
-use kernel::{Scene, Shape};
+use glam::{DVec2, DVec3};
+use kernel::{Projection, Scene, Shape};
 use nurbray_formats::{Export, Import, Limits, NoFiles, ReadOptions, Resolver, WRITERS, read};
 
 fn import(text: &str) -> Import {
@@ -162,6 +162,20 @@ fn what_reflects_nothing_is_no_material_of_vrml_97() {
     ];
     assert_eq!(told(&written(&import, "VRML 97")), expected);
     assert_eq!(told(&written(&import, "X3D")), [""; 0]);
+}
+
+#[test]
+fn windows_of_parallel_views_come_back() {
+    let import = import(
+        "#X3D V3.3 utf8\nOrthoViewpoint { fieldOfView -1 -2 3 4 } Shape { geometry Sphere { } }",
+    );
+    for name in ["X3D", "X3D ClassicVRML"] {
+        let camera = &again(&import, name).scene.cameras[0];
+        let size = DVec2::new(4.0, 6.0);
+        let expected = Projection::OrthographicWindow { size };
+        assert_eq!(camera.projection(), expected, "{name}");
+        assert_eq!(camera.eye(), DVec3::new(1.0, 1.0, 10.0), "{name}");
+    }
 }
 
 #[test]

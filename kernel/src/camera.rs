@@ -23,6 +23,11 @@ pub enum Projection {
         /// Extent across the shorter side.
         extent: f64,
     },
+    /// Parallel rays; pictures of every shape show all of a window.
+    OrthographicWindow {
+        /// Width and height of the window, in scene units.
+        size: DVec2,
+    },
 }
 
 /// A camera in world coordinates.
@@ -126,12 +131,12 @@ impl Camera {
     /// The same camera with parallel rays, showing about the same extent at `distance`.
     #[must_use]
     pub fn into_orthographic(mut self, distance: f64) -> Self {
-        let extent = match self.projection {
-            Projection::Perspective { vertical_fov: fov }
-            | Projection::PerspectiveShorter { fov } => 2.0 * distance * (fov * 0.5).tan(),
-            Projection::Orthographic { extent } => extent,
-        };
-        self.projection = Projection::Orthographic { extent };
+        if let Projection::Perspective { vertical_fov: fov }
+        | Projection::PerspectiveShorter { fov } = self.projection
+        {
+            let extent = 2.0 * distance * (fov * 0.5).tan();
+            self.projection = Projection::Orthographic { extent };
+        }
         self
     }
 
@@ -177,6 +182,10 @@ impl Camera {
             }
             Projection::PerspectiveShorter { fov } => (shorter * (fov * 0.5).tan(), false),
             Projection::Orthographic { extent } => (shorter * (extent * 0.5), true),
+            Projection::OrthographicWindow { size } => {
+                let shown = size.max(DVec2::new(size.y * aspect, size.x / aspect));
+                (shown * 0.5, true)
+            }
         };
         Lens {
             eye: self.eye,
@@ -343,5 +352,27 @@ mod tests {
         let parallel = camera.into_orthographic(10.0).ray(DVec2::Y, 2.0);
         assert_eq!(parallel.direction, DVec3::NEG_Z);
         assert!((parallel.origin.y - 10.0 * 0.45_f64.tan()).abs() < 1e-14);
+    }
+
+    #[test]
+    fn windows_are_seen_as_a_whole_in_pictures_of_every_shape() {
+        let size = DVec2::new(4.0, 6.0);
+        let view = Projection::OrthographicWindow { size };
+        let camera = Camera::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, view).unwrap();
+        let square = Projection::Orthographic { extent: 6.0 };
+        let other = Camera::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, square).unwrap();
+        for (aspect, half) in [
+            (2.0, [6.0, 3.0]),
+            (0.5, [2.0, 4.0]),
+            (2.0 / 3.0, [2.0, 3.0]),
+        ] {
+            let found = camera.lens(aspect).half;
+            assert!(found.abs_diff_eq(DVec2::from(half), 1e-15), "{found}");
+            // Squares are the extents of the shorter side.
+            let size = DVec2::splat(6.0);
+            let view = Projection::OrthographicWindow { size };
+            let same = Camera::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, view).unwrap();
+            assert_eq!(same.lens(aspect).half, other.lens(aspect).half);
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use gltf::json::camera::{Orthographic, Perspective, Type};
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::material::{
@@ -216,6 +216,7 @@ pub(super) fn add_camera(
         extensions: None,
         extras: None,
     };
+    let mut window = None;
     match camera.projection() {
         // Files know the height only; of pictures that are wider than high it is the shorter.
         Projection::Perspective { vertical_fov: fov } | Projection::PerspectiveShorter { fov } => {
@@ -228,18 +229,20 @@ pub(super) fn add_camera(
                 extras: None,
             });
         }
-        Projection::Orthographic { extent } => {
-            made.type_ = Valid(Type::Orthographic);
-            let half = (0.5 * extent * metres) as f32;
-            made.orthographic = Some(Orthographic {
-                xmag: half,
-                ymag: half,
-                zfar: (far * metres) as f32,
-                znear: 0.0,
-                extensions: None,
-                extras: None,
-            });
-        }
+        Projection::Orthographic { extent } => window = Some(DVec2::splat(extent)),
+        Projection::OrthographicWindow { size } => window = Some(size),
+    }
+    if let Some(size) = window {
+        let half = size * (0.5 * metres);
+        made.type_ = Valid(Type::Orthographic);
+        made.orthographic = Some(Orthographic {
+            xmag: half.x as f32,
+            ymag: half.y as f32,
+            zfar: (far * metres) as f32,
+            znear: 0.0,
+            extensions: None,
+            extras: None,
+        });
     }
     let mut node = placed(camera.eye(), camera.forward(), camera.up(), world);
     node.name = (!camera.name.is_empty()).then(|| camera.name.clone());

@@ -300,6 +300,8 @@ impl Screen {
                     2.0 * distance * (0.5 * fov).tan() / rows
                 }
                 Projection::Orthographic { extent } => extent / rows,
+                // As in a picture of the shape of the window.
+                Projection::OrthographicWindow { size } => size.y / rows,
             };
             let own = &mut tolerances[id.index()];
             *own = own.min((self.pixels * pixel).max(least));

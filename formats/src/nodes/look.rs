@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use kernel::{
     Camera, Channel, Material, MaterialId, MetallicRoughness, Projection, Sky, linear_from_srgb,
 };
@@ -203,8 +203,12 @@ impl Converter<'_> {
             let window = window.filter(|[l, b, r, t]| l < r && b < t);
             let [left, bottom, r, t] = window.unwrap_or([-1.0, -1.0, 1.0, 1.0]);
             eye += right * ((left + r) * 0.5) + up * ((bottom + t) * 0.5);
-            let extent = (r - left).min(t - bottom) * scale(&world);
-            Projection::Orthographic { extent }
+            let size = DVec2::new(r - left, t - bottom) * scale(&world);
+            if (size.x - size.y).abs() > 0.0 {
+                Projection::OrthographicWindow { size }
+            } else {
+                Projection::Orthographic { extent: size.x }
+            }
         } else {
             let mut fov = self.angle(node, "fieldOfView", FRAC_PI_4);
             if !(fov > 0.0 && fov < PI) {

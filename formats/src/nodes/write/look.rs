@@ -1,6 +1,6 @@
 //! Materials, lights, viewpoints, background.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use kernel::{
     Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, srgb_from_linear,
 };
@@ -67,7 +67,9 @@ impl Tree<'_> {
 
     fn viewpoint(&mut self, camera: &Camera) -> Option<Out> {
         let kind = match camera.projection() {
-            Projection::Orthographic { .. } => "OrthoViewpoint",
+            Projection::Orthographic { .. } | Projection::OrthographicWindow { .. } => {
+                "OrthoViewpoint"
+            }
             _ => "Viewpoint",
         };
         let place = || Place::item(0, format!("camera \"{}\"", camera.name));
@@ -85,11 +87,14 @@ impl Tree<'_> {
         if let Some(turn) = rotation(DQuat::from_mat3(&axes).normalize()) {
             out.field("orientation", turn);
         }
+        let mut window = |size: DVec2| {
+            let half = size * 0.5;
+            let corners = [-half.x, -half.y, half.x, half.y];
+            out.field("fieldOfView", Value::list(&corners, 1));
+        };
         match camera.projection() {
-            Projection::Orthographic { extent } => {
-                let half = extent * 0.5;
-                out.field("fieldOfView", Value::list(&[-half, -half, half, half], 1));
-            }
+            Projection::Orthographic { extent } => window(DVec2::splat(extent)),
+            Projection::OrthographicWindow { size } => window(size),
             Projection::PerspectiveShorter { fov } => {
                 out.field("fieldOfView", Value::number(fov));
             }
