@@ -106,6 +106,33 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
+fn cameras_are_found_by_what_viewers_show_and_by_their_other_name() {
+    let place = Place::new();
+    let views = "#X3D V3.3 utf8\nDEF VP Viewpoint { description \"front\" } Viewpoint { } \
+                 Viewpoint { } Shape { geometry Sphere { } }";
+    fs::write(place.path("a.x3dv"), views).unwrap();
+    fs::write(
+        place.path("b.x3dv"),
+        "#X3D V3.3 utf8\nViewpoint { }\nShape { geometry Box { } }",
+    )
+    .unwrap();
+    for name in ["front", "VP"] {
+        let run = place.run(&format!(
+            "render a.x3dv -o {name}.png --size 8x8 --camera {name}"
+        ));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    }
+    for (file, known) in [
+        ("a.x3dv", "front (VP), 2 cameras without names"),
+        ("b.x3dv", "1 camera without a name"),
+    ] {
+        let run = place.run(&format!("render {file} -o t.png --camera nope"));
+        let expected = format!("no camera 'nope'; there is: {known}\n");
+        assert!(run.stderr.ends_with(&expected), "{}", run.stderr);
+    }
+}
+
+#[test]
 fn one_bad_file_does_not_stop_the_rest() {
     let place = Place::new();
     let files = "nothing.igs samples/broken/iges_billion_counts.igs samples/broken/obj_zero_index.obj \
@@ -232,7 +259,7 @@ fn info_describes_the_file() {
     assert_eq!(info["patches"]["stored"], 2);
     assert_eq!(info["patches"]["shown"], 3);
     assert_eq!(info["patches"]["kinds"][0]["rational"], true);
-    assert_eq!(info["cameras"][0], "FRONT");
+    assert_eq!(info["cameras"][0], "From the front, a little from above");
     assert_eq!(info["warnings"].as_array().unwrap().len(), 0);
     let text = place.run("info samples/teapot.obj samples/broken/x3d_nan.x3d");
     assert_eq!(text.code, Some(0));

@@ -165,6 +165,21 @@ fn what_reflects_nothing_is_no_material_of_vrml_97() {
 }
 
 #[test]
+fn viewpoints_come_back_with_description_and_name() {
+    let import = import(
+        "#X3D V3.3 utf8\nDEF VP_1 Viewpoint { description \"Front view\" } DEF VP_2 Viewpoint { } \
+         DEF VP_3 Viewpoint { description \"Front view\" } Shape { geometry Sphere { } }",
+    );
+    for name in ["X3D", "X3D ClassicVRML", "VRML 97"] {
+        let again = again(&import, name);
+        let cameras = again.scene.cameras.iter();
+        let names: Vec<_> = cameras.map(|c| (&*c.name, &*c.alias)).collect();
+        let expected = [("Front view", "VP_1"), ("VP_2", ""), ("Front view", "VP_3")];
+        assert_eq!(names, expected, "{name}");
+    }
+}
+
+#[test]
 fn windows_of_parallel_views_come_back() {
     let import = import(
         "#X3D V3.3 utf8\nOrthoViewpoint { fieldOfView -1 -2 3 4 } Shape { geometry Sphere { } }",

@@ -35,6 +35,8 @@ pub enum Projection {
 pub struct Camera {
     /// The name in the file, or empty.
     pub name: String,
+    /// A second name in the file, or empty.
+    pub alias: String,
     eye: DVec3,
     forward: DVec3,
     right: DVec3,
@@ -63,6 +65,7 @@ impl Camera {
         let up = right.cross(forward);
         eye.is_finite().then_some(Self {
             name: String::new(),
+            alias: String::new(),
             eye,
             forward,
             right,
@@ -96,6 +99,7 @@ impl Camera {
         let projection = Projection::PerspectiveShorter { fov: FRAMING_FOV };
         let mut camera = Self {
             name: String::new(),
+            alias: String::new(),
             eye: center,
             forward,
             right: forward.cross(up).normalize(),

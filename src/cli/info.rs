@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
 use super::say::{named, say, visible};
+use super::shot::names;
 use super::sizes;
 
 /// Lines of the tree that are printed; `--json` has all.
@@ -220,7 +221,7 @@ fn describe(text: &mut String, import: &Import) -> std::fmt::Result {
         writeln!(text, "  picture    {name}, {width} x {height}")?;
     }
     for camera in &scene.cameras {
-        writeln!(text, "  camera     {}", named(&camera.name))?;
+        writeln!(text, "  camera     {}", named(&names(camera)))?;
     }
     if !scene.lights.is_empty() {
         writeln!(text, "  lights     {}", scene.lights.len())?;

@@ -51,7 +51,7 @@ pub(super) struct Args {
     /// N x N samples per pixel; one passes exactly through the middle
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub(super) samples: u32,
-    /// Camera of the file, by name
+    /// Camera of the file, by name; of X3D and VRML by its description or DEF name
     #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "up", "fov"])]
     pub(super) camera: Option<String>,
     /// Where the camera stands; needs --target or looks at the middle of the scene

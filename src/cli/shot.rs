@@ -143,17 +143,10 @@ fn camera(
     } else {
         let camera = match &args.camera {
             Some(name) => {
-                let known = || {
-                    let names: Vec<_> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
-                    if names.is_empty() {
-                        "none".to_owned()
-                    } else {
-                        names.join(", ")
-                    }
-                };
-                let found = scene.cameras.iter().find(|camera| camera.name == *name);
+                let by = |of: fn(&Camera) -> &str| scene.cameras.iter().find(|c| of(c) == *name);
+                let found = by(|camera| &camera.name).or_else(|| by(|camera| &camera.alias));
                 found
-                    .with_context(|| format!("no camera '{name}'; there is: {}", known()))?
+                    .with_context(|| format!("no camera '{name}'; there is: {}", cameras(scene)))?
                     .clone()
             }
             None => match scene.cameras.first() {
@@ -172,6 +165,30 @@ fn camera(
         }
     };
     Ok(camera)
+}
+
+/// The names of the cameras of a file, and how many there are without.
+fn cameras(scene: &Scene) -> String {
+    let named = scene
+        .cameras
+        .iter()
+        .filter(|camera| !camera.name.is_empty());
+    let mut list: Vec<_> = named.map(names).collect();
+    match scene.cameras.len() - list.len() {
+        0 if list.is_empty() => list.push("none".to_owned()),
+        0 => {}
+        1 => list.push("1 camera without a name".to_owned()),
+        count => list.push(format!("{count} cameras without names")),
+    }
+    list.join(", ")
+}
+
+/// The name of a camera, and the second one that it may have.
+pub(super) fn names(camera: &Camera) -> String {
+    match &*camera.alias {
+        "" => camera.name.clone(),
+        alias => format!("{} ({alias})", camera.name),
+    }
 }
 
 /// Boxes around all curves and points.

@@ -220,10 +220,14 @@ impl Converter<'_> {
         };
         match Camera::look_at(eye, eye - back.normalize_or_zero(), up, projection) {
             Some(mut camera) => {
-                camera.name = match &*node.def {
-                    "" => node.string("description"),
-                    def => def.to_owned(),
-                };
+                // Viewers show the description.
+                camera.name = node.string("description");
+                let label = self.label(node);
+                if camera.name.is_empty() {
+                    camera.name = label;
+                } else {
+                    camera.alias = label;
+                }
                 self.scene.cameras.push(camera);
             }
             None => {

@@ -59,10 +59,8 @@ fn values_end_where_the_next_field_begins() {
     assert_eq!(messages(&import), Vec::<String>::new());
     assert_eq!(import.scene.meshes()[0].triangles(), [[0, 1, 2], [0, 2, 1]]);
     let camera = &import.scene.cameras[0];
-    assert_eq!(
-        (camera.name.as_str(), camera.eye()),
-        ("A-1.x", DVec3::new(10.0, 0.0, -2.0))
-    );
+    assert_eq!([&*camera.name, &*camera.alias], ["a\"b", "A-1.x"]);
+    assert_eq!(camera.eye(), DVec3::new(10.0, 0.0, -2.0));
 }
 
 #[test]

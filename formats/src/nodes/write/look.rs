@@ -82,6 +82,9 @@ impl Tree<'_> {
         if !camera.name.is_empty() {
             out.field("description", Value::Text(camera.name.clone()));
         }
+        if !camera.alias.is_empty() {
+            self.define(&mut out, &camera.alias, None);
+        }
         out.field("position", Value::tuple(&camera.eye().to_array()));
         let axes = DMat3::from_cols(camera.right(), camera.up(), -camera.forward());
         if let Some(turn) = rotation(DQuat::from_mat3(&axes).normalize()) {

@@ -241,7 +241,12 @@ impl<'a> Tree<'a> {
 
     /// Gives a node a name of its own, made of `name`, or of `fallback` if that is empty. Where
     /// the name is another one then, the true one goes to the metadata.
-    fn define(&mut self, out: &mut Out, name: &str, fallback: Option<&str>) -> Option<String> {
+    pub(super) fn define(
+        &mut self,
+        out: &mut Out,
+        name: &str,
+        fallback: Option<&str>,
+    ) -> Option<String> {
         let wanted = if name.is_empty() { fallback? } else { name };
         let def = self.names.name(&identifier(wanted));
         if def != name && self.dialect != Dialect::Vrml97 {
