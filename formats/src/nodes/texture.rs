@@ -156,7 +156,10 @@ impl Converter<'_> {
                 ..unlit()
             },
         };
-        if own.is_none() && (material.maps.is_empty() || placed == DAffine2::IDENTITY) {
+        let mode = node.string("alphaMode");
+        let is_opaque = mode == "OPAQUE" && found.is_some();
+        let is_moved = !material.maps.is_empty() && placed != DAffine2::IDENTITY;
+        if own.is_none() && !is_opaque && !is_moved {
             return found;
         }
         // Pictures of the material itself come before that of the appearance.
@@ -173,6 +176,10 @@ impl Converter<'_> {
                 material.opacity = 1.0;
             }
             own.cover(&mut material, is_unlit);
+        }
+        if mode == "OPAQUE" {
+            material.opacity = 1.0;
+            material.maps.opacity = None;
         }
         for texture in material.maps.textures_mut() {
             texture.picture_from_shape = placed;

@@ -2,12 +2,12 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec2, DVec3, DVec4};
+use glam::{DAffine2, DVec2, DVec3, DVec4};
 use image::ImageFormat;
 use kernel::{Material, Patch, Shape, linear_from_srgb};
 
 use crate::pictures::tests::{Files, encoded, red_green};
-use crate::{Import, Limits, ReadOptions, read};
+use crate::{Export, Import, Limits, ReadOptions, WRITERS, read};
 
 /// A file with these nodes, in a folder with a picture of two texels: red, and half transparent
 /// green to its right; and one of a single grey texel.
@@ -321,4 +321,61 @@ fn the_first_of_several_textures_is_shown() {
     );
     let texture = import.scene.materials()[0].maps.emissive.as_ref().unwrap();
     assert_eq!(texture.image.name(), "grey.png");
+}
+
+/// An OBJ surface with this material, written and read again.
+fn through(mtl: &str, name: &str) -> (Export, Material) {
+    let obj = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\ncstype bezier\ndeg 1 1\n\
+        surf 0 1 0 1 1 2 3 4\nparm u 0 1\nparm v 0 1\nend\n";
+    let resolver = &Files(vec![
+        ("a.mtl", format!("newmtl a\n{mtl}").into_bytes()),
+        ("alpha.png", encoded(&red_green(), ImageFormat::Png)),
+    ]);
+    let limits = &Limits::default();
+    let options = &ReadOptions { limits, resolver };
+    let scene = read(obj.as_bytes(), None, options).unwrap().scene;
+    let writer = WRITERS.iter().find(|w| w.name == name).unwrap();
+    let export = (writer.write)(&scene, "a").unwrap();
+    let again = read(&export.bytes, None, options).unwrap().scene;
+    let id = again.placements()[0].material.unwrap();
+    (export, again.material(id).clone())
+}
+
+#[test]
+fn alpha_that_does_not_count_is_written_so_or_told() {
+    let opaque = "Kd 1 1 1\nmap_Kd alpha.png\n";
+    for name in ["X3D", "X3D ClassicVRML"] {
+        let (export, material) = through(opaque, name);
+        assert!(material.maps.color.is_some() && material.maps.opacity.is_none());
+        // That pictures are not copied.
+        assert_eq!(export.warnings.as_slice().len(), 1, "{name}");
+    }
+    for (name, mtl) in [
+        ("VRML 97", opaque.to_owned()),
+        ("X3D", format!("{opaque}d 0.5\n")),
+    ] {
+        let (export, _) = through(&mtl, name);
+        let told = export.warnings.as_slice().iter().map(ToString::to_string);
+        let text = "a picture whose alpha does not count: there is no such thing in the format";
+        assert!(told.into_iter().any(|told| told.contains(text)), "{name}");
+    }
+    // Where it counts, so does the opacity.
+    let clear = format!("{opaque}map_d alpha.png\nd 0.5\n");
+    let (_, material) = through(&clear, "X3D");
+    assert!(material.maps.opacity.is_some());
+    assert!((material.opacity - 0.5).abs() < 1e-15);
+}
+
+#[test]
+fn pictures_of_emitted_light_are_moved_without_others() {
+    let (_, material) = through("Kd 0.5 0 0\nKe 1 1 1\nmap_Ke -s 3 2 1 alpha.png\n", "X3D");
+    let moved = material.maps.emissive.unwrap().picture_from_shape;
+    assert!(
+        moved.abs_diff_eq(DAffine2::from_scale(DVec2::new(3.0, 2.0)), 1e-12),
+        "{moved}"
+    );
+    let two = "Kd 1 1 1\nmap_Kd alpha.png\nmap_d alpha.png\nKe 1 1 1\nmap_Ke -s 3 2 1 alpha.png\n";
+    let (export, _) = through(two, "X3D");
+    let mut told = export.warnings.as_slice().iter().map(ToString::to_string);
+    assert!(told.any(|told| told.contains("pictures that are moved otherwise than the first")));
 }

@@ -23,19 +23,7 @@ impl Tree<'_> {
             &maps.color
         };
         if let Some(texture) = main {
-            // Before X3D 4 the colours of a picture take the place of those of the material.
-            let white = material.is_unlit() || material.diffuse == DVec3::ONE;
-            match self.dialect {
-                Dialect::Vrml97 if !white => {
-                    self.lost(material, "a colour that a picture is multiplied by");
-                }
-                Dialect::Vrml97 => {}
-                Dialect::Xml | Dialect::Classic => self.is_physical |= !white,
-            }
-            around.child("texture", self.texture(texture));
-            if let Some(out) = self.texture_transform(material, texture) {
-                around.child("textureTransform", out);
-            }
+            self.main_picture(material, texture, around);
         }
         let mut others = Vec::new();
         if !material.is_unlit() {
@@ -60,14 +48,54 @@ impl Tree<'_> {
                 "a picture of opacity that is not the alpha of another",
             );
         }
+        if self.dialect == Dialect::Vrml97 {
+            self.moved(material, main.as_ref(), around);
+        } else {
+            let first = main
+                .as_ref()
+                .or_else(|| others.first().map(|(_, texture)| *texture));
+            self.moved(material, first, around);
+            let place = |texture: &Texture| texture.picture_from_shape;
+            let is_apart = |(_, other): &(_, &Texture)| first.map(place) != Some(place(other));
+            if others.iter().any(is_apart) {
+                self.lost(material, "pictures that are moved otherwise than the first");
+            }
+        }
         for (field, texture) in others {
             if self.dialect == Dialect::Vrml97 {
                 self.lost(material, "pictures of other things than colour");
             } else {
                 self.is_physical = true;
-                inside.child(field, self.texture(texture));
+                inside.child(field, self.texture(texture, true));
             }
         }
+    }
+
+    /// The picture of colours. Before X3D 4 its colours take the place of those of the material,
+    /// and its alpha that of the opacity.
+    fn main_picture(&mut self, material: &Material, texture: &Texture, around: &mut Out) {
+        let is_unlit = material.is_unlit();
+        let is_white = is_unlit || material.diffuse == DVec3::ONE;
+        let (image, is_opaque) = (&texture.image, material.opacity >= 1.0);
+        let has_alpha = material.maps.opacity.is_some();
+        // The alpha of a file counts unless it is said that it does not.
+        let is_ignored = image.has_alpha() && !image.name().is_empty() && !has_alpha;
+        if self.dialect == Dialect::Vrml97 {
+            if !is_white {
+                self.lost(material, "a colour that a picture is multiplied by");
+            }
+            if !is_opaque && !is_unlit && image.has_alpha() {
+                self.lost(material, "an opacity beside the alpha of a picture");
+            }
+        } else {
+            self.is_physical |= !is_white || !is_opaque || is_ignored;
+        }
+        if is_ignored && is_opaque && self.dialect != Dialect::Vrml97 {
+            around.field("alphaMode", Value::Text("OPAQUE".to_owned()));
+        } else if is_ignored {
+            self.lost(material, "a picture whose alpha does not count");
+        }
+        around.child("texture", self.texture(texture, has_alpha));
     }
 
     /// Notes what the format cannot hold of a material.
@@ -77,13 +105,14 @@ impl Tree<'_> {
         self.warnings.unsupported(place, text);
     }
 
-    /// A picture: by the name of its file, or as pixels where it has none.
-    fn texture(&mut self, texture: &Texture) -> Out {
+    /// A picture: by the name of its file, or as pixels where it has none, with its alpha if
+    /// that counts.
+    fn texture(&mut self, texture: &Texture, has_alpha: bool) -> Out {
         let image = &texture.image;
         let mut out;
         if image.name().is_empty() {
             out = Out::new("PixelTexture");
-            out.field("image", Value::One(pixels(image)));
+            out.field("image", Value::One(pixels(image, has_alpha)));
         } else {
             out = Out::new("ImageTexture");
             out.field("url", Value::Texts(vec![encoded(image.name())]));
@@ -115,6 +144,14 @@ impl Tree<'_> {
             out.child("textureProperties", properties);
         }
         out
+    }
+
+    /// Adds what moves the pictures of a material.
+    fn moved(&mut self, material: &Material, texture: Option<&Texture>, around: &mut Out) {
+        let out = texture.and_then(|texture| self.texture_transform(material, texture));
+        if let Some(out) = out {
+            around.child("textureTransform", out);
+        }
     }
 
     /// The map of a texture as `S R T`, if it does anything.
@@ -165,7 +202,7 @@ fn metallic_roughness(maps: &Maps) -> Option<&Texture> {
 }
 
 /// The content of a `PixelTexture`: the lowest row first.
-fn pixels(image: &Image) -> String {
+fn pixels(image: &Image, has_alpha: bool) -> String {
     let bytes: Vec<[u8; 4]> = match image.texels() {
         Texels::Bytes(texels) => texels.clone(),
         Texels::Floats(_) => {
@@ -183,7 +220,7 @@ fn pixels(image: &Image) -> String {
                 .collect()
         }
     };
-    let components = if image.has_alpha() { 4 } else { 3 };
+    let components = if has_alpha && image.has_alpha() { 4 } else { 3 };
     let mut text = format!("{} {} {components}", image.width(), image.height());
     for row in bytes.chunks(image.width()).rev() {
         for [r, g, b, a] in row {
