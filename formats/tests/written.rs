@@ -14,9 +14,9 @@ fn import_with(text: &str, resolver: &dyn Resolver) -> Import {
 }
 
 /// One text, whatever the name.
-struct Named(&'static str);
+struct Named<'a>(&'a str);
 
-impl Resolver for Named {
+impl Resolver for Named<'_> {
     fn resolve(&self, _: &str) -> std::io::Result<Vec<u8>> {
         Ok(self.0.into())
     }
@@ -177,6 +177,35 @@ fn viewpoints_come_back_with_description_and_name() {
         let expected = [("Front view", "VP_1"), ("VP_2", ""), ("Front view", "VP_3")];
         assert_eq!(names, expected, "{name}");
     }
+}
+
+#[test]
+fn physical_materials_and_pictures_that_do_nothing_come_back_from_obj() {
+    let import = import(
+        "#X3D V4.0 utf8\nShape { appearance Appearance { material PhysicalMaterial { baseColor 0.5 \
+         0.9 0.1 metallic 0.3 roughness 0.5 emissiveTexture PixelTexture { image 1 1 3 0xFF00FF } } } \
+         geometry Rectangle2D { } }",
+    );
+    let export = written(&import, "OBJ");
+    let told = told(&export);
+    assert!(
+        !told.iter().any(|told| told.contains("picture")),
+        "{told:?}"
+    );
+    let [(_, materials)] = &export.beside[..] else {
+        panic!("one file of materials");
+    };
+    let materials = String::from_utf8(materials.clone()).expect("text");
+    assert!(!materials.contains("map_Ke"), "{materials}");
+    let text = String::from_utf8(export.bytes).expect("text");
+    let again = import_with(&text, &Named(&materials));
+    let [a, b] = [&import, &again].map(|import| {
+        let id = import.scene.placements()[0].material.expect("a material");
+        import.scene.material(id).clone()
+    });
+    assert!(a.diffuse.distance(b.diffuse) < 1e-12, "{a:?} {b:?}");
+    assert!(a.specular.distance(b.specular) < 1e-12, "{a:?} {b:?}");
+    assert_eq!(b.emissive, DVec3::ZERO);
 }
 
 #[test]

@@ -263,26 +263,31 @@ impl Draft {
         // Models 0 and 1 have no highlights.
         let is_shiny = self.model.is_none_or(|model| model > 1);
         let gloss = maps.specular.as_ref().map(|_| DVec3::ONE);
-        let specular = self.specular.or(gloss).filter(|_| is_shiny);
         let share = |own: Option<f64>, has_map: bool| own.or(has_map.then_some(1.0));
         let roughness = share(self.roughness, maps.roughness.is_some());
         let metallic = share(self.metallic, maps.metallic.is_some());
         let is_physical = roughness.is_some() || metallic.is_some();
+        let model = is_physical.then(|| MetallicRoughness {
+            base_color: diffuse,
+            metallic: metallic.unwrap_or(0.0),
+            roughness: roughness.unwrap_or(0.5),
+        });
+        let usual = model.map(Material::physical);
+        let gloss = gloss.or(usual.as_ref().map(|usual| usual.specular));
+        let specular = self.specular.or(gloss).filter(|_| is_shiny);
+        let shininess = usual.map_or(default.shininess, |usual| usual.shininess);
         let mut material = Material {
             name: self.name,
             ambient: self.ambient.unwrap_or(diffuse),
-            diffuse,
+            // Metals reflect their colour as highlights only.
+            diffuse: diffuse * (1.0 - model.map_or(0.0, |model| model.metallic)),
             specular: specular.unwrap_or(DVec3::ZERO),
-            shininess: self.shininess.unwrap_or(default.shininess),
+            shininess: self.shininess.unwrap_or(shininess),
             emissive: whole(self.emissive, maps.emissive.is_some(), DVec3::ZERO),
             opacity: self
                 .dissolve
                 .unwrap_or(1.0 - self.transparency.unwrap_or(0.0)),
-            metallic_roughness: is_physical.then(|| MetallicRoughness {
-                base_color: diffuse,
-                metallic: metallic.unwrap_or(0.0),
-                roughness: roughness.unwrap_or(0.5),
-            }),
+            metallic_roughness: model,
             maps,
             back: None,
         };
@@ -474,6 +479,16 @@ mod tests {
         assert_eq!((red.shininess, red.opacity), (60.0, 0.75));
         let physical = red.metallic_roughness.unwrap();
         assert_eq!((physical.roughness, physical.metallic), (0.3, 0.0));
+    }
+
+    #[test]
+    fn metals_reflect_their_colour_as_highlights_only() {
+        let (materials, _) = parse("newmtl a\nKd 1 0 0\nPm 0.75\nPr 0.5\nKa 0.5 0 0\n");
+        let a = &materials["a"];
+        let usual = Material::physical(a.metallic_roughness.unwrap());
+        assert_eq!((a.diffuse, a.specular), (DVec3::X * 0.25, usual.specular));
+        assert_eq!(a.shininess.to_bits(), usual.shininess.to_bits());
+        assert_eq!(a.metallic_roughness.unwrap().base_color, DVec3::X);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use kernel::{
     Channel, Filter, KnotVector, Material, MaterialId, Patch, Placement, Scene, Surface, Texture,
     WirePlacement, Wrap, srgb_from_linear,
@@ -48,7 +48,7 @@ pub(super) fn file(
         let model = material.metallic_roughness;
         let diffuse = model.map_or(material.diffuse, |model| model.base_color);
         let (kind, diffuse, emissive) = match material.is_unlit() {
-            true => (0, material.emissive, glam::DVec3::ZERO),
+            true => (0, material.emissive, DVec3::ZERO),
             false => (2, diffuse, material.emissive),
         };
         text += &format!("newmtl {name}\nillum {kind}\n");
@@ -67,7 +67,7 @@ pub(super) fn file(
             push_line(&mut text, "Pr", [model.roughness]);
             push_line(&mut text, "Pm", [model.metallic]);
         }
-        push_maps(&mut text, material, warnings);
+        push_maps(&mut text, material, [diffuse, emissive], warnings);
         if material.back.is_some() {
             lost(material, "another look from behind", warnings);
         }
@@ -82,13 +82,24 @@ fn lost(material: &Material, what: &str, warnings: &mut Warnings) {
     warnings.unsupported(place, text);
 }
 
-/// Appends the pictures of a material.
-fn push_maps(text: &mut String, material: &Material, warnings: &mut Warnings) {
+/// Appends the pictures of a material with these colours. One that multiplies black does nothing,
+/// and beside black would be taken for all of the colour.
+fn push_maps(
+    text: &mut String,
+    material: &Material,
+    [diffuse, emitted]: [DVec3; 2],
+    warnings: &mut Warnings,
+) {
     let maps = &material.maps;
     let (color, emissive) = match material.is_unlit() {
         true => (maps.emissive.as_ref(), None),
         false => (maps.color.as_ref(), maps.emissive.as_ref()),
     };
+    if color.is_some() && diffuse == DVec3::ZERO && material.ambient != DVec3::ZERO {
+        lost(material, "a picture of ambient light alone", warnings);
+    }
+    let color = color.filter(|_| diffuse != DVec3::ZERO);
+    let emissive = emissive.filter(|_| emitted != DVec3::ZERO);
     let colors = [
         ("map_Kd", color),
         ("map_Ks", maps.specular.as_ref()),
@@ -170,7 +181,7 @@ pub(super) fn coordinates(
         Some(texture) => Surface::clone(texture),
         None if is_textured => {
             let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]];
-            let corners = corners.map(|[x, y]| glam::DVec3::new(x, y, 0.0));
+            let corners = corners.map(|[x, y]| DVec3::new(x, y, 0.0));
             let knots = |range| KnotVector::bezier(1, range);
             let whole = knots(u.clone()).and_then(|u| Ok((u, knots(v.clone())?)));
             let whole = whole.and_then(|(u, v)| Surface::new(u, v, &corners, None));
