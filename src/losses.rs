@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use formats::{Place, Warnings};
-use kernel::{Material, Scene};
+use glam::DVec3;
+use kernel::{LightKind, Material, Scene};
 
 /// Something beside triangles.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +26,7 @@ pub(crate) const LACKED_BY_GROUPS: &[Part] = &[
 ];
 
 /// What glTF does not hold.
-pub(crate) const LACKED_BY_GLTF: &[Part] = &[HIGHLIGHT_PICTURES, BACKS, BACKGROUND];
+pub(crate) const LACKED_BY_GLTF: &[Part] = &[HIGHLIGHT_PICTURES, BACKS, ATTENUATIONS, BACKGROUND];
 
 const WIRES: Part = Part {
     what: "curves and points without a surface",
@@ -79,6 +80,21 @@ const CAMERAS: Part = Part {
 const LIGHTS: Part = Part {
     what: "lights",
     list: |scene| scene.lights.iter().map(|_| "light".to_owned()).collect(),
+};
+
+/// Lights of glTF weaken with the square of the distance.
+const ATTENUATIONS: Part = Part {
+    what: "attenuations of lights",
+    list: |scene| {
+        let lights = scene.lights.iter();
+        let lost = lights.filter(|light| match light.kind {
+            LightKind::Directional { .. } => false,
+            LightKind::Point { falloff, .. } | LightKind::Spot { falloff, .. } => {
+                falloff.attenuation != DVec3::Z
+            }
+        });
+        lost.map(|_| "light".to_owned()).collect()
+    },
 };
 
 const BACKGROUND: Part = Part {

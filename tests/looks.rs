@@ -96,3 +96,35 @@ fn parallel_views_keep_their_window() {
     let view = &json["cameras"][0]["orthographic"];
     assert_eq!([&view["xmag"], &view["ymag"]], [&json!(2.0), &json!(3.0)]);
 }
+
+#[test]
+fn cones_of_light_are_no_wider_than_a_right_angle() {
+    let (json, _) = from_x3d("SpotLight { }\nShape { geometry Sphere { } }");
+    let light = &json["extensions"]["KHR_lights_punctual"]["lights"][0];
+    let outer = light["spot"]["outerConeAngle"].as_f64().unwrap();
+    let right = std::f64::consts::FRAC_PI_2;
+    assert!(outer <= right && outer > right - 1e-6, "{outer}");
+}
+
+#[test]
+fn how_lights_weaken_is_told() {
+    for (attenuation, count) in [("0 0 1", 0), ("1 0.5 0", 1)] {
+        let (json, told) = from_x3d(&format!(
+            "PointLight {{ attenuation {attenuation} }}\nDirectionalLight {{ }}\n\
+             Shape {{ geometry Sphere {{ }} }}"
+        ));
+        assert_eq!(
+            json["extensions"]["KHR_lights_punctual"]["lights"]
+                .as_array()
+                .unwrap()
+                .len(),
+            2
+        );
+        assert_eq!(
+            told.matches("attenuations of lights are not written")
+                .count(),
+            count,
+            "{told}"
+        );
+    }
+}

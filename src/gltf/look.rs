@@ -307,7 +307,8 @@ pub(super) fn add_light(
         let outer = outer.clamp(1e-3, std::f64::consts::FRAC_PI_2);
         punctual::Spot {
             inner_cone_angle: inner.clamp(0.0, 0.999 * outer) as f32,
-            outer_cone_angle: outer as f32,
+            // A right angle is rounded up.
+            outer_cone_angle: (outer as f32).min(std::f32::consts::FRAC_PI_2.next_down()),
         }
     });
     lights.push(punctual::Light {
