@@ -209,6 +209,24 @@ fn physical_materials_and_pictures_that_do_nothing_come_back_from_obj() {
 }
 
 #[test]
+fn looks_from_behind_are_written_at_every_use() {
+    let import = import(
+        "#X3D V4.0 utf8\nShape { appearance DEF A Appearance { material Material { } backMaterial \
+         Material { diffuseColor 1 0 0 } } geometry Sphere { } } Shape { appearance USE A geometry \
+         Box { } }",
+    );
+    let again = again(&import, "X3D");
+    let placements = again.scene.placements();
+    assert!(placements.len() > 1);
+    for placement in placements {
+        let material = again
+            .scene
+            .material(placement.material.expect("a material"));
+        assert!(material.back.is_some());
+    }
+}
+
+#[test]
 fn windows_of_parallel_views_come_back() {
     let import = import(
         "#X3D V3.3 utf8\nOrthoViewpoint { fieldOfView -1 -2 3 4 } Shape { geometry Sphere { } }",

@@ -26,7 +26,7 @@ pub(super) struct Tree<'a> {
     /// Meshes also by the colour that those of their vertices are multiplied by.
     shapes: HashMap<(Shape, [u64; 3]), (&'static str, String)>,
     materials: HashMap<Worn, (&'static str, String)>,
-    /// Materials with pictures, by the names of what is around them.
+    /// Materials with pictures or another look from behind, by the names of what is around them.
     appearances: HashMap<Worn, String>,
 }
 
@@ -208,7 +208,8 @@ impl<'a> Tree<'a> {
         let (kind, mut out) = self.material(source, has_colors);
         // VRML 97 has no other materials without reflection than none.
         let has_material = kind != UNLIT || self.dialect != Dialect::Vrml97;
-        if source.maps.is_empty() && has_material {
+        let is_alone = source.maps.is_empty() && source.back.is_none();
+        if is_alone && has_material {
             if let Some(def) = self.define(&mut out, &source.name, is_used.then_some("material")) {
                 self.materials.insert(worn, (kind, def));
             }
