@@ -17,6 +17,14 @@ const PARABOLA: f64 = 1e-12;
 const CLOSES: f64 = 1e-12;
 const DIGITS: f64 = 1e-14;
 
+/// An open arc is a line where it bends aside by no more than this many times what its ends are
+/// beside their conic, which is how well the file tells its numbers.
+const STRAIGHT: f64 = 2.0;
+
+/// Ends that are farther beside their conic than this share of their numbers, as of single
+/// precision, tell nothing of the kind.
+const SINGLE: f64 = 1e-6;
+
 /// `A x^2 + B x y + C y^2 + D x + E y + F = 0`, divided by its largest coefficient.
 struct Conic {
     square: DMat2,
@@ -31,6 +39,11 @@ impl Conic {
 
     fn gradient(&self, p: DVec2) -> DVec2 {
         self.square * p * 2.0 + self.linear
+    }
+
+    /// About how far a point is from the conic.
+    fn off(&self, p: DVec2) -> f64 {
+        self.value(p).abs() / self.gradient(p).length()
     }
 }
 
@@ -100,32 +113,34 @@ fn ellipse(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
     Some(Rail { curve, arcs })
 }
 
-/// An arc of a parabola or of one branch of a hyperbola: one rational quadratic piece, whose
-/// middle point is where the tangents at both ends meet.
+/// An arc of a parabola or of one branch of a hyperbola: one rational quadratic piece.
+///
+/// All comes from the chord `d`: the conic is `-d.S d / 4` in its middle and `K = 0` where it is a
+/// pair of lines, so the weight is `w^2 = 1 - d.S d det S / (4 K)` and the middle point, the pole of
+/// the chord, is `adj S (gradient of the middle) d.S d / (8 K w^2)` beside that. Where the tangents
+/// at the ends meet tells the same, but of an arc that is nearly straight nothing.
 fn open_arc(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
-    let tangents = [conic.gradient(start).perp(), conic.gradient(end).perp()];
-    let across = tangents[0].perp_dot(tangents[1]);
-    let size = tangents[0].length() * tangents[1].length();
-    let line = || Curve::line(start.extend(z), end.extend(z), 0.0..1.0);
-    let is_bent = across.abs() > PARABOLA * size;
+    let chord = end - start;
+    let middle = start.midpoint(end);
+    let bend = chord.dot(conic.square * chord);
+    let sag = bend.abs() / (4.0 * conic.gradient(middle).length());
+    let largest = start.abs().max(end.abs()).max_element();
+    let off = conic.off(start).max(conic.off(end)).min(SINGLE * largest);
+    let is_bent = sag > STRAIGHT * off.max(DIGITS * largest);
     if !is_bent {
-        return (start != end)
-            .then(|| line().ok().map(Rail::from))
-            .flatten();
+        let line = Curve::line(start.extend(z), end.extend(z), 0.0..1.0);
+        return (start != end).then(|| line.ok().map(Rail::from)).flatten();
     }
-    let corner = start + tangents[0] * ((end - start).perp_dot(tangents[1]) / across);
-    let middle = (start + end) * 0.5;
-    // Where the way from the middle of the chord to the corner meets the conic.
-    let way = corner - middle;
-    let (square, slope) = (way.dot(conic.square * way), conic.gradient(middle).dot(way));
-    let value = conic.value(middle);
-    let root = (slope * slope - 4.0 * square * value).max(0.0).sqrt();
-    let first = -0.5 * (slope + root.copysign(slope));
-    let share = [first / square, value / first]
-        .into_iter()
-        .find(|s| 0.0 < *s && *s < 1.0)?;
-    let weight = share / (1.0 - share);
-    let points: [DVec3; 3] = [start, corner, end].map(|p| p.extend(z));
+    let determinant = conic.square.determinant();
+    let (x, y) = (conic.square.x_axis, conic.square.y_axis);
+    let adjugate = DMat2::from_cols(DVec2::new(y.y, -x.y), DVec2::new(-y.x, x.x));
+    let lines = conic.linear.dot(adjugate * conic.linear) / 4.0 - conic.constant * determinant;
+    let weight = (1.0 - bend * determinant / (4.0 * lines)).sqrt();
+    let way = adjugate * conic.gradient(middle) * (bend / (8.0 * lines * weight * weight));
+    if !(weight > 0.0 && weight.is_finite() && way.is_finite()) {
+        return None;
+    }
+    let points: [DVec3; 3] = [start, middle + way, end].map(|p| p.extend(z));
     let knots = KnotVector::bezier(2, 0.0..1.0).ok()?;
     let curve = Curve::new(knots, &points, Some(&[1.0, weight, 1.0])).ok()?;
     Some(Rail::from(curve))
@@ -176,6 +191,51 @@ mod tests {
         let end = (1.0_f64 + 9.0).sqrt();
         let hyperbola = format!("1.,0.,-1.,0.,0.,-1.,5.,{end:?},-3.,{end:?},3.;");
         check(&hyperbola, |p| p.x * p.x - p.y * p.y - 1.0, DVec2::X);
+    }
+
+    /// Points of a record with ten digits, as most programs write them.
+    fn arc_of(coefficients: [f64; 6], ends: [DVec2; 2]) -> Curve<DVec3> {
+        let ends = ends.iter().flat_map(|p| [p.x, p.y]);
+        let numbers = coefficients.into_iter().chain([0.0]).chain(ends);
+        let numbers: Vec<_> = numbers.map(|x| format!("{x:.9e}")).collect();
+        conic(&format!("{};", numbers.join(",")))
+    }
+
+    #[test]
+    fn arcs_are_as_near_to_their_conics_as_the_digits_of_their_ends() {
+        // Planes ever nearer to the tip of a cone, then parabolas and ellipses ever flatter.
+        let shares = (0..60).map(|k| f64::from(k) / 10.0);
+        for bend in shares.map(|share| 10.0_f64.powf(-share)) {
+            for (from, to) in [(8.9, 9.0), (0.1, 9.0), (-7.0, 3.0), (2.0, 2.001)] {
+                let cone = |y: f64| DVec2::new(y.hypot(bend) * 0.5, y);
+                let parabola = |x: f64| DVec2::new(x, x * x * bend);
+                let ellipse = |x: f64| DVec2::new(x, (1.0 - x * x * bend / 100.0).sqrt());
+                let square = bend * bend;
+                for (coefficients, ends) in [
+                    ([4.0, 0.0, -1.0, 0.0, 0.0, -square], [cone(from), cone(to)]),
+                    (
+                        [bend, 0.0, 0.0, 0.0, -1.0, 0.0],
+                        [parabola(from), parabola(to)],
+                    ),
+                    (
+                        [bend / 100.0, 0.0, 1.0, 0.0, 0.0, -1.0],
+                        [ellipse(to), ellipse(from)],
+                    ),
+                ] {
+                    let curve = arc_of(coefficients, ends);
+                    let domain = curve.domain();
+                    for k in 0..=16 {
+                        let t = domain.start + (domain.end - domain.start) * f64::from(k) / 16.0;
+                        let p = curve.evaluate(t).truncate();
+                        let [a, _, c, d, e, f] = coefficients;
+                        let value = a * p.x * p.x + c * p.y * p.y + d * p.x + e * p.y + f;
+                        let slope = DVec2::new(2.0 * a * p.x + d, 2.0 * c * p.y + e).length();
+                        let off = (value / slope).abs() / curve.hull_bounds().diagonal().max(9.0);
+                        assert!(off < 1e-9, "{coefficients:?} {ends:?}: {off}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]
