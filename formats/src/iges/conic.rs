@@ -1,6 +1,7 @@
-//! Conic arcs (type 104).
+//! Circular and conic arcs (types 100 and 104).
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use glam::{DMat2, DVec2, DVec3};
 use kernel::{Curve, KnotVector, modelling};
@@ -16,6 +17,10 @@ const PARABOLA: f64 = 1e-12;
 /// numbers differ by no more than this share.
 const CLOSES: f64 = 1e-12;
 const DIGITS: f64 = 1e-14;
+
+/// The resolution of the file counts up to this share of the radius of an arc, and up to this length,
+/// which is of the order of the accuracy of programs for solids.
+const TINY: f64 = 1e-6;
 
 /// An open arc is a line where it bends aside by no more than this many times what its ends are
 /// beside their conic, which is how well the file tells its numbers.
@@ -48,7 +53,7 @@ impl Conic {
 }
 
 /// Reads a conic arc; ellipses run counter-clockwise.
-pub(super) fn read(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
+pub(super) fn read(parameters: &mut Parameters<'_>, resolution: f64) -> Result<Rail, Problem> {
     let mut c = [0.0; 6];
     for value in &mut c {
         *value = parameters.real()?;
@@ -68,23 +73,49 @@ pub(super) fn read(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
         return Err(no_conic());
     }
     let curve = if conic.square.determinant() > PARABOLA {
-        ellipse(&conic, start, end, z)
+        ellipse(&conic, [start, end], z, resolution)
     } else {
         open_arc(&conic, start, end, z)
     };
     curve.ok_or_else(no_conic)
 }
 
-/// How far an arc with these ends runs, if that is `turn` up to whole turns: once around where its
-/// ends are one but for the rounding of numbers as large as theirs.
-pub(super) fn sweep(turn: f64, [start, end]: [DVec2; 2], radius: f64) -> f64 {
+/// A circular arc, counter-clockwise, over its angles.
+pub(super) fn circle(parameters: &mut Parameters<'_>, resolution: f64) -> Result<Rail, Problem> {
+    let z = parameters.real()?;
+    let mut point = || Ok::<_, Problem>(DVec2::new(parameters.real()?, parameters.real()?));
+    let [center, start, end] = [point()?, point()?, point()?];
+    let radius = start.distance(center);
+    let near = near([start, end], radius, resolution);
+    let angles = angles([start, end], near, |p| (p - center).to_angle());
+    let (x, y) = (DVec3::X * radius, DVec3::Y * radius);
+    let arc = modelling::arc(center.extend(z), x, y, angles);
+    arc.map(Rail::arc).map_err(Problem::Geometry)
+}
+
+/// The angles over which an arc runs: once around where its ends are no farther apart than `near`.
+fn angles(ends: [DVec2; 2], near: f64, angle: impl Fn(DVec2) -> f64) -> Range<f64> {
+    let [from, to] = ends.map(|end| angle(end).rem_euclid(TAU));
+    let turn = (to - from).rem_euclid(TAU);
+    if ends[0].distance(ends[1]) > near && turn > 0.0 {
+        return from..from + turn;
+    }
+    // What begins just before zero is meant to begin there.
+    let from = if from > TAU - TINY { from - TAU } else { from };
+    from..from + TAU
+}
+
+/// How far apart the ends of a whole arc may be: by the rounding of numbers as large as theirs, or by
+/// less than what the file resolves, as no arc is meant to be that short. Since some files state a
+/// resolution far above their smallest curves, it counts up to a bound only.
+fn near([start, end]: [DVec2; 2], radius: f64, resolution: f64) -> f64 {
     let largest = start.abs().max(end.abs()).max_element();
-    let is_closed = start.distance(end) <= CLOSES * radius + DIGITS * largest;
-    if is_closed || turn <= 0.0 { TAU } else { turn }
+    let rounding = CLOSES * radius + DIGITS * largest;
+    rounding.max(resolution.min(TINY * radius.min(1.0)))
 }
 
 /// An arc of an ellipse, over the angles of its parametric form.
-fn ellipse(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
+fn ellipse(conic: &Conic, ends: [DVec2; 2], z: f64, resolution: f64) -> Option<Rail> {
     let center = conic.square.inverse() * conic.linear * -0.5;
     let level = -conic.value(center);
     // The axes are the eigenvectors of the quadratic form.
@@ -102,15 +133,12 @@ fn ellipse(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
     }
     let angle = |p: DVec2| {
         let offset = p - center;
-        f64::atan2(offset.dot(y) / short, offset.dot(x) / long).rem_euclid(TAU)
+        f64::atan2(offset.dot(y) / short, offset.dot(x) / long)
     };
-    let from = angle(start);
-    let turn = (angle(end) - from).rem_euclid(TAU);
-    let sweep = sweep(turn, [start, end], long.min(short));
+    let angles = angles(ends, near(ends, long.min(short), resolution), angle);
     let (x, y) = ((x * long).extend(0.0), (y * short).extend(0.0));
-    let curve = modelling::arc(center.extend(z), x, y, from..from + sweep).ok()?;
-    let arcs = vec![curve.domain()];
-    Some(Rail { curve, arcs })
+    let curve = modelling::arc(center.extend(z), x, y, angles);
+    curve.map(Rail::arc).ok()
 }
 
 /// An arc of a parabola or of one branch of a hyperbola: one rational quadratic piece.
@@ -151,9 +179,12 @@ mod tests {
     use super::*;
     use crate::iges::parameters::Delimiters;
 
+    fn parameters(record: &str) -> Parameters<'_> {
+        Parameters::new(record.as_bytes(), Delimiters::default(), 1)
+    }
+
     fn conic(record: &str) -> Curve<DVec3> {
-        let mut parameters = Parameters::new(record.as_bytes(), Delimiters::default(), 1);
-        read(&mut parameters).unwrap().curve
+        read(&mut parameters(record), 0.0).unwrap().curve
     }
 
     fn check(record: &str, on: impl Fn(DVec2) -> f64, middle: DVec2) {
@@ -171,6 +202,68 @@ mod tests {
             found.distance(middle.extend(5.0)) < 1e-12,
             "{record}: {found}"
         );
+    }
+
+    #[test]
+    fn arcs_stay_on_their_circle() {
+        for (record, middle) in [
+            ("7.,1.,1.,3.,1.,1.,3.;", 45.0_f64),
+            ("7.,1.,1.,1.,3.,3.,1.;", 225.0),
+            ("7.,1.,1.,3.,1.,3.,1.;", 180.0),
+        ] {
+            let arc = circle(&mut parameters(record), 0.0).unwrap().curve;
+            let domain = arc.domain();
+            let center = DVec3::new(1.0, 1.0, 7.0);
+            for k in 0..=20 {
+                let t = domain.start + (domain.end - domain.start) * f64::from(k) / 20.0;
+                let distance = arc.evaluate(t).distance(center);
+                assert!((distance - 2.0).abs() < 1e-14, "{record} {t}");
+            }
+            let expected = center + DVec2::from_angle(middle.to_radians()).extend(0.0) * 2.0;
+            let found = arc.evaluate(f64::midpoint(domain.start, domain.end));
+            assert!(found.distance(expected) < 1e-14, "{record} {found}");
+        }
+    }
+
+    #[test]
+    fn arcs_are_full_where_their_ends_differ_by_rounding_only() {
+        for (end, sweep) in [
+            ("1.,2.4E-16", TAU),
+            ("1.,-2.4E-16", TAU),
+            ("1.,1.E-9", 1e-9),
+            ("1.,-1.E-9", TAU - 1e-9),
+        ] {
+            let circle = circle(&mut parameters(&format!("0.,0.,0.,1.,0.,{end};")), 0.0).unwrap();
+            let ellipse = format!("0.25,0.,1.,0.,0.,-0.25,0.,1.,0.,{end};");
+            let ellipse = read(&mut parameters(&ellipse), 0.0).unwrap();
+            // A degree of the ellipse is half as high there.
+            for (rail, sweep) in [(circle, sweep), (ellipse, sweep)] {
+                let domain = rail.curve.domain();
+                let found = domain.end - domain.start;
+                assert!((found - sweep).abs() < 1.1e-9, "{end}: {found}");
+            }
+        }
+        let far = "0.,1000.,0.,1000.01,0.,1000.0100000000001,0.;";
+        let far = circle(&mut parameters(far), 0.0).unwrap().curve.domain();
+        assert!((far.end - far.start - TAU).abs() < 1e-12, "{far:?}");
+    }
+
+    #[test]
+    fn arcs_shorter_than_the_resolution_are_full() {
+        // The second begins just before the angle zero; the third is too long, whatever the file says.
+        for (from, to, resolution, expected) in [
+            ("2.,0.", "2.,3.E-7", 1e-5, 0.0..TAU),
+            ("2.,-2.5E-7", "2.,6.6E-15", 1e-5, 0.0..TAU),
+            ("2.,0.", "2.,3.E-6", 10.0, 0.0..1.5e-6),
+            ("2.,0.", "2.,3.E-7", 1e-7, 0.0..1.5e-7),
+            ("2.E6,0.", "2.E6,1.", 10.0, 0.0..5e-7),
+        ] {
+            let record = format!("0.,0.,0.,{from},{to};");
+            let arc = circle(&mut parameters(&record), resolution).unwrap();
+            let found = arc.curve.domain();
+            let off = (found.start - expected.start).abs() + (found.end - expected.end).abs();
+            assert!(off < 0.1 * expected.end.min(3e-6), "{record} {found:?}");
+        }
     }
 
     #[test]
@@ -244,8 +337,7 @@ mod tests {
             "0.,0.,0.,0.,0.,1.,0.,1.,0.,0.,1.;",
             "1.,0.,1.,0.,0.,1.,0.,1.,0.,0.,1.;",
         ] {
-            let mut parameters = Parameters::new(record.as_bytes(), Delimiters::default(), 1);
-            assert!(read(&mut parameters).is_err(), "{record}");
+            assert!(read(&mut parameters(record), 0.0).is_err(), "{record}");
         }
     }
 }

@@ -1,11 +1,10 @@
 //! Curves of space and of parameter domains: types 100 to 130.
 
 use std::cell::Cell;
-use std::f64::consts::TAU;
 use std::ops::Range;
 
 use glam::{DAffine3, DVec2, DVec3};
-use kernel::{Curve, KnotVector, modelling};
+use kernel::{Curve, KnotVector};
 
 use super::conic;
 use super::directory::{File, WHOLE};
@@ -44,7 +43,7 @@ impl From<Curve<DVec3>> for Rail {
 
 impl Rail {
     /// An arc over its angles.
-    fn arc(curve: Curve<DVec3>) -> Self {
+    pub(super) fn arc(curve: Curve<DVec3>) -> Self {
         let arcs = vec![curve.domain()];
         Self { curve, arcs }
     }
@@ -234,8 +233,8 @@ impl Reader<'_, '_> {
         let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
         let parameters = &mut parameters;
         let rail = match entry.kind {
-            100 => arc(parameters)?,
-            104 => conic::read(parameters)?,
+            100 => conic::circle(parameters, file.global.resolution)?,
+            104 => conic::read(parameters, file.global.resolution)?,
             106 => polyline(parameters, entry.form)?,
             110 => {
                 let [start, end] = [point(parameters)?, point(parameters)?];
@@ -367,20 +366,6 @@ fn spline(
     net.into_curves(range, repairs)
 }
 
-/// A circular arc (type 100), counter-clockwise, over its angles.
-fn arc(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
-    let z = parameters.real()?;
-    let mut point = || Ok::<_, Problem>(DVec2::new(parameters.real()?, parameters.real()?));
-    let [center, start, end] = [point()?, point()?, point()?];
-    let radius = start.distance(center);
-    let from = (start - center).to_angle().rem_euclid(TAU);
-    let turn = ((end - center).to_angle() - from).rem_euclid(TAU);
-    let sweep = conic::sweep(turn, [start, end], radius);
-    let (x, y) = (DVec3::X * radius, DVec3::Y * radius);
-    let arc = modelling::arc(center.extend(z), x, y, from..from + sweep);
-    arc.map(Rail::arc).map_err(Problem::Geometry)
-}
-
 /// Passes over the parameters of a curve or point, to what follows them.
 pub(super) fn skip(kind: i64, parameters: &mut Parameters<'_>) -> Result<(), Problem> {
     let left = match kind {
@@ -501,50 +486,6 @@ mod tests {
     }
 
     #[test]
-    fn arcs_stay_on_their_circle() {
-        for (record, middle) in [
-            ("7.,1.,1.,3.,1.,1.,3.;", 45.0_f64),
-            ("7.,1.,1.,1.,3.,3.,1.;", 225.0),
-            ("7.,1.,1.,3.,1.,3.,1.;", 180.0),
-        ] {
-            let arc = arc(&mut parameters(record)).unwrap().curve;
-            let domain = arc.domain();
-            let center = DVec3::new(1.0, 1.0, 7.0);
-            for k in 0..=20 {
-                let t = domain.start + (domain.end - domain.start) * f64::from(k) / 20.0;
-                let distance = arc.evaluate(t).distance(center);
-                assert!((distance - 2.0).abs() < 1e-14, "{record} {t}");
-            }
-            let expected = center + DVec2::from_angle(middle.to_radians()).extend(0.0) * 2.0;
-            let found = arc.evaluate(f64::midpoint(domain.start, domain.end));
-            assert!(found.distance(expected) < 1e-14, "{record} {found}");
-        }
-    }
-
-    #[test]
-    fn arcs_are_full_where_their_ends_differ_by_rounding_only() {
-        for (end, sweep) in [
-            ("1.,2.4E-16", TAU),
-            ("1.,-2.4E-16", TAU),
-            ("1.,1.E-9", 1e-9),
-            ("1.,-1.E-9", TAU - 1e-9),
-        ] {
-            let circle = arc(&mut parameters(&format!("0.,0.,0.,1.,0.,{end};"))).unwrap();
-            let ellipse = format!("0.25,0.,1.,0.,0.,-0.25,0.,1.,0.,{end};");
-            let ellipse = conic::read(&mut parameters(&ellipse)).unwrap();
-            // A degree of the ellipse is half as high there.
-            for (rail, sweep) in [(circle, sweep), (ellipse, sweep)] {
-                let domain = rail.curve.domain();
-                let found = domain.end - domain.start;
-                assert!((found - sweep).abs() < 1.1e-9, "{end}: {found}");
-            }
-        }
-        let far = "0.,1000.,0.,1000.01,0.,1000.0100000000001,0.;";
-        let far = arc(&mut parameters(far)).unwrap().curve.domain();
-        assert!((far.end - far.start - TAU).abs() < 1e-12, "{far:?}");
-    }
-
-    #[test]
     fn splines_are_restricted_to_their_range() {
         let record = "1,1,1,0,1,0,0.,0.,1.,1.,1.,1.,2.,0.,9.,4.,0.,9.,0.5,1.,0.,0.,1.;";
         let curve = spline(&mut parameters(record), &mut Vec::new())
@@ -586,7 +527,7 @@ mod tests {
 
     #[test]
     fn joined_curves_go_on_with_their_parameters() {
-        let arc = arc(&mut parameters("0.,0.,0.,0.,1.,-1.,0.;")).unwrap();
+        let arc = conic::circle(&mut parameters("0.,0.,0.,0.,1.,-1.,0.;"), 0.0).unwrap();
         let line = Curve::line(DVec3::NEG_X, DVec3::NEG_X * 3.0, 0.0..1.0).unwrap();
         let sweep = arc.curve.domain();
         let joined = joined(vec![arc, Rail::from(line)]).unwrap();
