@@ -116,14 +116,25 @@ pub(super) fn read(
     index: usize,
     is_bounded: bool,
 ) -> Result<Sheet, Problem> {
-    nested(reader, index, is_bounded, 0)
+    nested(reader, index, is_bounded, 0, 1.0)
 }
 
+/// Reads an offset on the other side of its base than the file tells.
+pub(super) fn other_side(
+    reader: &mut Reader<'_, '_>,
+    index: usize,
+    is_bounded: bool,
+) -> Result<Sheet, Problem> {
+    nested(reader, index, is_bounded, 0, -1.0)
+}
+
+/// Reads a surface; the distance of an offset from its base is so many times what the file tells.
 fn nested(
     reader: &mut Reader<'_, '_>,
     index: usize,
     is_bounded: bool,
     depth: usize,
+    times: f64,
 ) -> Result<Sheet, Problem> {
     let file = reader.file;
     let entry = &file.entries[index];
@@ -165,7 +176,7 @@ fn nested(
             SheetShape::Splines(pieces, Default::default())
         }
         140 => {
-            let (shape, of_base) = offset(reader, index, p, is_bounded, depth)?;
+            let (shape, of_base) = offset(reader, index, p, is_bounded, (depth, times))?;
             place *= of_base;
             shape
         }
@@ -197,11 +208,11 @@ fn offset(
     index: usize,
     parameters: &mut Parameters<'_>,
     is_bounded: bool,
-    depth: usize,
+    (depth, times): (usize, f64),
 ) -> Result<(SheetShape, DAffine3), Problem> {
     let mut real = || parameters.real();
     let side = DVec3::new(real()?, real()?, real()?);
-    let distance = real()?;
+    let distance = real()? * times;
     let base = reader
         .file
         .follow(parameters.integer()?, "the base of an offset surface")?;
@@ -210,7 +221,7 @@ fn offset(
         return Err(Problem::Unsupported(text));
     }
     reader.bases.push(base);
-    let base = nested(reader, base, is_bounded, depth + 1)?;
+    let base = nested(reader, base, is_bounded, depth + 1, 1.0)?;
     let made = offset::surface(&base, side, distance)?;
     if made.is_cut {
         reader.unsupported(index, "the offset of a surface with creases is in pieces");

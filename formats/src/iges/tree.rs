@@ -22,7 +22,7 @@ use super::levels;
 use super::links::{Links, cycles, links};
 use super::transform::Transforms;
 use super::types;
-use super::{primitives, sheets, trims};
+use super::{primitives, trims};
 use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
 
 /// What a patch counts at least, in control points.
@@ -482,8 +482,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             if primitives::is_primitive(file.entries[base].kind) {
                 return primitives::read(reader, base);
             }
-            let is_bounded = matches!(boundary, Boundary::Loops(_));
-            let sheet = sheets::read(reader, base, is_bounded)?;
+            let sheet = trims::side::sheet(reader, edges, [index, base], boundary)?;
             let name = sheet.name.clone();
             Ok::<_, Problem>((name, trims::faces(reader, edges, index, sheet, boundary)?))
         });

@@ -5,6 +5,7 @@ mod along;
 mod extent;
 mod flat;
 mod laid;
+pub(super) mod side;
 mod slits;
 #[cfg(test)]
 mod sphere_tests;

@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, WireShape};
 
-use super::super::testing::{Made, made, part, read};
+use super::super::testing::{Made, made, part, read, square};
 
 /// Two sides of a square, as a polyline, and its offset inwards.
 fn corner() -> [Made; 2] {
@@ -75,4 +75,34 @@ fn offsets_of_surfaces_are_cut_at_creases() {
     let text =
         "line 5, offset surface D3 (type 140): the offset of a surface with creases is in pieces";
     assert_eq!(warnings, [text]);
+}
+
+#[test]
+fn offsets_are_where_their_curves_of_space_are() {
+    let face = |height: f64, prefers: i64| {
+        let space = format!("1,5,{height:?},0.1,0.1,0.9,0.1,0.9,0.9,0.1,0.9,0.1,0.1");
+        let flat = "1,5,0.,0.1,0.1,0.9,0.1,0.9,0.9,0.1,0.9,0.1,0.1";
+        let mut base = square(0.0);
+        base.status = "00010000";
+        let entities = [
+            base,
+            part(140, 0, "0.,0.,1.,0.25,1"),
+            part(106, 11, flat),
+            part(106, 11, &space),
+            part(142, 0, &format!("0,3,5,7,{prefers}")),
+            made(144, "3,1,0,9"),
+        ];
+        let (scene, warnings) = read(&entities);
+        let bounds = scene.patches()[0].bounds();
+        (bounds.min.z, bounds.max.z, warnings)
+    };
+    for prefers in [1, 2] {
+        for height in [0.25, -0.25, 0.1] {
+            let expected = if height < 0.0 { -0.25 } else { 0.25 };
+            let (low, high, warnings) = face(height, prefers);
+            assert!((low - expected).abs() + (high - expected).abs() < 1e-9);
+            let is_told = warnings.iter().any(|w| w.contains("on the other side"));
+            assert_eq!(is_told, height < 0.0, "{height} {warnings:?}");
+        }
+    }
 }

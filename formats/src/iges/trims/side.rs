@@ -1,0 +1,108 @@
+//! On which side of its base an offset lies, as the curves around it tell.
+//!
+//! A file tells the side by a normal at the middle of the base, which some programs take for another
+//! part of it than they write. That shows where the curves of space lie on the other side.
+
+use glam::{DVec2, DVec3};
+use kernel::Surface;
+use kernel::nearest::{self, Nearby};
+
+use super::{MEETS, loops};
+use crate::Problem;
+use crate::iges::boundary::{Boundary, Edges, Loop};
+use crate::iges::curves::Reader;
+use crate::iges::sheets::{self, Sheet, SheetShape};
+
+/// How many curves of space are looked at, and how many pieces of each.
+const CURVES: usize = 16;
+
+/// The curves tell the other side if they lie so many times nearer to it.
+const NEARER: f64 = 10.0;
+
+/// Samples along each parameter, from which the nearest points are looked for.
+const SAMPLES: u32 = 16;
+
+/// The surface of a face. An offset is on the other side of its base than the file tells where its
+/// curves of space are there.
+pub(in crate::iges) fn sheet(
+    reader: &mut Reader<'_, '_>,
+    lists: &mut Edges,
+    [face, base]: [usize; 2],
+    boundary: &Boundary,
+) -> Result<Sheet, Problem> {
+    let is_bounded = matches!(boundary, Boundary::Loops(_));
+    let before = reader.repairs.len();
+    let sheet = sheets::read(reader, base, is_bounded)?;
+    if reader.file.entries[base].kind != 140 {
+        return Ok(sheet);
+    }
+    let told = reader.repairs.split_off(before);
+    let loops = loops(reader, lists, face, boundary, sheet.border);
+    reader.repairs.truncate(before);
+    let points = points(reader, &loops.ok().flatten().unwrap_or_default());
+    if let Some(strays) = strays(&sheet, &points).filter(|strays| *strays > MEETS)
+        && let Ok(other) = reader.tried(|reader| sheets::other_side(reader, base, is_bounded))
+    {
+        if self::strays(&other, &points).is_some_and(|s| s * NEARER < strays) {
+            let text = "its curves of space lie on the other side of its base than it is told to; \
+                        they count";
+            reader.repaired(base, text);
+            return Ok(other);
+        }
+        reader.repairs.truncate(before);
+    }
+    reader.repairs.extend(told);
+    Ok(sheet)
+}
+
+/// Points of the curves of space of a face.
+fn points(reader: &mut Reader<'_, '_>, loops: &[Loop]) -> Vec<DVec3> {
+    let uses = loops.iter().flat_map(|l| &l.uses);
+    let mut points = Vec::new();
+    for stretch in uses.filter(|u| u.space != 0).take(CURVES) {
+        let rails = reader.file.follow(stretch.space, "a curve");
+        let rails = rails.and_then(|index| reader.glimpse(index));
+        for rail in rails.unwrap_or_default().iter().take(CURVES) {
+            let domain = rail.curve.domain();
+            let middle = f64::midpoint(domain.start, domain.end);
+            points.extend([domain.start, middle].map(|t| rail.curve.evaluate(t)));
+        }
+    }
+    points
+}
+
+/// How far the farthest of some points is from a spline surface, as a share of its size.
+fn strays(sheet: &Sheet, points: &[DVec3]) -> Option<f64> {
+    let SheetShape::Splines(pieces, _) = &sheet.shape else {
+        return None;
+    };
+    let mut nearest = vec![f64::INFINITY; points.len()];
+    for surface in pieces {
+        let size = surface.hull_bounds().diagonal();
+        let nearby = Nearby::new(surface, nearest::closed(surface));
+        let samples = samples(surface);
+        for (point, nearest) in points.iter().zip(&mut nearest) {
+            let away = |(_, sample): &&(DVec2, DVec3)| sample.distance_squared(*point);
+            let guess = samples
+                .iter()
+                .min_by(|a, b| away(a).total_cmp(&away(b)))
+                .map(|(uv, _)| nearby.near(*point, *uv).distance / size);
+            *nearest = guess.unwrap_or(f64::INFINITY).min(*nearest);
+        }
+    }
+    nearest.into_iter().reduce(f64::max)
+}
+
+/// Points all over a surface.
+fn samples(surface: &Surface) -> Vec<(DVec2, DVec3)> {
+    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+    let share = |k: u32| f64::from(k) / f64::from(SAMPLES);
+    let place = |i, j| {
+        DVec2::new(
+            u.start + (u.end - u.start) * share(i),
+            v.start + (v.end - v.start) * share(j),
+        )
+    };
+    let places = (0..=SAMPLES).flat_map(|i| (0..=SAMPLES).map(move |j| place(i, j)));
+    places.map(|uv| (uv, surface.evaluate(uv))).collect()
+}
