@@ -108,6 +108,44 @@ fn control_points_and_curves_are_followed() {
 }
 
 #[test]
+fn routes_may_stand_inside_the_nodes_that_they_lead_to() {
+    let driven = "DEF T TimeSensor { } \
+        DEF P PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 0 8 0 ] } ";
+    let routes =
+        "ROUTE T.fraction_changed TO P.set_fraction ROUTE P.value_changed TO M.translation";
+    let moved = format!(
+        "DEF M Transform {{ children [ Shape {{ geometry Sphere {{ }} }} {driven} ] {routes} }}"
+    );
+    let instance = "PROTO A [ inputOutput SFVec3f translation 0 0 0 field MFNode inside [ ] ] { \
+        Transform { translation IS translation children [ \
+        Shape { geometry Sphere { } } Group { children IS inside } ] } }";
+    let instance = format!("{instance} DEF M A {{ inside [ {driven} ] {routes} }}");
+    for text in [
+        &moved,
+        // The routes stand in a node further inside, and in the first node of a prototype.
+        &format!(
+            "DEF M Transform {{ children Group {{ children [ Shape {{ geometry Sphere {{ }} }} \
+            {driven} ] {routes} }} }}"
+        ),
+        &format!("PROTO A [ ] {{ {moved} }} A {{ }}"),
+        &instance,
+    ] {
+        let import = read_scene(text);
+        assert_eq!(import.warnings.as_slice(), [], "{text}");
+        assert_eq!(place_at(&import, 0.5), DVec3::new(1.0, 4.0, 0.0), "{text}");
+    }
+    // The node around the prototype is no node of its body.
+    let import = read_scene("DEF M Group { PROTO A [ ] { Group { ROUTE M.a TO M.b } } }");
+    let told: Vec<_> = import
+        .warnings
+        .as_slice()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    assert!(told[0].contains("not both there"), "{told:?}");
+}
+
+#[test]
 fn instances_of_a_prototype_move_by_themselves() {
     let import = read_scene(
         "PROTO Mover [ field SFTime cycle 1 ] { Group { children [\n\

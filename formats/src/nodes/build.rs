@@ -22,6 +22,8 @@ pub(super) struct Open {
     pub(super) first_route: usize,
     /// Of the declaration of a prototype: what has been read of it.
     pub(super) declared: Declared,
+    /// Routes inside of it that wait for its end, since they lead to it or from it.
+    pub(super) routes: Vec<Node>,
 }
 
 /// What happens to a node when it ends.
@@ -118,6 +120,7 @@ impl<'a> Builder<'a> {
             first: self.tree.nodes.len(),
             first_route: self.tree.routes.len(),
             declared: Declared::default(),
+            routes: Vec::new(),
         });
         Ok(())
     }
@@ -209,17 +212,20 @@ impl<'a> Builder<'a> {
         if &*open.node.kind == "ProtoBody" {
             self.scopes.pop();
         }
+        let routes = std::mem::take(&mut open.routes);
         match open.role {
-            Role::Drop => Ok(()),
-            Role::Use(index) => {
-                self.link(index, open.slot, false);
-                Ok(())
+            Role::Drop => {}
+            Role::Use(index) => self.link(index, open.slot, false),
+            Role::Keep => {
+                if let Some(open) = self.structure(open)? {
+                    self.keep(open)?;
+                }
             }
-            Role::Keep => match self.structure(open)? {
-                Some(open) => self.keep(open),
-                None => Ok(()),
-            },
         }
+        for route in routes {
+            self.route(route)?;
+        }
+        Ok(())
     }
 
     /// Stores a node, or what the prototype of that name makes of it.

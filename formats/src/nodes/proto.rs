@@ -110,7 +110,7 @@ impl Builder<'_> {
                 return Ok(Some(open));
             }
             "unit" => self.set_unit(&open.node),
-            "ROUTE" => self.route(&open.node)?,
+            "ROUTE" => self.route(open.node)?,
             "IMPORT" => self.import(&open.node),
             "EXPORT" => self.export(&open.node),
             "component" | "meta" => {}
@@ -119,14 +119,20 @@ impl Builder<'_> {
         Ok(None)
     }
 
-    /// A `ROUTE` between two nodes of the present scope.
+    /// A `ROUTE` between two nodes of the present scope. One that stands inside of a node to which
+    /// it leads waits for the end of that.
     ///
     /// # Errors
     /// If it leads to too many nodes in instances.
-    fn route(&mut self, route: &Node) -> Result<(), Error> {
+    pub(super) fn route(&mut self, route: Node) -> Result<(), Error> {
+        let names = ["fromNode", "toNode"].map(|field| route.string(field));
+        if let Some(around) = self.around(&names) {
+            around.routes.push(route);
+            return Ok(());
+        }
         let scope = self.scopes.last();
-        let node = |field| scope.and_then(|s| s.nodes.get(&*route.string(field)).copied());
-        let [Some(from), Some(to)] = ["fromNode", "toNode"].map(node) else {
+        let node = |name: &str| scope.and_then(|s| s.nodes.get(name)).copied();
+        let [Some(from), Some(to)] = names.each_ref().map(|name| node(name)) else {
             let text = "a ROUTE between nodes that are not both there";
             self.warnings.invalid(route.place(), text);
             return Ok(());
@@ -135,7 +141,7 @@ impl Builder<'_> {
         let (from, to) = (ends(from, "fromField"), ends(to, "toField"));
         // One stands in the file itself.
         let made = from.len().saturating_mul(to.len()).saturating_sub(1);
-        self.count_copies(made, route)?;
+        self.count_copies(made, &route)?;
         let pairs = from
             .iter()
             .flat_map(|from| to.iter().map(move |to| (from, to)));
@@ -147,6 +153,15 @@ impl Builder<'_> {
         });
         self.tree.routes.extend(routes);
         Ok(())
+    }
+
+    /// The outermost open node of the present scope that has one of these names.
+    fn around(&mut self, names: &[String]) -> Option<&mut Open> {
+        let begins = |open: &Open| matches!(&*open.node.kind, "ProtoBody" | "Scene");
+        let first = self.open.iter().rposition(begins).map_or(0, |at| at + 1);
+        let is_named = |def: &str| !def.is_empty() && names.iter().any(|name| name == def);
+        let mut open = self.open[first..].iter_mut();
+        open.find(|open| is_named(&open.node.def))
     }
 
     /// Counts what instances of prototypes make.
