@@ -155,6 +155,31 @@ impl Converter<'_> {
         Made::Material(self.scene.add_material(material))
     }
 
+    /// The material of an appearance as its `alphaMode` wants it. Opacity that is cut off at a value
+    /// is not known here.
+    pub(super) fn blended(&mut self, node: &Node, id: MaterialId) -> MaterialId {
+        match &*node.string("alphaMode") {
+            "" | "AUTO" | "BLEND" => return id,
+            "OPAQUE" => {}
+            mode => {
+                let text = format!("alphaMode {mode} is read as BLEND");
+                self.warnings.unsupported(node.place(), text);
+                return id;
+            }
+        }
+        let mut material = self.scene.material(id).clone();
+        let mut side = Some(&mut material);
+        while let Some(opaque) = side {
+            (opaque.opacity, opaque.maps.opacity) = (1.0, None);
+            side = opaque.back.as_deref_mut();
+        }
+        let made = self.scene.add_material(material);
+        if self.unlit.contains(&id) {
+            self.unlit.insert(made);
+        }
+        made
+    }
+
     /// Name, emission and opacity, which all materials have; no reflection.
     fn plain_material(&mut self, node: &Node, emissive: DVec3) -> Material {
         Material {

@@ -18,6 +18,7 @@ mod covering;
 mod curve;
 mod deform;
 mod extrusion;
+mod fields;
 mod files;
 mod kinds;
 mod knots;
@@ -153,7 +154,8 @@ pub(crate) fn read(
 ) -> Result<Import, Error> {
     let mut builder = Builder::new(format, spelling, options);
     let broken = builder.read(bytes)?;
-    let (tree, warnings) = builder.finish()?;
+    let (tree, mut warnings) = builder.finish()?;
+    fields::check(&tree, &mut warnings);
     if tree.root.is_none() && broken.is_none() {
         let text = format!("there is no scene in it; this is no {format} file");
         return Err(Error {

@@ -376,7 +376,7 @@ impl<'a> Converter<'a> {
             both.back = Some(Box::new(self.scene.material(back).clone()));
             dressed = Some(self.scene.add_material(both));
         }
-        dressed.map_or(Made::Nothing, Made::Material)
+        dressed.map_or(Made::Nothing, |id| Made::Material(self.blended(node, id)))
     }
 
     /// A surface or a mesh, stored once however often it is used.

@@ -52,6 +52,33 @@ fn patches(geometry: &str) -> Vec<Patch> {
 const ORANGE: &str = "material Material { diffuseColor 1 0.5 0 transparency 0.25 }";
 
 #[test]
+fn appearances_of_x3d_4_are_opaque_where_they_say_so() {
+    let of = |mode: &str| {
+        let texture = "texture ImageTexture { url \"alpha.png\" }";
+        format!("{ORANGE} {texture} {mode} backMaterial Material {{ transparency 0.5 }}")
+    };
+    let opaque = material("4.0", &of("alphaMode \"OPAQUE\""));
+    let back = opaque.back.as_ref().unwrap();
+    for side in [&opaque, back] {
+        assert!(
+            side.opacity >= 1.0 && side.maps.opacity.is_none(),
+            "{side:?}"
+        );
+    }
+    for mode in ["", "alphaMode \"BLEND\"", "alphaMode \"AUTO\""] {
+        let blended = material("4.0", &of(mode));
+        assert!(
+            blended.opacity < 1.0 && blended.maps.opacity.is_some(),
+            "{mode}"
+        );
+    }
+    let mask = of("alphaMode \"MASK\" alphaCutoff 0.3");
+    let mask = format!("Shape {{ geometry Box {{}} appearance Appearance {{ {mask} }} }}");
+    let told = read_with("4.0", &mask).warnings.as_slice()[0].to_string();
+    assert!(told.contains("alphaMode MASK is read as BLEND"), "{told}");
+}
+
+#[test]
 fn colours_of_a_texture_replace_those_of_a_material_and_grey_ones_multiply_them() {
     let of = |version, name| {
         let texture = format!("{ORANGE} texture ImageTexture {{ url [ \"no.png\" \"{name}\" ] }}");

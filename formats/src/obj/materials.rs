@@ -106,6 +106,10 @@ impl File<'_, '_> {
                     let text = "pictures of ambient light are not used";
                     warnings.unsupported(place(line, "map_Ka"), text);
                 }
+                if let Some(line) = draft.refracts() {
+                    let text = "refraction is not followed";
+                    warnings.unsupported(place(line, "Ni"), text);
+                }
                 let entry = materials.entry(draft.name.clone());
                 entry.or_insert_with(|| draft.finish());
             }
@@ -187,6 +191,8 @@ struct Draft {
     transparency: Option<f64>,
     /// The illumination model, 0 to 10.
     model: Option<u8>,
+    /// The index of refraction, and in which line.
+    index: Option<(usize, f64)>,
     roughness: Option<f64>,
     metallic: Option<f64>,
     maps: Maps,
@@ -226,11 +232,15 @@ impl Draft {
                 let message = || invalid("the illumination model is a number from 0 to 10");
                 self.model = Some(model.ok_or_else(message)?);
             }
-            // What light does behind and between surfaces is not followed.
+            // Programs write a grey filter and an index of refraction for all they have.
             "Tf" => {
-                color(statement, f64::INFINITY)?;
+                let filter = color(statement, f64::INFINITY)?;
+                if filter.min_element() < filter.max_element() {
+                    return unsupported("light that shines through is not coloured");
+                }
             }
-            "Ni" | "sharpness" => {
+            "Ni" => self.index = Some((statement.line, value(statement)?)),
+            "sharpness" => {
                 value(statement)?;
             }
             "Ps" | "Pc" | "Pcr" | "aniso" | "anisor" => {
@@ -247,6 +257,13 @@ impl Draft {
     fn other_ambient(&self) -> Option<usize> {
         let (line, text) = self.ambient_map.as_ref()?;
         (*text != self.color_text).then_some(*line)
+    }
+
+    /// The line of an index of refraction that its illumination model asks for.
+    fn refracts(&self) -> Option<usize> {
+        let (line, index) = self.index?;
+        let asks = matches!(self.model, Some(6 | 7));
+        (asks && index > 1.0).then_some(line)
     }
 
     /// Our material. What has a picture and no number of its own is all of that picture, and so
@@ -504,6 +521,27 @@ mod tests {
         assert_eq!(
             first,
             "line 7, sub/a.mtl line 1, Ka: no material with a name before it"
+        );
+    }
+
+    #[test]
+    fn what_light_does_inside_of_bodies_is_told_where_it_would_be_seen() {
+        let (_, warnings) = parse("newmtl a\nNi 1.45\nTf 1 1 1\nillum 2\nsharpness 60\n");
+        assert_eq!(warnings.as_slice(), []);
+        let (_, warnings) = parse("newmtl a\nNi 1.45\nTf 1 0 0\nillum 7\nnewmtl b\n");
+        let told: Vec<_> = warnings
+            .as_slice()
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        assert_eq!(told.len(), 2, "{told:?}");
+        assert!(
+            told[0].ends_with("Tf: light that shines through is not coloured"),
+            "{told:?}"
+        );
+        assert!(
+            told[1].ends_with("line 2, Ni: refraction is not followed"),
+            "{told:?}"
         );
     }
 

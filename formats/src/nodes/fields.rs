@@ -1,0 +1,336 @@
+//! The fields that the standards give to nodes, so that others are told: a misspelt field, or one
+//! that another program has made up, would be passed over in silence.
+
+use std::collections::HashMap;
+
+use super::animate::plain_name;
+use super::{Link, Tree};
+use crate::Warnings;
+
+/// Tells of the fields that the standards do not give to their nodes.
+pub(super) fn check(tree: &Tree, warnings: &mut Warnings) {
+    let mut known: HashMap<&str, Vec<&str>> = HashMap::new();
+    for (kinds, fields) in FIELDS {
+        for kind in kinds.split_whitespace() {
+            known
+                .entry(kind)
+                .or_default()
+                .extend(fields.split_whitespace());
+        }
+    }
+    for node in &tree.nodes {
+        let Some(known) = known.get(&*node.kind) else {
+            continue;
+        };
+        // Coordinates are found wherever they stand.
+        let is_found = |link: &&Link| {
+            let kind = &*tree.nodes[link.node].kind;
+            matches!(kind, "Coordinate" | "CoordinateDouble")
+        };
+        let nodes = node.children.iter().filter(|link| !is_found(link));
+        let nodes = nodes.filter_map(|link| link.field.as_ref());
+        let values = node.fields.iter().map(|field| &field.name);
+        for (name, what) in values
+            .map(|name| (name, "; it is not read"))
+            .chain(nodes.map(|name| (name, " for a node")))
+        {
+            let plain = plain_name(name);
+            // Words of other standards, as those of XML.
+            let is_foreign = name.contains([':', '-']);
+            if !is_foreign && !known.contains(&plain) && !EVERYWHERE.contains(&plain) {
+                let name: String = name.chars().take(40).collect();
+                let text = format!("{} has no field {name}{what}", node.kind);
+                warnings.unsupported(node.place(), text);
+            }
+        }
+    }
+}
+
+/// The fields of all nodes.
+const EVERYWHERE: &[&str] = &["class", "id", "metadata", "style"];
+
+/// Nodes that are read, and fields that they have in X3D 3 or 4 or in VRML 97, or that are read where
+/// files have them. A node may stand in several rows, and has the fields of all.
+const FIELDS: &[(&str, &str)] = &[
+    (
+        "Anchor Billboard CADAssembly CADFace CADLayer CADPart Collision Group HAnimHumanoid \
+         HAnimJoint HAnimSegment HAnimSite Inline LOD NurbsSet PickableGroup Shape \
+         StaticGroup Switch Transform",
+        "bboxCenter bboxDisplay bboxSize visible",
+    ),
+    (
+        "Anchor Billboard CADAssembly CADLayer CADPart Collision Contour2D CoordinateDeformer \
+         Group HAnimHumanoid HAnimJoint HAnimSegment HAnimSite LOD Layer NurbsGroup \
+         PickableGroup StaticGroup Switch Transform ViewpointGroup",
+        "addChildren children removeChildren",
+    ),
+    (
+        "CADPart HAnimHumanoid HAnimJoint HAnimSite Transform",
+        "center rotation scale scaleOrientation translation",
+    ),
+    (
+        "IndexedFaceSet IndexedLineSet IndexedQuadSet IndexedTriangleFanSet \
+         IndexedTriangleSet IndexedTriangleStripSet LineSet PointSet QuadSet TriangleFanSet \
+         TriangleSet TriangleStripSet",
+        "attrib color coord fogCoord normal",
+    ),
+    (
+        "ElevationGrid IndexedFaceSet IndexedQuadSet IndexedTriangleFanSet IndexedTriangleSet \
+         IndexedTriangleStripSet QuadSet TriangleFanSet TriangleSet TriangleStripSet",
+        "ccw colorPerVertex normalPerVertex solid texCoord",
+    ),
+    (
+        "DirectionalLight PointLight SpotLight",
+        "ambientIntensity color global intensity on shadowIntensity shadows",
+    ),
+    (
+        "ColorInterpolator CoordinateInterpolator CoordinateInterpolator2D NormalInterpolator \
+         OrientationInterpolator PositionInterpolator PositionInterpolator2D \
+         ScalarInterpolator SplinePositionInterpolator SplinePositionInterpolator2D \
+         SplineScalarInterpolator SquadOrientationInterpolator",
+        "key keyValue",
+    ),
+    (
+        "CoordinateDeformer NurbsPatchSurface NurbsSurface NurbsSurfaceInterpolator \
+         NurbsTextureCoordinate NurbsTextureSurface NurbsTrimmedSurface",
+        "controlPoint uDimension uKnot uOrder vDimension vKnot vOrder weight",
+    ),
+    (
+        "NurbsPatchSurface NurbsSurface NurbsTrimmedSurface",
+        "solid texCoord uClosed uTessellation vClosed vTessellation",
+    ),
+    (
+        "NurbsCurve NurbsCurve2D NurbsOrientationInterpolator NurbsPositionInterpolator",
+        "controlPoint knot order weight",
+    ),
+    (
+        "Material PhysicalMaterial UnlitMaterial",
+        "emissiveColor emissiveTexture emissiveTextureMapping normalScale normalTexture \
+         normalTextureMapping transparency",
+    ),
+    (
+        "Material PhysicalMaterial",
+        "occlusionStrength occlusionTexture occlusionTextureMapping",
+    ),
+    (
+        "ImageTexture PixelTexture",
+        "description repeatS repeatT textureProperties",
+    ),
+    (
+        "Anchor ImageTexture Inline",
+        "autoRefresh autoRefreshTimeLimit description load url",
+    ),
+    (
+        "Background TextureBackground",
+        "groundAngle groundColor skyAngle skyColor transparency",
+    ),
+    (
+        "Material TwoSidedMaterial",
+        "ambientIntensity diffuseColor emissiveColor shininess specularColor transparency",
+    ),
+    ("Anchor", "parameter"),
+    (
+        "Appearance",
+        "acousticProperties alphaCutoff alphaMode backMaterial fillProperties lineProperties \
+         material pointProperties shaders texture textureTransform",
+    ),
+    ("Arc2D", "endAngle radius startAngle"),
+    ("ArcClose2D", "closureType endAngle radius solid startAngle"),
+    (
+        "Background",
+        "backUrl bottomUrl frontUrl leftUrl rightUrl topUrl",
+    ),
+    ("Billboard", "axisOfRotation"),
+    ("Box Rectangle2D", "size solid"),
+    ("CADAssembly CADLayer CADPart", "name"),
+    ("CADFace", "name shape"),
+    ("Circle2D", "radius"),
+    ("Collision", "collide description enabled proxy"),
+    ("Color ColorRGBA", "color"),
+    ("Cone", "bottom bottomRadius height side solid"),
+    (
+        "ContourPolyline2D Polyline2D",
+        "controlPoint lineSegments point",
+    ),
+    ("Coordinate CoordinateDouble Polypoint2D", "point"),
+    (
+        "CoordinateDeformer",
+        "bboxCenter bboxSize inputCoord inputTransform outputCoord wDimension wKnot wOrder",
+    ),
+    ("Cylinder", "bottom height radius side solid top"),
+    ("DirectionalLight", "direction"),
+    ("Disk2D", "innerRadius outerRadius solid"),
+    (
+        "ElevationGrid",
+        "attrib color creaseAngle fogCoord height normal xDimension xSpacing zDimension \
+         zSpacing",
+    ),
+    (
+        "Extrusion",
+        "beginCap ccw convex creaseAngle crossSection endCap orientation scale solid spine",
+    ),
+    (
+        "HAnimHumanoid",
+        "description displacers humanoidVersion info jointBindingPositions \
+         jointBindingRotations jointBindingScales joints loa motions motionsEnabled name \
+         segments sites skeletalConfiguration skeleton skin skinBindingCoords \
+         skinBindingNormals skinCoord skinNormal version viewpoints",
+    ),
+    (
+        "HAnimJoint",
+        "description displacers limitOrientation llimit name skinCoordIndex skinCoordWeight \
+         stiffness ulimit",
+    ),
+    (
+        "HAnimSegment",
+        "centerOfMass coord description displacers mass momentsOfInertia name",
+    ),
+    ("HAnimSite", "description name"),
+    (
+        "IndexedFaceSet",
+        "colorIndex convex coordIndex creaseAngle normalIndex tangent texCoordIndex",
+    ),
+    ("IndexedLineSet", "colorIndex colorPerVertex coordIndex"),
+    (
+        "IndexedQuadSet IndexedTriangleFanSet IndexedTriangleSet IndexedTriangleStripSet",
+        "index tangent",
+    ),
+    ("Inline", "global"),
+    ("InlineLoadControl", "bboxCenter bboxSize load url"),
+    ("LOD", "center forceTransitions level range"),
+    ("Layer", "isPickable objectType pickable viewport visible"),
+    ("LayerSet", "activeLayer layers order"),
+    ("LineSet", "vertexCount"),
+    (
+        "Material",
+        "ambientTexture ambientTextureMapping diffuseTexture diffuseTextureMapping \
+         shininessTexture shininessTextureMapping specularTexture specularTextureMapping",
+    ),
+    (
+        "MultiTexture",
+        "alpha color description function mode source texture",
+    ),
+    ("MultiTextureCoordinate", "texCoord"),
+    ("MultiTextureTransform", "textureTransform"),
+    (
+        "NavigationInfo",
+        "avatarSize headlight speed transitionTime transitionType type visibilityLimit",
+    ),
+    ("Normal", "vector"),
+    ("NurbsCurve NurbsCurve2D", "closed tessellation"),
+    ("NurbsGroup", "bboxCenter bboxSize tessellationScale"),
+    ("NurbsPositionInterpolator", "dimension keyValue keyWeight"),
+    (
+        "NurbsSet",
+        "addGeometry geometry removeGeometry tessellationScale",
+    ),
+    ("NurbsPatchSurface NurbsSurface NurbsTrimmedSurface", "ccw"),
+    (
+        "NurbsSweptSurface",
+        "ccw crossSectionCurve solid trajectoryCurve",
+    ),
+    (
+        "NurbsSwungSurface",
+        "ccw profileCurve solid trajectoryCurve",
+    ),
+    ("NurbsTextureSurface", "uTessellation vTessellation"),
+    (
+        "NurbsTrimmedSurface",
+        "addTrimmingContour removeTrimmingContour trimmingContour",
+    ),
+    (
+        "OrthoViewpoint Viewpoint",
+        "centerOfRotation description farDistance fieldOfView jump navigationInfo \
+         nearDistance orientation position retainUserOffsets viewAll",
+    ),
+    (
+        "PhysicalMaterial",
+        "baseColor baseTexture baseTextureMapping metallic metallicRoughnessTexture \
+         metallicRoughnessTextureMapping roughness",
+    ),
+    ("PickableGroup", "description objectType pickable"),
+    ("PixelTexture", "image"),
+    ("PointLight", "attenuation location radius"),
+    ("QuadSet TriangleSet", "tangent"),
+    ("Shape", "appearance castShadow geometry"),
+    ("Sphere", "radius solid"),
+    (
+        "SplinePositionInterpolator SplinePositionInterpolator2D SplineScalarInterpolator",
+        "closed keyVelocity normalizeVelocity",
+    ),
+    (
+        "SpotLight",
+        "attenuation beamWidth cutOffAngle direction location radius",
+    ),
+    ("SquadOrientationInterpolator", "normalizeVelocity"),
+    ("Switch", "choice whichChoice"),
+    (
+        "TextureBackground",
+        "backTexture bottomTexture frontTexture leftTexture rightTexture topTexture",
+    ),
+    ("TextureCoordinate", "mapping point"),
+    ("TextureCoordinateGenerator", "mapping mode parameter"),
+    (
+        "TextureProperties",
+        "anisotropicDegree borderColor borderWidth boundaryModeR boundaryModeS boundaryModeT \
+         generateMipMaps magnificationFilter minificationFilter textureCompression \
+         texturePriority",
+    ),
+    (
+        "TextureTransform",
+        "center mapping rotation scale translation",
+    ),
+    (
+        "TimeSensor",
+        "cycleInterval description enabled loop pauseTime resumeTime startTime stopTime",
+    ),
+    ("TriangleFanSet", "fanCount tangent"),
+    ("TriangleSet2D", "solid vertices"),
+    ("TriangleStripSet", "stripCount tangent"),
+    (
+        "TrimmedSurface",
+        "addTrimmingContour removeTrimmingContour surface trimmingContour",
+    ),
+    (
+        "TwoSidedMaterial",
+        "backAmbientIntensity backDiffuseColor backEmissiveColor backShininess \
+         backSpecularColor backTransparency separateBackColor",
+    ),
+    (
+        "ViewpointGroup",
+        "center description displayed retainUserOffsets size",
+    ),
+    ("WorldInfo", "info title"),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::read_scene;
+
+    #[test]
+    fn fields_that_no_standard_has_are_told() {
+        let told = |text: &str| {
+            let import = read_scene(&format!("Shape {{ {text} }} Shape {{ {text} }}"));
+            let told = import.warnings.as_slice().iter().map(ToString::to_string);
+            told.collect::<Vec<_>>()
+        };
+        let text = "appearance Appearance { material Material { diffuseColour 1 0 0 } } \
+            geometry Sphere { radius 2 metadata MetadataSet { } }";
+        let found = told(text);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(
+            found[0].contains("Material has no field diffuseColour; it is not read"),
+            "{found:?}"
+        );
+        assert!(
+            told("geometry IndexedFaceSet { set_coordIndex [ ] }")
+                .iter()
+                .all(|t| !t.contains("field"))
+        );
+        let found = told("geometry Sphere { } decor Sphere { }");
+        assert!(
+            found.iter().any(|t| t.contains("Shape has no field decor")),
+            "{found:?}"
+        );
+    }
+}
