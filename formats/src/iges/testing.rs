@@ -8,6 +8,7 @@ use kernel::{Placement, Scene, Shape};
 use crate::{Error, Import, Limits, NoFiles, ReadOptions};
 
 /// An entity of a file to be made: type and form, further directory fields, parameters.
+#[derive(Clone)]
 pub(super) struct Made {
     /// Type number.
     pub kind: i64,

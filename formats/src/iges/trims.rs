@@ -6,6 +6,8 @@ mod extent;
 mod flat;
 mod laid;
 pub(super) mod side;
+#[cfg(test)]
+mod slit_tests;
 mod slits;
 #[cfg(test)]
 mod sphere_tests;
@@ -421,29 +423,29 @@ impl<'a> Trimmer<'a> {
         source: Choice<'_>,
         accuracy: f64,
     ) -> Result<Vec<TrimLoop>, Problem> {
-        let (mut chains, mut is_slit) = (Vec::new(), false);
+        let mut chains = Vec::new();
         self.strays.set(0.0);
         for one in loops {
             let chain = self.chain(reader, face, one, source(one), accuracy)?;
             let is_laid =
                 source(one) == Source::Space || one.uses.iter().all(|u| u.flat.is_empty());
-            let slit = if is_laid && !one.is_oriented {
-                self.slit(&chain)
-            } else {
-                None
-            };
-            is_slit |= slit.is_some();
-            chains.push(slit.unwrap_or(chain));
+            chains.push((chain, is_laid && !one.is_oriented));
         }
         let orientation = if loops.iter().all(|l| l.is_oriented) {
             Orientation::Left
-        } else if is_slit || loops.iter().all(|l| source(l) != Source::Space) {
+        } else if loops.iter().all(|l| source(l) != Source::Space) {
             Orientation::Literal
         } else {
             Orientation::Unknown
         };
-        let made = kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation)
-            .map_err(Problem::Geometry)?;
+        let made = self.unslit(&chains, accuracy).map_or_else(
+            || {
+                let chains = chains.into_iter().map(|(chain, _)| chain).collect();
+                kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation)
+            },
+            Ok,
+        );
+        let made = made.map_err(Problem::Geometry)?;
         let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
         if made.wide_gaps > 0 && loops.iter().any(|l| source(l) == Source::FlatAlong) {
             return Err(Problem::Invalid(text.to_owned()));

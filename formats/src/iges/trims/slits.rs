@@ -1,11 +1,15 @@
 //! Loops of curves of space that run along a seam both ways.
 //!
 //! In the parameter domain a loop does not run over itself. Where it does in space, along the seam,
-//! it runs along both sides of the domain, and the face is on both sides of the seam there. That
-//! alone tells which part of a sphere such a loop bounds, whichever way it runs.
+//! the face is on both sides of it. That alone tells which part of a surface without a border such
+//! loops bound, whichever way they run, and in whatever order: what is left without these parts of
+//! the seam bounds the face or all but the face.
 
-use glam::{DAffine2, DVec2};
-use kernel::Curve;
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+use kernel::{ClosedLoops, Curve, Orientation, TrimLoop, TrimRegion, nearest};
 
 use super::{ACCURACY, Trimmer};
 use crate::iges::order::Chain;
@@ -13,178 +17,275 @@ use crate::iges::order::Chain;
 /// Curves that run along a seam both ways do so over more than this share of it.
 const SHARED: f64 = 1e-3;
 
-/// Loops with more curves along a seam stay as they are.
-const MANY: usize = 100;
+/// Ends of curves no farther apart than this share of a seam are one place on it.
+const SAME: f64 = 1e-6;
+
+/// A place this share of the domain beside the seam is on one side of it.
+const ASIDE: f64 = 1e-6;
+
+/// Loops with more curves stay as they are.
+const MANY: usize = 1000;
+
+/// A curve runs along a seam so many times at most.
+const TILES: u8 = 8;
+
+/// The sides of a domain, counter-clockwise: the axis across, how many turns along that, and the
+/// shares where it begins and ends.
+const SIDES: [(usize, f64, f64, f64); 4] = [
+    (1, 0.0, 0.0, 1.0),
+    (0, 1.0, 0.0, 1.0),
+    (1, 1.0, 1.0, 0.0),
+    (0, 0.0, 1.0, 0.0),
+];
 
 impl Trimmer<'_> {
-    /// The curves of a loop laid onto a surface with a pole, all in the domain, and those along the
-    /// seam at the side of it where they belong; `None` if none run there both ways.
-    pub(super) fn slit(&self, chain: &Chain) -> Option<Chain> {
-        let axis = match self.closed {
-            [true, false] => 0,
-            [false, true] => 1,
+    /// The loops of chains of which some, laid onto the surface, run along its seams both ways; `None`
+    /// if none do, or if that does not tell the face. The flags are for those laid onto it.
+    pub(super) fn unslit(&self, chains: &[(Chain, bool)], accuracy: f64) -> Option<ClosedLoops> {
+        if self.closed == [false; 2] || self.closed != [true; 2] && self.poles.is_empty() {
+            return None;
+        }
+        let (mut rest, mut sewn) = (Vec::new(), Vec::new());
+        for (chain, is_laid) in chains {
+            let before = sewn.len();
+            let left = if *is_laid && chain.len() <= MANY {
+                self.sewn(chain, &mut sewn)
+            } else {
+                Chain::new()
+            };
+            if sewn.len() == before {
+                rest.push(chain.clone());
+            } else {
+                rest.extend(walked(left, |uv| self.point(uv), self.accuracy)?);
+            }
+        }
+        let longest = |a: &&Stretch, b: &&Stretch| a.length().total_cmp(&b.length());
+        let seam = sewn.iter().max_by(longest)?;
+        if seam.length() < SHARED {
+            return None;
+        }
+        if rest.is_empty() {
+            return self.is_boundless().then(ClosedLoops::default);
+        }
+        let orientation = Orientation::Unknown;
+        let made = kernel::close_loops(self.surface, self.closed, rest, accuracy, orientation);
+        let mut made = made.ok()?;
+        let [u, v] = &self.domain;
+        let region = TrimRegion::new(&made.loops, u.clone(), v.clone());
+        let middle = seam.from.midpoint(seam.to);
+        let beside = |turns: f64| self.place(seam.axis, turns, middle);
+        let is_inside = match [ASIDE, 1.0 - ASIDE].map(|turns| region.contains(beside(turns))) {
+            [true, true] => true,
+            [false, false] => false,
             _ => return None,
         };
-        if self.poles.is_empty() {
-            return None;
+        made.loops = self.cleared(&made.loops, is_inside)?;
+        Some(made)
+    }
+
+    /// The face to the left of its loops, which bound what is inside of some, or outside, and run along
+    /// no part of the border of the domain twice.
+    fn cleared(&self, loops: &[TrimLoop], is_inside: bool) -> Option<Vec<TrimLoop>> {
+        let mut along = [const { Vec::new() }; 4];
+        let mut rest = Chain::new();
+        for curve in kernel::oriented(loops).iter().flat_map(TrimLoop::segments) {
+            match self.along_side(curve) {
+                Some((side, stretch)) => along[side].push(stretch),
+                None if is_inside => rest.push(curve.clone()),
+                None => rest.push(curve.reversed()),
+            }
         }
-        let slit = Slit::new(self, axis, chain);
-        let both_ways = slit.both_ways();
-        if both_ways.is_empty() {
-            return None;
+        for ((axis, side, from, to), along) in SIDES.into_iter().zip(along) {
+            let ends: Vec<_> = along.iter().flat_map(|s| [s.from, s.to]).collect();
+            for part in cut(&[Stretch { axis, from, to }], &ends) {
+                let middle = part.from.midpoint(part.to);
+                let is_over = |s: &&Stretch| (s.from - middle) * (s.to - middle) < 0.0;
+                let is_odd = along.iter().filter(is_over).count() % 2 == 1;
+                if is_odd == is_inside {
+                    rest.push(self.line(&part, side)?);
+                }
+            }
         }
-        let sides = slit.sides(&both_ways);
-        let placed: Chain = chain
-            .iter()
-            .zip(sides)
-            .map(|(curve, side)| slit.placed(curve, side))
-            .collect::<Option<_>>()?;
-        let side = |k: usize| slit.turns(placed[k].start()).round();
-        let are_apart = both_ways
-            .iter()
-            .all(|[a, b]| (side(*a) - side(*b)).abs() > 0.5);
-        (are_apart && slit.is_joined(&placed)).then_some(placed)
-    }
-}
-
-/// A loop and what there is to know about the seam.
-struct Slit<'a, 't> {
-    trimmer: &'a Trimmer<'t>,
-    /// The parameter along which the surface is closed.
-    axis: usize,
-    chain: &'a Chain,
-    /// What each curve runs through along the seam, if it lies on it.
-    along: Vec<Option<[f64; 2]>>,
-}
-
-impl<'a, 't> Slit<'a, 't> {
-    fn new(trimmer: &'a Trimmer<'t>, axis: usize, chain: &'a Chain) -> Self {
-        let mut slit = Self {
-            trimmer,
-            axis,
-            chain,
-            along: Vec::new(),
+        let share = |uv: DVec2| {
+            let [x, y] = [0, 1].map(|axis| self.turns(axis, uv));
+            DVec3::new(x, y, 0.0)
         };
-        slit.along = chain.iter().map(|curve| slit.along_seam(curve)).collect();
-        slit
+        let loops = walked(rest, share, 2.0 * SAME)?.into_iter();
+        loops
+            .map(|path| TrimLoop::new(path, f64::INFINITY).ok())
+            .collect()
     }
 
-    /// What a curve on the seam runs through along it.
-    fn along_seam(&self, curve: &Curve<DVec2>) -> Option<[f64; 2]> {
-        let side = self.turns(curve.start()).round();
-        let is_on_seam = |uv: DVec2| (self.turns(uv) - side).abs() <= ACCURACY;
-        let ends = [curve.start(), curve.end()].map(|uv| uv[1 - self.axis]);
-        curve.points().all(is_on_seam).then_some(ends)
-    }
-
-    /// How many periods a place is from where the domain begins.
-    fn turns(&self, uv: DVec2) -> f64 {
-        let domain = &self.trimmer.domain[self.axis];
-        (uv[self.axis] - domain.start) / (domain.end - domain.start)
-    }
-
-    fn is_pole(&self, uv: DVec2) -> bool {
-        let Trimmer {
-            poles, accuracy, ..
-        } = self.trimmer;
-        let point = self.trimmer.point(uv);
-        poles.iter().any(|pole| pole.distance(point) <= *accuracy)
-    }
-
-    /// Whether two curves run along the same part of the seam, one against the other.
-    fn runs_against(&self, curve: usize, other: usize) -> bool {
-        let (Some([a, b]), Some([c, d])) = (self.along[curve], self.along[other]) else {
-            return false;
+    /// The side of the domain a curve runs along, if any, and what it runs through there.
+    fn along_side(&self, curve: &Curve<DVec2>) -> Option<(usize, Stretch)> {
+        let is_on = |(axis, side, ..): &(usize, f64, f64, f64)| {
+            let mut turns = curve.points().map(|uv| self.turns(*axis, uv));
+            turns.all(|turns| (turns - side).abs() <= ACCURACY)
         };
-        let domain = &self.trimmer.domain[1 - self.axis];
-        let shared = a.max(b).min(c.max(d)) - a.min(b).max(c.min(d));
-        (b - a) * (d - c) < 0.0 && shared > SHARED * (domain.end - domain.start)
+        let side = SIDES.iter().position(is_on)?;
+        let axis = SIDES[side].0;
+        let [from, to] = [curve.start(), curve.end()].map(|uv| self.turns(1 - axis, uv));
+        Some((side, Stretch { axis, from, to }))
     }
 
-    /// Pairs of curves that run along the same part of the seam, one against the other.
-    fn both_ways(&self) -> Vec<[usize; 2]> {
-        let on_seam = self.on_seam();
-        if on_seam.len() > MANY {
+    /// How many turns a place is from where the domain begins.
+    fn turns(&self, axis: usize, uv: DVec2) -> f64 {
+        let Range { start, end } = self.domain[axis];
+        (uv[axis] - start) / (end - start)
+    }
+
+    /// What is left of a chain without what runs along seams both ways, which goes to `sewn`.
+    fn sewn(&self, chain: &Chain, sewn: &mut Vec<Stretch>) -> Chain {
+        let mut left = chain.clone();
+        for axis in (0..2).filter(|axis| self.closed[*axis]) {
+            let along: Vec<_> = left.iter().map(|c| self.along_seam(axis, c)).collect();
+            let stretches = along.iter().flatten();
+            let ends: Vec<_> = stretches.flat_map(|s| [s.from, s.to]).collect();
+            let mut parts: Vec<_> = along.iter().map(|a| cut(a, &ends)).collect();
+            let mut lost = vec![false; parts.len()];
+            for (k, j) in (0..parts.len()).flat_map(|k| (0..k).map(move |j| (k, j))) {
+                let (before, after) = parts.split_at_mut(k);
+                let count = after[0].len();
+                after[0].retain(|part| {
+                    let other = before[j].iter().position(|other| part.is_against(other));
+                    if let Some(other) = other {
+                        before[j].swap_remove(other);
+                        sewn.push(*part);
+                    }
+                    other.is_none()
+                });
+                if after[0].len() < count {
+                    lost[k] = true;
+                    lost[j] = true;
+                }
+            }
+            let mut kept = Chain::new();
+            for ((curve, parts), is_lost) in left.into_iter().zip(parts).zip(lost) {
+                if is_lost {
+                    kept.extend(parts.iter().filter_map(|part| self.line(part, 0.0)));
+                } else {
+                    kept.push(curve);
+                }
+            }
+            left = kept;
+        }
+        left
+    }
+
+    /// What a curve on the seam across an axis runs through, in the domain; nothing if it is not on it.
+    fn along_seam(&self, axis: usize, curve: &Curve<DVec2>) -> Vec<Stretch> {
+        let side = self.turns(axis, curve.start()).round();
+        if curve
+            .points()
+            .any(|uv| (self.turns(axis, uv) - side).abs() > ACCURACY)
+        {
             return Vec::new();
         }
-        let pairs = on_seam.iter().enumerate();
-        let pairs = pairs.flat_map(|(k, a)| on_seam[..k].iter().map(|b| [*a, *b]));
-        pairs.filter(|[a, b]| self.runs_against(*a, *b)).collect()
-    }
-
-    fn on_seam(&self) -> Vec<usize> {
-        let all = 0..self.chain.len();
-        all.filter(|k| self.along[*k].is_some()).collect()
-    }
-
-    /// At which side of the domain the curves along the seam belong, by their neighbours, or, between
-    /// poles, by those that run against them.
-    fn sides(&self, both_ways: &[[usize; 2]]) -> Vec<Option<f64>> {
-        let mut sides = vec![None; self.chain.len()];
-        let on_seam = self.on_seam();
-        for _ in &on_seam {
-            let mut open = on_seam.iter().filter(|k| sides[**k].is_none());
-            let found = open.find_map(|k| Some((*k, self.beside(*k, &sides)?)));
-            let found = found.or_else(|| {
-                let pairs = both_ways.iter().flat_map(|[a, b]| [(*a, *b), (*b, *a)]);
-                let mut open = pairs.filter(|(k, _)| sides[*k].is_none());
-                open.find_map(|(k, other)| Some((k, 1.0 - sides[other]?)))
-            });
-            match found {
-                Some((k, side)) => sides[k] = Some(side),
-                None => break,
-            }
+        let [from, to] = [curve.start(), curve.end()].map(|uv| self.turns(1 - axis, uv));
+        if !self.closed[1 - axis] {
+            return vec![Stretch { axis, from, to }];
         }
-        sides
-    }
-
-    /// The side of the domain where a curve along the seam meets the curves before or after it, but
-    /// for poles.
-    fn beside(&self, k: usize, sides: &[Option<f64>]) -> Option<f64> {
-        let count = self.chain.len();
-        let (before, after) = ((k + count - 1) % count, (k + 1) % count);
-        let [own, last, next] = [k, before, after].map(|k| &self.chain[k]);
-        let side = |own: DVec2, other: usize, end: DVec2| {
-            if self.is_pole(own) {
-                return None;
-            }
-            match self.along[other] {
-                Some(_) => sides[other],
-                None => Some((self.turns(end) - self.periods(&self.chain[other])).round()),
-            }
+        // In parts where it passes the other seam.
+        let (low, high) = (from.min(to), from.max(to));
+        let first = (low + SAME).floor();
+        let tiles = (0..TILES).map(|k| first + f64::from(k));
+        let tiles = tiles.take_while(|tile| *tile < high - SAME);
+        let part = |tile: f64| {
+            let [from, to] = [from, to].map(|t| (t - tile).clamp(0.0, 1.0));
+            Stretch { axis, from, to }
         };
-        side(own.start(), before, last.end()).or_else(|| side(own.end(), after, next.start()))
+        tiles.map(part).collect()
     }
 
-    /// How many periods off the domain the middle of a curve is.
-    fn periods(&self, curve: &Curve<DVec2>) -> f64 {
-        let turns = || curve.points().map(|uv| self.turns(uv));
-        let least = turns().fold(f64::INFINITY, f64::min);
-        let largest = turns().fold(f64::NEG_INFINITY, f64::max);
-        f64::midpoint(least, largest).floor()
+    /// A place on a seam by its share of that, or so many turns beside it.
+    fn place(&self, axis: usize, turns: f64, share: f64) -> DVec2 {
+        let mut at = DVec2::ZERO;
+        for (axis, share) in [(axis, turns), (1 - axis, share)] {
+            let Range { start, end } = self.domain[axis];
+            at[axis] = start + (end - start) * share;
+        }
+        at
     }
 
-    /// A curve in the domain, at a side of it if it runs along the seam.
-    fn placed(&self, curve: &Curve<DVec2>, side: Option<f64>) -> Option<Curve<DVec2>> {
-        let periods = match side {
-            Some(side) => self.turns(curve.start()).round() - side,
-            None => self.periods(curve),
+    /// A part of a seam as a line so many turns from where the domain begins.
+    fn line(&self, part: &Stretch, turns: f64) -> Option<Curve<DVec2>> {
+        let ends = [part.from, part.to];
+        let [from, to] = ends.map(|share| self.place(part.axis, turns, share));
+        Curve::line(from, to, 0.0..1.0).ok()
+    }
+
+    /// Whether the surface has no border, up to poles.
+    fn is_boundless(&self) -> bool {
+        let is_pole = |axis: usize, side: usize| {
+            nearest::pole(self.surface, axis, side, self.size * ACCURACY).is_some()
         };
-        let domain = &self.trimmer.domain[self.axis];
-        let mut shift = DVec2::ZERO;
-        shift[self.axis] = -periods * (domain.end - domain.start);
-        let placed = curve.transformed(&DAffine2::from_translation(shift));
-        let is_inside = |uv| (-ACCURACY..=1.0 + ACCURACY).contains(&self.turns(uv));
-        let is_inside = placed.points().all(is_inside);
-        is_inside.then_some(placed)
+        (0..2).all(|axis| self.closed[axis] || is_pole(axis, 0) && is_pole(axis, 1))
+    }
+}
+
+/// Curves in any order as loops that close where their ends are, up to some distance.
+fn walked(curves: Chain, at: impl Fn(DVec2) -> DVec3, near: f64) -> Option<Vec<Chain>> {
+    let ends = |curve: Curve<DVec2>| {
+        let ends = [curve.start(), curve.end()].map(&at);
+        (curve, ends)
+    };
+    let mut open: VecDeque<_> = curves.into_iter().map(ends).collect();
+    let mut loops = Vec::new();
+    while let Some((first, [start, mut end])) = open.pop_front() {
+        let mut path = vec![first];
+        while start.distance(end) > near {
+            let follows = |(_, [next, _]): &(_, [DVec3; 2])| next.distance(end) <= near;
+            let next = open.iter().position(follows)?;
+            let (curve, ends) = open.remove(next)?;
+            end = ends[1];
+            path.push(curve);
+        }
+        loops.push(path);
+    }
+    Some(loops)
+}
+
+/// A part of the seam across an axis, as shares of it.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    axis: usize,
+    from: f64,
+    to: f64,
+}
+
+impl Stretch {
+    fn length(&self) -> f64 {
+        (self.to - self.from).abs()
     }
 
-    /// Whether curves meet without a jump but at poles.
-    fn is_joined(&self, placed: &Chain) -> bool {
-        let next = placed.iter().cycle().skip(1);
-        placed.iter().zip(next).all(|(curve, next)| {
-            let (end, next) = (curve.end(), next.start());
-            self.is_pole(end) || (self.turns(end) - self.turns(next)).abs() < 0.5
-        })
+    /// Whether another one is the same the other way.
+    fn is_against(&self, other: &Self) -> bool {
+        (self.from - other.to).abs() <= SAME && (self.to - other.from).abs() <= SAME
     }
+}
+
+/// Stretches in parts that end at some places, too.
+fn cut(stretches: &[Stretch], ends: &[f64]) -> Vec<Stretch> {
+    let mut parts = Vec::new();
+    for &Stretch { axis, from, to } in stretches {
+        let is_inside = |t: &f64| from.min(to) + SAME < *t && *t < from.max(to) - SAME;
+        let mut cuts: Vec<_> = ends.iter().copied().filter(is_inside).collect();
+        cuts.sort_by(|a, b| {
+            if from < to {
+                a.total_cmp(b)
+            } else {
+                b.total_cmp(a)
+            }
+        });
+        cuts.dedup_by(|b, a| (*b - *a).abs() <= SAME);
+        cuts.insert(0, from);
+        cuts.push(to);
+        let part = |ends: &[f64]| Stretch {
+            axis,
+            from: ends[0],
+            to: ends[1],
+        };
+        parts.extend(cuts.windows(2).map(part));
+    }
+    parts
 }

@@ -7,10 +7,10 @@ use kernel::Integrals;
 
 use crate::iges::testing::{Made, made, part, read};
 
-const X: DVec3 = DVec3::X;
+pub(super) const X: DVec3 = DVec3::X;
 const Y: DVec3 = DVec3::Y;
-const NORTH: DVec3 = DVec3::Z;
-const SOUTH: DVec3 = DVec3::NEG_Z;
+pub(super) const NORTH: DVec3 = DVec3::Z;
+pub(super) const SOUTH: DVec3 = DVec3::NEG_Z;
 
 /// The border of the domain without the octant between X, Y, and the north pole.
 const FLAT: &str = "1,7,0.,0.,-1.,4.,-1.,4.,1.,1.,1.,1.,0.,0.,0.,0.,-1.";
@@ -18,13 +18,13 @@ const FLAT: &str = "1,7,0.,0.,-1.,4.,-1.,4.,1.,1.,1.,1.,0.,0.,0.,0.,-1.";
 /// The same in space: up the whole seam, and down half of it.
 const WITHOUT_OCTANT: [[DVec3; 2]; 5] = [[SOUTH, X], [X, NORTH], [NORTH, Y], [Y, X], [X, SOUTH]];
 
-fn list(numbers: impl IntoIterator<Item = f64>) -> String {
+pub(super) fn list(numbers: impl IntoIterator<Item = f64>) -> String {
     let numbers: Vec<_> = numbers.into_iter().map(|x| format!("{x:?}")).collect();
     numbers.join(",")
 }
 
 /// The sphere of radius 2: from X around by quarters in u, and up from the south pole in v.
-fn sphere() -> Made {
+pub(super) fn sphere() -> Made {
     let w = 0.5_f64.sqrt();
     let corner = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0, 1.0];
     let circle: Vec<_> = (0..9).map(|k| (corner[k], corner[(k + 6) % 8])).collect();
@@ -42,7 +42,7 @@ fn sphere() -> Made {
 }
 
 /// A part of a great circle of that sphere, less than half.
-fn arc([from, to]: [DVec3; 2]) -> Made {
+pub(super) fn arc([from, to]: [DVec3; 2]) -> Made {
     // The middle control point is where the tangents meet.
     let cosine = from.dot(to);
     let points = [from, (from + to) / (1.0 + cosine), to].map(|p| p * 2.0);
