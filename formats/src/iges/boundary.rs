@@ -28,6 +28,13 @@ pub(super) struct Loop {
     pub prefers_space: bool,
 }
 
+impl Loop {
+    /// Whether it points to any curve.
+    pub(super) fn has_curves(&self) -> bool {
+        self.uses.iter().any(|u| u.space != 0 || !u.flat.is_empty())
+    }
+}
+
 /// A stretch of a loop, by pointers to curves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Use {

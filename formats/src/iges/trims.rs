@@ -246,6 +246,13 @@ fn loops(
             ..Loop::default()
         });
     }
+    if loops.iter().any(Loop::has_curves) {
+        let before = loops.len();
+        loops.retain(Loop::has_curves);
+        for _ in loops.len()..before {
+            reader.repaired(face, "a trim loop has no curves; it does not count");
+        }
+    }
     Ok(Some(loops).filter(|loops| !loops.is_empty()))
 }
 

@@ -72,6 +72,27 @@ fn equal_loops_count_once() {
 }
 
 #[test]
+fn loops_without_curves_do_not_count() {
+    let place = "line 21, trimmed surface D19 (type 144):";
+    for bounds in ["13,15,17", "15,13,17", "17,15,13"] {
+        let mut entities = trimmed("0.,0.,0.,1.,0.,0.");
+        entities.pop();
+        entities.push(made(142, "0,11,0,0,2"));
+        entities.push(made(142, "0,11,0,0,0"));
+        entities.push(made(144, &format!("11,1,2,{bounds}")));
+        let (scene, warnings) = read(&entities);
+        assert_eq!(scene.patches()[0].loops.len(), 1);
+        let text = format!("{place} a trim loop has no curves; it does not count (and 1 more)");
+        assert_eq!(warnings, [text]);
+    }
+    let mut entities = trimmed("0.,0.,0.,1.,0.,0.");
+    entities[6].parameters = "0,11,0,0,2".to_owned();
+    let (scene, warnings) = read(&entities);
+    assert!(scene.patches()[0].loops.is_empty());
+    assert!(warnings[0].ends_with("shown untrimmed: a trim loop without curves"));
+}
+
+#[test]
 fn bounded_surfaces_have_loops() {
     let mut entities = border();
     let mut base = square(3.0);
