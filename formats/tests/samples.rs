@@ -41,7 +41,16 @@ fn samples_are_read_without_warnings() {
     for (path, _) in samples("") {
         let import = open(&path, &Limits::default()).unwrap();
         assert!(!import.scene.patches().is_empty(), "{}", path.display());
-        assert_eq!(import.warnings.as_slice(), [], "{}", path.display());
+        let told = import.warnings.as_slice().iter();
+        let told: Vec<_> = told.map(|w| w.problem.to_string()).collect();
+        if path.ends_with("can.igs") {
+            // The ring is beside its saddle.
+            let text = "a trim curve is off its surface by 4.4e-2 of the size of that; it is laid \
+                        onto it";
+            assert_eq!(told, [text]);
+        } else {
+            assert_eq!(told, [""; 0], "{}", path.display());
+        }
     }
 }
 

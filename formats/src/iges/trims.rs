@@ -42,6 +42,9 @@ const MEETS: f64 = 1e-5;
 /// not close otherwise, gaps are bridged up to it.
 const COARSE: f64 = 1e-3;
 
+/// A curve of space that is farther off its surface, as a share of the size of that, is told.
+const ASTRAY: f64 = 1e-3;
+
 /// Gaps are bridged up to this share of the surface's size at last: without its loop a face would be
 /// shown whole.
 const BRIDGED: f64 = 1e-2;
@@ -187,7 +190,7 @@ pub(super) fn on_surface(
     let surface = pieces.first().ok_or(kernel::Error::NothingInside);
     let surface = surface.map_err(Problem::Geometry)?;
     let trimmer = Trimmer::new(surface, &sheet, 0.0, reader.laying);
-    let flat = trimmer.flat(reader, stretch, Source::FlatAnywhere)?;
+    let flat = trimmer.flat(reader, index, stretch, Source::FlatAnywhere)?;
     let (mut curves, mut strays) = (Vec::new(), 0.0_f64);
     for curve in &flat {
         let lifted = lifted::onto(trimmer.surface, curve, |uv| trimmer.point(uv))?;
@@ -272,6 +275,8 @@ struct Trimmer<'a> {
     nearby: OnceCell<Nearby<'a>>,
     /// How far curves of the loops stray from what they were fitted to, as a share of the size.
     strays: Cell<f64>,
+    /// How far curves of space were beside the surface they were laid onto, as a share of the size.
+    beside: Cell<f64>,
     /// The curves of space that have been laid onto it, as they are used and turned: the others are
     /// tried, and the same again with wider gaps, where they bound no face.
     laid: RefCell<HashMap<(i64, i64, bool), Laid>>,
@@ -303,6 +308,7 @@ impl<'a> Trimmer<'a> {
                 .collect(),
             nearby: OnceCell::new(),
             strays: Cell::new(0.0),
+            beside: Cell::new(0.0),
             laid: RefCell::default(),
             left,
         }
@@ -319,6 +325,13 @@ impl<'a> Trimmer<'a> {
         let mut trims = self.best_closed(reader, face, loops)?;
         if self.strays.get() > ACCURACY {
             reader.unsupported(face, fitted("a trim curve", self.strays.get(), ACCURACY));
+        }
+        let beside = self.beside.get();
+        if beside > ASTRAY && !self.is_torn() {
+            let text = format!(
+                "a trim curve is off its surface by {beside:.1e} of the size of that; it is laid onto it"
+            );
+            reader.repaired(face, &text);
         }
         if border {
             if trim_loops::surrounded(&mut trims, &self.domain).map_err(Problem::Geometry)? {
@@ -432,6 +445,7 @@ impl<'a> Trimmer<'a> {
     ) -> Result<Vec<TrimLoop>, Problem> {
         let mut chains = Vec::new();
         self.strays.set(0.0);
+        self.beside.set(0.0);
         for one in loops {
             let chain = self.chain(reader, face, one, source(one), accuracy)?;
             let is_laid =
@@ -471,10 +485,15 @@ impl<'a> Trimmer<'a> {
 
     /// Makes sure that something is inside the loops; of a part of a torn surface nothing may be.
     fn check_inside(&self, loops: &[TrimLoop]) -> Result<(), Problem> {
-        match &self.sheet.shape {
-            SheetShape::Splines(pieces, _) if pieces.len() > 1 => Ok(()),
-            _ => check_inside(self.surface, loops),
+        if self.is_torn() {
+            return Ok(());
         }
+        check_inside(self.surface, loops)
+    }
+
+    /// Whether it is one of several parts of its sheet, which all have the same loops.
+    fn is_torn(&self) -> bool {
+        matches!(&self.sheet.shape, SheetShape::Splines(pieces, _) if pieces.len() > 1)
     }
 
     /// The curves of one loop, turned so that each begins where the one before ends.
@@ -489,7 +508,7 @@ impl<'a> Trimmer<'a> {
         let mut chain = Vec::new();
         for stretch in &one.uses {
             let flat = if source != Source::Space && !stretch.flat.is_empty() {
-                let found = reader.tried(|reader| self.flat(reader, stretch, source));
+                let found = reader.tried(|reader| self.flat(reader, face, stretch, source));
                 if let Err(problem) = &found {
                     let text = format!("{problem}; the curve of space is used");
                     if stretch.space != 0 {
@@ -498,7 +517,7 @@ impl<'a> Trimmer<'a> {
                 }
                 found
             } else if stretch.space == 0 && !stretch.flat.is_empty() && self.quadric().is_none() {
-                self.flat(reader, stretch, source)
+                self.flat(reader, face, stretch, source)
             } else {
                 Ok(Vec::new())
             };

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DAffine2, DVec2, DVec3};
 use kernel::Curve;
 
-use super::{ACCURACY, COARSE, MEETS, Source, Trimmer};
+use super::{ACCURACY, ASTRAY, COARSE, MEETS, Source, Trimmer};
 use crate::Problem;
 use crate::iges::boundary::Use;
 use crate::iges::curves::{Rail, Reader};
@@ -19,6 +19,9 @@ const MISSES: f64 = 2e-2;
 /// So are those that miss them by more than this share of their own size, and [`COARSE`].
 const SHARE: f64 = 0.1;
 
+/// A curve of space is held against the surface at the ends of so many parts.
+const PLACES: u8 = 8;
+
 /// Why curves of the parameter domain are not believed.
 pub(super) fn elsewhere() -> Problem {
     let text = "a curve of the parameter domain is not where its curve of space is";
@@ -26,11 +29,12 @@ pub(super) fn elsewhere() -> Problem {
 }
 
 impl Trimmer<'_> {
-    /// The curves of a stretch in the parameter domain, if they are where its curve of space
-    /// is.
+    /// The curves of a stretch in the parameter domain, if they are where its curve of space is, or
+    /// if that is off the surface.
     pub(super) fn flat(
         &self,
         reader: &mut Reader<'_, '_>,
+        face: usize,
         stretch: &Use,
         source: Source,
     ) -> Result<Chain, Problem> {
@@ -66,16 +70,22 @@ impl Trimmer<'_> {
                 let against = own[0].distance(other[1]).max(own[1].distance(other[0]));
                 with.min(against)
             };
-            let allowed = |rail: &Rail| {
+            let mut is_off = false;
+            for (curve, rail) in curves.iter().zip(&rails) {
+                let apart = apart(curve, rail);
                 let length = rail.curve.hull_bounds().diagonal();
-                (self.size * MISSES).min(self.size * COARSE + length * SHARE)
-            };
-            if curves
-                .iter()
-                .zip(&rails)
-                .any(|(c, r)| apart(c, r) > allowed(r))
-            {
-                return Err(elsewhere());
+                if apart <= (self.size * MISSES).min(self.size * COARSE + length * SHARE) {
+                    continue;
+                }
+                if !self.is_off(&rail.curve, apart / 2.0) {
+                    return Err(elsewhere());
+                }
+                is_off = true;
+            }
+            if is_off {
+                let text =
+                    "a curve of space is off its surface; that of the parameter domain is used";
+                reader.repaired(face, text);
             }
         }
         if let ([curve], [rail]) = (curves.as_slice(), rails.as_slice()) {
@@ -88,6 +98,18 @@ impl Trimmer<'_> {
             }
         }
         Ok(curves)
+    }
+
+    /// Whether a curve of space is farther off the surface than that, and than what is told anyway.
+    fn is_off(&self, curve: &Curve<DVec3>, least: f64) -> bool {
+        let least = least.max(self.size * ASTRAY);
+        let Range { start, end } = curve.domain();
+        let is_off = |k: u8| {
+            let share = f64::from(k) / f64::from(PLACES);
+            let point = curve.evaluate(start + (end - start) * share);
+            self.point(self.locate(point, None)).distance(point) > least
+        };
+        !self.is_torn() && self.left.get() > 0 && (0..=PLACES).any(is_off)
     }
 
     /// Moves curves by whole turns into the domain, along parameters that are angles.

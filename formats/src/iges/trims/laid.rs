@@ -42,6 +42,8 @@ pub(super) struct Laid {
     chain: Chain,
     /// How far it strays, as a share of the size.
     strays: f64,
+    /// How far the curve of space is beside the surface, as a share of the size.
+    beside: f64,
 }
 
 impl Trimmer<'_> {
@@ -61,15 +63,19 @@ impl Trimmer<'_> {
         let laid = match known {
             Some(laid) => laid,
             None => {
-                let others = self.strays.take();
+                let others = (self.strays.take(), self.beside.take());
                 let chain = self.lay(rails, stretch.reversed)?;
-                let strays = self.strays.replace(others);
-                let laid = Laid { chain, strays };
+                let laid = Laid {
+                    chain,
+                    strays: self.strays.replace(others.0),
+                    beside: self.beside.replace(others.1),
+                };
                 self.laid.borrow_mut().insert(key, laid.clone());
                 laid
             }
         };
         self.strays.set(self.strays.get().max(laid.strays));
+        self.beside.set(self.beside.get().max(laid.beside));
         Ok(laid.chain)
     }
 
@@ -140,9 +146,11 @@ impl Trimmer<'_> {
     /// A curve of space in the parameters of the surface: exactly in planes and along lines
     /// of constant parameters, else to [`ACCURACY`].
     fn on_surface(&self, curve: &Curve<DVec3>) -> Result<Curve<DVec2>, Problem> {
-        let flat = sheets::parallelogram(self.surface)
-            .and_then(|corner| sheets::in_parallelogram(self.surface, corner, curve));
-        if let Some(flat) = flat {
+        if let Some(corner) = sheets::parallelogram(self.surface)
+            && let Some(flat) = sheets::in_parallelogram(self.surface, corner, curve)
+        {
+            let normal = corner[1].cross(corner[2]).normalize_or_zero();
+            self.note(curve.points().map(|p| normal.dot(p - corner[0]).abs()));
             return Ok(flat);
         }
         self.check_left()?;
@@ -151,9 +159,17 @@ impl Trimmer<'_> {
         laid
     }
 
+    /// Notes how far points of a curve are beside the surface.
+    fn note(&self, off: impl Iterator<Item = f64>) {
+        let beside = off.fold(0.0, f64::max) / self.size;
+        self.beside.set(self.beside.get().max(beside));
+    }
+
     /// A curve of space in the parameters of the surface, by those of its points.
     fn searched(&self, curve: &Curve<DVec3>) -> Result<Curve<DVec2>, Problem> {
         let table = self.table(curve)?;
+        let off = |(t, uv): &(f64, DVec2)| self.point(*uv).distance(curve.evaluate(*t));
+        self.note(table.iter().map(off));
         if let Some(line) = self.along_border(&table) {
             return Ok(line);
         }
@@ -254,7 +270,7 @@ impl Trimmer<'_> {
 
     /// The parameters of the point of the surface nearest to a point; beyond the domain where
     /// the surface is closed and the guess is near there.
-    fn locate(&self, point: DVec3, guess: Option<DVec2>) -> DVec2 {
+    pub(super) fn locate(&self, point: DVec3, guess: Option<DVec2>) -> DVec2 {
         let Some(quadric) = self.quadric() else {
             let nearby = self
                 .nearby

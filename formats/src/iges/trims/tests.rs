@@ -194,6 +194,59 @@ fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
     assert_eq!(warnings, [text]);
 }
 
+/// A square with a loop along half of it, at some height, and along its border in the parameter domain
+/// if that is said.
+fn above(height: &str, is_flat: bool) -> (kernel::Patch, Vec<String>) {
+    let mut entities = border();
+    let mut parts = vec![square(3.0)];
+    let corners = ["3.,0.", "3.5,0.", "3.5,1.", "3.,1.", "3.,0."];
+    let lines = corners.windows(2);
+    parts.extend(lines.map(|l| made(110, &format!("{},{height},{},{height}", l[0], l[1]))));
+    parts.push(made(102, "4,13,15,17,19"));
+    for mut part in parts {
+        part.status = "00010000";
+        entities.push(part);
+    }
+    let flat = if is_flat { 9 } else { 0 };
+    entities.push(made(142, &format!("1,11,{flat},21,3")));
+    entities.push(made(144, "11,1,0,23"));
+    let (scene, warnings) = read(&entities);
+    (scene.patches()[0].clone(), warnings)
+}
+
+#[test]
+fn curves_of_the_domain_stand_where_curves_of_space_are_off_the_surface() {
+    let place = "line 27, trimmed surface D25 (type 144):";
+    for (height, expected, text) in [
+        (
+            "0.3",
+            1.0,
+            "a curve of space is off its surface; that of the parameter domain is used",
+        ),
+        (
+            "0.001",
+            0.5,
+            "a curve of the parameter domain is not where its curve of space is; the curve of space \
+             is used",
+        ),
+    ] {
+        let (patch, warnings) = above(height, true);
+        let area = patch.loops[0].signed_area().abs();
+        assert!((area - expected).abs() < 1e-12, "{height}: {area}");
+        assert_eq!(warnings, [format!("{place} {text}")]);
+    }
+}
+
+#[test]
+fn curves_of_space_that_are_off_the_surface_are_told() {
+    let (patch, warnings) = above("0.1", false);
+    assert!((patch.loops[0].signed_area().abs() - 0.5).abs() < 1e-12);
+    let text = "line 27, trimmed surface D25 (type 144): a trim curve is off its surface by 7.1e-2 of \
+                the size of that; it is laid onto it";
+    assert_eq!(warnings, [text]);
+    assert_eq!(above("0.001", false).1, [""; 0]);
+}
+
 #[test]
 fn repairs_of_curves_that_are_only_compared_are_not_told() {
     // A curve of space with a negative set of weights, which the curves of the domain are beside.
