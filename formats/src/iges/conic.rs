@@ -1,6 +1,6 @@
 //! Circular and conic arcs (types 100 and 104).
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 use glam::{DMat2, DVec2, DVec3};
@@ -12,6 +12,10 @@ use crate::Problem;
 
 /// Determinants below this share of the coefficients belong to parabolas.
 const PARABOLA: f64 = 1e-12;
+
+/// Ellipses with determinants below this are so long that a short arc of them is told by its ends better
+/// than by its centre.
+const LONG: f64 = 1e-6;
 
 /// Ends of an arc no farther apart than this share of its radius are one; so are those of which the
 /// numbers differ by no more than this share.
@@ -136,12 +140,18 @@ fn ellipse(conic: &Conic, ends: [DVec2; 2], z: f64, resolution: f64) -> Option<R
         f64::atan2(offset.dot(y) / short, offset.dot(x) / long)
     };
     let angles = angles(ends, near(ends, long.min(short), resolution), angle);
+    let is_short = angles.end - angles.start <= FRAC_PI_2;
+    if is_short && conic.square.determinant() < LONG {
+        let curve = open_arc(conic, ends[0], ends[1], z)?.curve;
+        return curve.remapped(angles).map(Rail::arc).ok();
+    }
     let (x, y) = ((x * long).extend(0.0), (y * short).extend(0.0));
     let curve = modelling::arc(center.extend(z), x, y, angles);
     curve.map(Rail::arc).ok()
 }
 
-/// An arc of a parabola or of one branch of a hyperbola: one rational quadratic piece.
+/// An arc of a parabola, of one branch of a hyperbola, or less than half of an ellipse: one rational
+/// quadratic piece.
 ///
 /// All comes from the chord `d`: the conic is `-d.S d / 4` in its middle and `K = 0` where it is a
 /// pair of lines, so the weight is `w^2 = 1 - d.S d det S / (4 K)` and the middle point, the pole of
@@ -328,6 +338,33 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn short_arcs_of_long_ellipses_end_where_they_should() {
+        // k x^2 + y^2 = 2 x, near the origin.
+        for k in [1e-5, 1e-7, 1e-9, 1e-11, 3e-12] {
+            let at = |y: f64| DVec2::new(y * y / (1.0 + (1.0 - k * y * y).sqrt()), y);
+            let ends = [at(2.0), at(1.0)]
+                .map(|p| format!("{:?},{:?}", p.x, p.y))
+                .join(",");
+            let curve = conic(&format!("{k:?},0.,1.,-2.,0.,0.,0.,{ends};"));
+            let domain = curve.domain();
+            assert!((domain.end - domain.start - k.sqrt()).abs() < 0.1 * k.sqrt());
+            for t in [
+                domain.start,
+                f64::midpoint(domain.start, domain.end),
+                domain.end,
+            ] {
+                let p = curve.evaluate(t).truncate();
+                assert!(p.distance(at(p.y)) < 1e-9, "{k}: {p}");
+            }
+            let off = curve.start().truncate().distance(at(2.0));
+            assert!(
+                off + curve.end().truncate().distance(at(1.0)) < 1e-9,
+                "{k}: {off}"
+            );
         }
     }
 
