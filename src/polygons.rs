@@ -7,7 +7,7 @@ use std::io;
 
 use formats::Export;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use kernel::{Mesh, Scene, Shape, WireId, WireShape};
+use kernel::{Mesh, Scene, Shape, WireId};
 
 use crate::accuracy::SINGLE;
 use crate::tessellate::Tessellation;
@@ -215,12 +215,8 @@ pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
     }
     for (number, at) in (placed.len()..).zip(scene.wire_placements()) {
         let wire = scene.wire(at.wire);
-        let strip = triangles.strips[at.wire.index()].as_ref();
-        let (points, kind) = match (&wire.shape, strip) {
-            (WireShape::Points(points), _) if points.is_empty() => continue,
-            (WireShape::Points(points), _) => (points, 'p'),
-            (WireShape::Curve(_), Some(strip)) => (&strip.points, 'l'),
-            (WireShape::Curve(_), None) => continue,
+        let Some((points, has_lines)) = triangles.thread(scene, at.wire) else {
+            continue;
         };
         group(
             &mut text,
@@ -228,7 +224,7 @@ pub(crate) fn obj(scene: &Scene, triangles: &Tessellation) -> Export {
             points,
             &at.world_from_object,
         );
-        text.push(kind);
+        text.push(if has_lines { 'l' } else { 'p' });
         for _ in points {
             let _ = write!(text, " {point}");
             point += 1;

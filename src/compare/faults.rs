@@ -148,16 +148,17 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
         };
         points.par_iter().filter(near).count() as f64 >= MOST * points.len() as f64
     };
-    let fits = |map: DAffine3| {
+    // A part of the body fits into it, too; the whole reaches as far.
+    let reaches = |map: DAffine3| {
         let box_of = Aabb::around(points.iter().map(|p| map.transform_point3(*p)));
-        // A part of the body fits into it, too; the whole reaches as far.
-        box_of.diagonal() > 0.5 * size && is_near(map)
+        box_of.diagonal() > 0.5 * size
     };
-    if fits(DAffine3::IDENTITY) {
-        return None;
-    }
+    let fits = |map: DAffine3| reaches(map) && is_near(map);
     // It may be a part.
     let is_part = is_near(DAffine3::IDENTITY);
+    if is_part && reaches(DAffine3::IDENTITY) {
+        return None;
+    }
     let ratio = other.diagonal() / size;
     let units = UNITS.iter().flat_map(|&(factor, small, large)| {
         [

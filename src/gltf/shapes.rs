@@ -7,7 +7,7 @@ use glam::{DAffine2, DVec2, DVec3, DVec4};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked::Valid;
 use gltf::json::{Accessor, Index, Mesh};
-use kernel::{Aabb, Child, MaterialId, NodeId, Scene, Shape, WireId, WireShape};
+use kernel::{Aabb, Child, MaterialId, NodeId, Scene, Shape, WireId};
 use serde_json::{Value, json};
 
 use super::buffer::{Data, extras, number};
@@ -268,19 +268,15 @@ impl<'a> Shapes<'a> {
         let mut parts: BTreeMap<_, Thin> = BTreeMap::new();
         for &id in wires {
             let wire = self.scene.wire(id);
-            let strip = self.triangles.strips[id.index()].as_ref();
-            let (are_lines, points) = match (&wire.shape, strip) {
-                (WireShape::Points(points), _) => (false, points.clone()),
-                (WireShape::Curve(_), Some(strip)) => {
-                    let lines = strip.points.windows(2);
-                    (true, lines.flatten().copied().collect())
-                }
-                (WireShape::Curve(_), None) => continue,
-            };
-            if points.is_empty() {
+            let Some((points, has_lines)) = self.triangles.thread(self.scene, id) else {
                 continue;
-            }
-            let key = (are_lines, wire.material.map(MaterialId::index));
+            };
+            let points: Vec<DVec3> = if has_lines {
+                points.windows(2).flatten().copied().collect()
+            } else {
+                points.to_vec()
+            };
+            let key = (has_lines, wire.material.map(MaterialId::index));
             let part = parts.entry(key).or_default();
             part.material = wire.material;
             part.wires.push(json!({

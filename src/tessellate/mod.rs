@@ -32,8 +32,8 @@ mod vanish;
 
 use std::fmt;
 
-use glam::{DAffine3, DVec2};
-use kernel::{Camera, Child, Mesh, Projection, Scene, Shape, WireShape};
+use glam::{DAffine3, DVec2, DVec3};
+use kernel::{Camera, Child, Mesh, Projection, Scene, Shape, WireId, WireShape};
 use rayon::prelude::*;
 
 use self::room::Room;
@@ -141,6 +141,21 @@ pub struct Tessellation {
     pub tolerance: f64,
     /// Boundaries of faces that cross each other so that neighbours may not share all points.
     pub crossings: usize,
+}
+
+impl Tessellation {
+    /// The points of a wire of the scene, and whether lines run through them; `None` if there are none.
+    pub(crate) fn thread<'s>(
+        &'s self,
+        scene: &'s Scene,
+        id: WireId,
+    ) -> Option<(&'s [DVec3], bool)> {
+        let (points, has_lines) = match &scene.wire(id).shape {
+            WireShape::Points(points) => (points, false),
+            WireShape::Curve(_) => (&self.strips[id.index()].as_ref()?.points, true),
+        };
+        (!points.is_empty()).then_some((points, has_lines))
+    }
 }
 
 /// The triangles of a patch.

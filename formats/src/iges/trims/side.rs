@@ -3,8 +3,7 @@
 //! A file tells the side by a normal at the middle of the base, which some programs take for another
 //! part of it than they write. That shows where the curves of space lie on the other side.
 
-use glam::{DVec2, DVec3};
-use kernel::Surface;
+use glam::DVec3;
 use kernel::nearest::{self, Nearby};
 
 use super::{MEETS, loops};
@@ -18,9 +17,6 @@ const CURVES: usize = 16;
 
 /// The curves tell the other side if they lie so many times nearer to it.
 const NEARER: f64 = 10.0;
-
-/// Samples along each parameter, from which the nearest points are looked for.
-const SAMPLES: u32 = 16;
 
 /// The surface of a face. An offset is on the other side of its base than the file tells where its
 /// curves of space are there.
@@ -80,29 +76,9 @@ fn strays(sheet: &Sheet, points: &[DVec3]) -> Option<f64> {
     for surface in pieces {
         let size = surface.hull_bounds().diagonal();
         let nearby = Nearby::new(surface, nearest::closed(surface));
-        let samples = samples(surface);
         for (point, nearest) in points.iter().zip(&mut nearest) {
-            let away = |(_, sample): &&(DVec2, DVec3)| sample.distance_squared(*point);
-            let guess = samples
-                .iter()
-                .min_by(|a, b| away(a).total_cmp(&away(b)))
-                .map(|(uv, _)| nearby.near(*point, *uv).distance / size);
-            *nearest = guess.unwrap_or(f64::INFINITY).min(*nearest);
+            *nearest = nearest.min(nearby.nearest(*point, None).distance / size);
         }
     }
     nearest.into_iter().reduce(f64::max)
-}
-
-/// Points all over a surface.
-fn samples(surface: &Surface) -> Vec<(DVec2, DVec3)> {
-    let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
-    let share = |k: u32| f64::from(k) / f64::from(SAMPLES);
-    let place = |i, j| {
-        DVec2::new(
-            u.start + (u.end - u.start) * share(i),
-            v.start + (v.end - v.start) * share(j),
-        )
-    };
-    let places = (0..=SAMPLES).flat_map(|i| (0..=SAMPLES).map(move |j| place(i, j)));
-    places.map(|uv| (uv, surface.evaluate(uv))).collect()
 }
