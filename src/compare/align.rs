@@ -1,22 +1,33 @@
 //! Bringing a mesh to where the surfaces are: by what files say, or by a rigid fit.
 
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::FRAC_PI_2;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Scene, UpAxis};
 use rayon::prelude::*;
 
 use super::exact::Exact;
+use super::sampling::shares;
 use super::soup::Soup;
+use super::triangles::TriangleTree;
 
 /// Points of the mesh that a fit looks at.
 const POINTS: usize = 2000;
 
-/// Points with which turns are tried first.
-const FIRST: usize = 200;
+/// Points with which starts are compared.
+const FIRST: usize = 150;
 
-/// How many of the turns are tried to the end: the best ones after a few steps.
+/// Steps after which they are.
+const FIRST_STEPS: usize = 4;
+
+/// Between quarter turns of the axes there are this many parts.
+const PARTS: u32 = 6;
+
+/// How many of the starts are tried to the end: the best ones after the first steps.
 const TRIED: usize = 6;
+
+/// None of them is so many times worse than the best.
+const WORSE: f64 = 4.0;
 
 /// Rounds of a fit.
 const ROUNDS: usize = 60;
@@ -24,8 +35,14 @@ const ROUNDS: usize = 60;
 /// A fit has settled when it moves points by less than this share of the size.
 const SETTLED: f64 = 1e-13;
 
-/// Points farther away than this many times the median do not pull.
+/// The same where triangles stand for the surfaces.
+const ROUGHLY: f64 = 1e-6;
+
+/// Points farther away than this many times the median are outliers.
 const OUTLIER: f64 = 5.0;
+
+/// Rounds in which axes become principal.
+const SWEEPS: usize = 12;
 
 /// What a mesh file says about its coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,57 +81,136 @@ pub struct Fit {
     pub residual: f64,
 }
 
-/// Moves and turns a mesh until its points are nearest to the surfaces on average: first as a
-/// whole, onto the centre and by eighths of turns, then by steps towards the planes that touch the
-/// surfaces \[Chen 92\].
+/// Moves and turns a mesh until its points are nearest to the surfaces on average: centre onto
+/// centre and principal axes onto principal axes, with turns between, then by steps towards the
+/// planes that touch the surfaces \[Chen 92\]. At first these are triangles, and all of the mesh
+/// counts; in the end its corners do, which are where their maker put them.
 pub(crate) fn fit(exact: &Exact<'_>, soup: &Soup) -> Fit {
-    let stride = soup.points.len().div_ceil(POINTS).max(1);
-    let points: Vec<DVec3> = soup.points.iter().step_by(stride).copied().collect();
-    let few: Vec<DVec3> = points
-        .iter()
-        .step_by(points.len().div_ceil(FIRST).max(1))
-        .copied()
-        .collect();
-    let before = residual(exact, &points, &DAffine3::IDENTITY);
-    let (from, to) = (soup.bounds().center(), exact.bounds().center());
-    let centred = |turn: DMat3| DAffine3 {
-        matrix3: turn,
-        translation: to - turn * from,
+    let numbers = 0..exact.triangles.len();
+    let triangles = TriangleTree::new(numbers.map(|k| exact.corners(k)).collect());
+    let rough = |p: DVec3| {
+        let found = triangles.nearest_within(p, f64::INFINITY)?;
+        let [a, b, c] = triangles.corners()[found.triangle as usize];
+        let normal = (b - a).cross(c - a).try_normalize();
+        Some((found.closest.point, normal))
     };
-    let mut starts = vec![DAffine3::IDENTITY];
-    let between =
-        [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| DMat3::from_axis_angle(axis, FRAC_PI_4));
-    for turn in quarter_turns() {
-        let turns = between.map(|between| between * turn);
-        starts.extend([turn].into_iter().chain(turns).map(centred));
-    }
-    let few_steps = |start: DAffine3| {
-        let map = step(exact, &few, &step(exact, &few, &start).0).0;
-        (residual(exact, &few, &map), map)
+    let close = |p: DVec3| {
+        let foot = exact.nearest(p)?;
+        let surface = &exact.faces[foot.face as usize].patch.surface;
+        Some((foot.point, surface.normal(foot.uv)))
     };
-    let mut tried: Vec<_> = starts.into_par_iter().map(few_steps).collect();
+    let points = spread(soup.tree.corners(), POINTS);
+    let few = spread(soup.tree.corners(), FIRST);
+    let first_steps = |start: DAffine3| {
+        let steps = 0..FIRST_STEPS;
+        let map = steps.fold(start, |map, _| step(&rough, &few, &map, Pull::All).0);
+        (distances(&rough, &few, &map).mean, map)
+    };
+    let starts = starts(&points, &spread(triangles.corners(), POINTS));
+    let mut tried: Vec<_> = starts.into_par_iter().map(first_steps).collect();
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
     let size = exact.bounds().diagonal();
-    let settled = |(_, mut map): (f64, DAffine3)| {
+    // What is best after a few steps need not be in the end.
+    let worst = WORSE * tried[0].0;
+    let promising = tried.into_iter().take_while(|(mean, _)| *mean <= worst);
+    let poses = promising.take(TRIED).map(|(_, start)| {
+        let pose = settled(&rough, &points, start, ROUGHLY * size);
+        (distances(&rough, &points, &pose).mean, pose)
+    });
+    let best = poses.min_by(|a, b| a.0.total_cmp(&b.0));
+    let (_, best) = best.expect("there is a start");
+    let stride = soup.points.len().div_ceil(POINTS).max(1);
+    let corners: Vec<DVec3> = soup.points.iter().step_by(stride).copied().collect();
+    let fitted = settled(&close, &corners, best, SETTLED * size);
+    let [before, after] =
+        [DAffine3::IDENTITY, fitted].map(|map| (distances(&close, &corners, &map), map));
+    let best = if after.0.mean < before.0.mean {
+        after
+    } else {
+        before
+    };
+    Fit {
+        scene_from_mesh: best.1,
+        before: before.0.rms,
+        residual: best.0.rms,
+    }
+}
+
+/// Steps until points move by less than `little`. All of them pull first: where most have found
+/// their places, the others would stay away. What has no place is to pull no more, if the
+/// others come nearer then.
+fn settled(nearest: &impl Nearest, points: &[DVec3], start: DAffine3, little: f64) -> DAffine3 {
+    let walked = |mut map: DAffine3, pull: Pull| {
         for _ in 0..ROUNDS {
-            let (next, moved) = step(exact, &points, &map);
+            let (next, moved) = step(nearest, points, &map, pull);
             map = next;
-            if moved <= SETTLED * size {
+            if moved <= little {
                 break;
             }
         }
-        (residual(exact, &points, &map), map)
+        map
     };
-    // What is best after a few steps need not be in the end.
-    let best = tried.into_iter().take(TRIED).map(settled);
-    let best = best.chain([(before, DAffine3::IDENTITY)]);
-    let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
-    let (residual, scene_from_mesh) = best.expect("there is one");
-    Fit {
-        scene_from_mesh,
-        before,
-        residual,
+    let all = walked(start, Pull::All);
+    let most = walked(all, Pull::Near);
+    let mean = |map: &DAffine3| distances(nearest, points, map).mean;
+    if mean(&most) < mean(&all) { most } else { all }
+}
+
+/// Points that stand for equal areas of triangles.
+fn spread(triangles: &[[DVec3; 3]], count: usize) -> Vec<DVec3> {
+    let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (*b - *a).cross(*c - *a).length();
+    let each = triangles.iter().map(area).sum::<f64>() / count as f64;
+    let mut points = Vec::with_capacity(count);
+    let mut covered = 0.0;
+    for triangle in triangles {
+        covered += area(triangle);
+        while points.len() < count && (points.len() as f64 + 0.5) * each <= covered {
+            let number = u32::try_from(points.len()).unwrap_or(u32::MAX);
+            let shares = shares(number, u32::MAX);
+            points.push((0..3).map(|k| triangle[k] * shares[k]).sum());
+        }
     }
+    points
+}
+
+/// Where to begin: as things stand, and with centres and axes in one, turned by parts of a
+/// quarter about each.
+fn starts(mesh: &[DVec3], surfaces: &[DVec3]) -> Vec<DAffine3> {
+    let [(from, own), (to, axes)] = [mesh, surfaces].map(principal_axes);
+    let mut starts = vec![DAffine3::IDENTITY];
+    for turn in quarter_turns() {
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            for part in 0..PARTS {
+                let angle = FRAC_PI_2 * f64::from(part) / f64::from(PARTS);
+                let turn = axes * DMat3::from_axis_angle(axis, angle) * turn * own.transpose();
+                starts.push(DAffine3 {
+                    matrix3: turn,
+                    translation: to - turn * from,
+                });
+            }
+        }
+    }
+    starts
+}
+
+/// The centre of points, and the axes about which they do not deviate, by Jacobi's rotations.
+fn principal_axes(points: &[DVec3]) -> (DVec3, DMat3) {
+    let center = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+    let mut spread = DMat3::ZERO;
+    for p in points.iter().map(|p| *p - center) {
+        spread += DMat3::from_cols(p * p.x, p * p.y, p * p.z);
+    }
+    let mut axes = DMat3::IDENTITY;
+    for (i, j) in [(0, 1), (0, 2), (1, 2)].repeat(SWEEPS) {
+        let angle = 0.5 * (2.0 * spread.col(j)[i]).atan2(spread.col(i)[i] - spread.col(j)[j]);
+        let (sin, cos) = angle.sin_cos();
+        let mut turn = DMat3::IDENTITY;
+        (turn.col_mut(i)[i], turn.col_mut(i)[j]) = (cos, sin);
+        (turn.col_mut(j)[i], turn.col_mut(j)[j]) = (-sin, cos);
+        spread = turn.transpose() * spread * turn;
+        axes *= turn;
+    }
+    (center, axes)
 }
 
 /// The turns that take axes to axes.
@@ -130,37 +226,64 @@ fn quarter_turns() -> Vec<DMat3> {
         .collect()
 }
 
-/// Root mean square distance of points from the surfaces.
-fn residual(exact: &Exact<'_>, points: &[DVec3], map: &DAffine3) -> f64 {
-    let square = |p: &DVec3| {
-        let foot = exact.nearest(map.transform_point3(*p));
-        foot.map_or(0.0, |foot| foot.distance * foot.distance)
+/// Distances of points.
+#[derive(Clone, Copy, Debug)]
+struct Distances {
+    mean: f64,
+    /// The root of the mean square.
+    rms: f64,
+}
+
+/// How far points are away.
+fn distances(nearest: &impl Nearest, points: &[DVec3], map: &DAffine3) -> Distances {
+    let distance = |p: &DVec3| {
+        let p = map.transform_point3(*p);
+        nearest(p).map_or(0.0, |(foot, _)| p.distance(foot))
     };
-    let squares: Vec<f64> = points.par_iter().map(square).collect();
-    (squares.iter().sum::<f64>() / points.len().max(1) as f64).sqrt()
+    let distances: Vec<f64> = points.par_iter().map(distance).collect();
+    let count = points.len().max(1) as f64;
+    Distances {
+        mean: distances.iter().sum::<f64>() / count,
+        rms: (distances.iter().map(|d| d * d).sum::<f64>() / count).sqrt(),
+    }
+}
+
+/// Finds the nearest point, and the normal there if there is one.
+trait Nearest: Fn(DVec3) -> Option<(DVec3, Option<DVec3>)> + Sync {}
+
+impl<F: Fn(DVec3) -> Option<(DVec3, Option<DVec3>)> + Sync> Nearest for F {}
+
+/// Which points move a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Pull {
+    All,
+    /// All but outliers.
+    Near,
 }
 
 /// One step of a fit, and how far it moves points at most, about.
-fn step(exact: &Exact<'_>, points: &[DVec3], map: &DAffine3) -> (DAffine3, f64) {
-    let pairs: Vec<(DVec3, DVec3, DVec3)> = points
+fn step(nearest: &impl Nearest, points: &[DVec3], map: &DAffine3, pull: Pull) -> (DAffine3, f64) {
+    let mut pairs: Vec<(DVec3, DVec3, DVec3)> = points
         .par_iter()
         .filter_map(|p| {
             let p = map.transform_point3(*p);
-            let foot = exact.nearest(p)?;
-            let surface = &exact.faces[foot.face as usize].patch.surface;
+            let (foot, normal) = nearest(p)?;
             // Beside a border the way to it says more than the plane.
-            let way = (p - foot.point).try_normalize();
-            let normal = surface.normal(foot.uv).or(way)?;
+            let way = (p - foot).try_normalize();
+            let normal = normal.or(way)?;
             let normal = way.filter(|w| w.dot(normal).abs() < 0.9).unwrap_or(normal);
-            Some((p, foot.point, normal))
+            Some((p, foot, normal))
         })
         .collect();
-    let mut distances: Vec<f64> = pairs.iter().map(|(p, q, _)| p.distance(*q)).collect();
-    distances.sort_by(f64::total_cmp);
-    let far = match distances.get(distances.len() / 2) {
-        Some(median) => OUTLIER * median,
-        None => return (*map, 0.0),
-    };
+    if pull == Pull::Near {
+        let mut distances: Vec<f64> = pairs.iter().map(|(p, q, _)| p.distance(*q)).collect();
+        distances.sort_by(f64::total_cmp);
+        let median = distances.get(distances.len() / 2).copied();
+        pairs.retain(|(p, q, _)| median.is_some_and(|median| p.distance(*q) <= OUTLIER * median));
+    }
+    if pairs.is_empty() {
+        return (*map, 0.0);
+    }
     let count = pairs.len() as f64;
     let center = pairs.iter().map(|(p, ..)| *p).sum::<DVec3>() / count;
     let reach = pairs
@@ -170,7 +293,7 @@ fn step(exact: &Exact<'_>, points: &[DVec3], map: &DAffine3) -> (DAffine3, f64) 
     // The turn (times the reach, so that all unknowns are lengths) and the way that bring the
     // points into the planes, by least squares.
     let mut rows = [[0.0; 7]; 6];
-    for (p, q, n) in pairs.iter().filter(|(p, q, _)| p.distance(*q) <= far) {
+    for (p, q, n) in &pairs {
         let turn = (*p - center).cross(*n) / reach;
         let row = [turn.x, turn.y, turn.z, n.x, n.y, n.z, (*q - *p).dot(*n)];
         for i in 0..6 {

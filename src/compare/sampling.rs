@@ -78,7 +78,7 @@ pub(crate) fn sample(exact: &Exact<'_>, soup: &Soup, strays: f64) -> Vec<Sample>
 
 /// Weights of the corners in point `k` of `count`, the middle if there is only one: a sequence
 /// that fills the triangle evenly \[Roberts 18\].
-fn shares(k: u32, count: u32) -> [f64; 3] {
+pub(super) fn shares(k: u32, count: u32) -> [f64; 3] {
     if count == 1 {
         return [1.0 / 3.0; 3];
     }
