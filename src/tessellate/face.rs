@@ -120,7 +120,11 @@ impl<'a> Mesher<'a> {
             let inner = self.inner();
             let places: Vec<(DVec2, u32)> = inner
                 .iter()
-                .filter_map(|inner| Some((self.division(inner)?, inner.corners[0])))
+                .filter_map(|inner| {
+                    // The last vertex has the fewest neighbours: some of the boundary have very many.
+                    let [a, b, c] = inner.corners;
+                    Some((self.division(inner)?, a.max(b).max(c)))
+                })
                 .collect();
             if places.is_empty() {
                 return self.finish(&inner);

@@ -394,7 +394,9 @@ impl<'a> Pieces<'a> {
 /// it has no width at all.
 fn part(range: Range<f64>, piece: &Range<f64>) -> Range<f64> {
     let (start, end) = (range.start.max(piece.start), range.end.min(piece.end));
-    let least = NARROW * (piece.end - piece.start);
+    // What is only the end of a range counts for all of it, with its rounding errors.
+    let is_whole = start <= range.start && range.end <= end;
+    let least = if is_whole { NARROW } else { NARROW_END } * (piece.end - piece.start);
     if end - start >= least {
         return start..end;
     }
@@ -413,7 +415,10 @@ const ROUNDING: f64 = 1e-12;
 const STRAIGHT: f64 = 1e-13;
 
 /// Narrower parts of a piece are made this wide, as a share of it.
-const NARROW: f64 = 1e-4;
+const NARROW: f64 = 1e-9;
+
+/// The same for ends of ranges that go on in other pieces.
+const NARROW_END: f64 = 1e-4;
 
 /// What is no wider than this share of a piece is a line.
 pub(super) const LINE: f64 = 1e-11;

@@ -519,3 +519,23 @@ fn a_twisted_strip_is_proven_where_each_division_asks_for_the_next() {
     let result = with_tolerance(strip, 3e-5);
     assert_eq!(result.faces[0].as_ref().unwrap().unproven, 0);
 }
+
+#[test]
+fn weights_that_differ_much_take_few_triangles() {
+    // At two of the corners much of the surface is in a hundred-thousandth of the domain.
+    let ij = |k: usize| (k / 6, k % 6);
+    let point = |k: usize| {
+        let height = (7 * k % 5) as f64 - 2.0;
+        DVec3::new(ij(k).0 as f64, ij(k).1 as f64, 0.4 * height)
+    };
+    let weight = |k: usize| [1.0, 1e-5][(ij(k).0 + ij(k).1) % 2];
+    let points: Vec<DVec3> = (0..36).map(point).collect();
+    let weights: Vec<f64> = (0..36).map(weight).collect();
+    let knots = || kernel::KnotVector::clamped_uniform(3, 6, 0.0..1.0).unwrap();
+    let surface = Surface::new(knots(), knots(), &points, Some(&weights)).unwrap();
+    let result = with_tolerance(surface, 0.04);
+    let face = result.faces[0].as_ref().unwrap();
+    assert_eq!(face.unproven, 0);
+    let count = face.mesh.triangles().len();
+    assert!((1000..10_000).contains(&count), "{count}");
+}

@@ -21,6 +21,9 @@ const ROOM: usize = 2;
 /// Where a boundary crosses itself more often, no more is told of it than that.
 const MEETINGS: usize = 1000;
 
+/// More stretches of boundary than this are many.
+const MANY: usize = 1000;
+
 /// Corners that are one point of space, and no farther apart than this share of the domain, are one:
 /// between them is the gap of a loop, which may run back over its own curves.
 const SAME: f64 = 1e-5;
@@ -105,11 +108,12 @@ impl<'a> Mesher<'a> {
         }
         let mut drawn = Drawn {
             stretches,
-            handles: Vec::new(),
+            handles: vec![[None; 2]; stretches.len()],
             owners: HashMap::with_capacity(stretches.len()),
         };
-        for stretch in stretches {
-            let ends = stretch.ends.map(|corner| {
+        let outermost = outermost(stretches, bounds.size());
+        for number in outermost.chain(0..stretches.len()) {
+            let ends = stretches[number].ends.map(|corner| {
                 let list = known.entry(corner.id).or_default();
                 let span = spans.get(&corner.id).copied().unwrap_or(near);
                 let same = list
@@ -122,7 +126,7 @@ impl<'a> Mesher<'a> {
                 list.push((corner.uv, handle));
                 Some(handle)
             });
-            drawn.handles.push(ends);
+            drawn.handles[number] = ends;
         }
         let mut meetings = Vec::new();
         for (number, stretch) in stretches.iter().enumerate() {
@@ -205,4 +209,19 @@ impl<'a> Mesher<'a> {
         }
         has_room
     }
+}
+
+/// Of many stretches those that are far apart, and not on one side of a domain: until vertices span a
+/// triangle, each next one takes as long as all before together.
+fn outermost(stretches: &[Stretch], size: DVec2) -> impl Iterator<Item = usize> {
+    let ways = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0)];
+    let wanted = if stretches.len() > MANY {
+        ways.len()
+    } else {
+        0
+    };
+    ways.into_iter().take(wanted).filter_map(move |way| {
+        let along = |k: &usize| (stretches[*k].ends[0].uv / size).dot(way);
+        (0..stretches.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
+    })
 }
