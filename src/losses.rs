@@ -1,10 +1,11 @@
 //! What scenes have beside triangles, and formats of triangles do not hold.
 
 use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
 
 use formats::{Place, Warnings};
 use glam::DVec3;
-use kernel::{LightKind, Material, Scene};
+use kernel::{Light, LightKind, Material, Scene};
 
 /// Something beside triangles.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +27,13 @@ pub(crate) const LACKED_BY_GROUPS: &[Part] = &[
 ];
 
 /// What glTF does not hold.
-pub(crate) const LACKED_BY_GLTF: &[Part] = &[HIGHLIGHT_PICTURES, BACKS, ATTENUATIONS, BACKGROUND];
+pub(crate) const LACKED_BY_GLTF: &[Part] = &[
+    HIGHLIGHT_PICTURES,
+    BACKS,
+    ATTENUATIONS,
+    WIDE_CONES,
+    BACKGROUND,
+];
 
 const WIRES: Part = Part {
     what: "curves and points without a surface",
@@ -94,6 +101,19 @@ const ATTENUATIONS: Part = Part {
             }
         });
         lost.map(|_| "light".to_owned()).collect()
+    },
+};
+
+/// Those of glTF end at a right angle from their axis, which files may round up.
+const WIDE_CONES: Part = Part {
+    what: "cones of lights that shine backwards, too,",
+    list: |scene| {
+        let lights = scene.lights.iter();
+        let is_wide = |light: &&Light| match light.kind {
+            LightKind::Spot { outer, .. } => outer > FRAC_PI_2 + 1e-6,
+            _ => false,
+        };
+        lights.filter(is_wide).map(|_| "light".to_owned()).collect()
     },
 };
 

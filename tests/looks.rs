@@ -104,6 +104,14 @@ fn cones_of_light_are_no_wider_than_a_right_angle() {
     let outer = light["spot"]["outerConeAngle"].as_f64().unwrap();
     let right = std::f64::consts::FRAC_PI_2;
     assert!(outer <= right && outer > right - 1e-6, "{outer}");
+    // What is wider is told.
+    for (angle, count) in [("1.570797", 0), ("1.6", 1)] {
+        let (_, told) = from_x3d(&format!(
+            "SpotLight {{ cutOffAngle {angle} attenuation 0 0 1 }}\nShape {{ geometry Sphere {{ }} }}"
+        ));
+        let lost = "cones of lights that shine backwards, too, are not written";
+        assert_eq!(told.matches(lost).count(), count, "{told}");
+    }
 }
 
 #[test]

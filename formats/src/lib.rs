@@ -35,6 +35,7 @@ mod obj;
 mod pictures;
 mod points;
 mod triangulate;
+mod uneven;
 mod vrml;
 mod write;
 mod x3d;
@@ -242,10 +243,11 @@ fn read_plain(
                 .join(", ")
         ))));
     };
-    let import = Import {
+    let mut import = Import {
         format: format.name,
         ..(format.read)(bytes, options)?
     };
+    uneven::tell(&import.scene, &mut import.warnings);
     let (scene, limit) = (&import.scene, options.limits.placements);
     let placed = scene.placement_count();
     let placed = placed.saturating_add(scene.wire_placement_count());
