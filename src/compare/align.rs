@@ -160,7 +160,7 @@ fn settled(nearest: &impl Nearest, points: &[DVec3], start: DAffine3, little: f6
 fn spread(triangles: &[[DVec3; 3]], count: usize) -> Vec<DVec3> {
     let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (*b - *a).cross(*c - *a).length();
     let each = triangles.iter().map(area).sum::<f64>() / count as f64;
-    let mut points = Vec::with_capacity(count);
+    let mut points = Vec::new();
     let mut covered = 0.0;
     for triangle in triangles {
         covered += area(triangle);
