@@ -239,11 +239,11 @@ fn a_fit_finds_any_turn() {
             &scene,
             tessellate(&scene, &TessellateOptions::default()).expect("few points"),
         );
-        for k in 0..24 {
+        for k in 0..60 {
             let (a, b) = (0.7 * f64::from(k), 1.9 * f64::from(k));
             let axis = DVec3::new(a.cos() * b.cos(), a.sin() * b.cos(), b.sin());
             let turned = DAffine3::from_translation(DVec3::splat(a))
-                * DAffine3::from_axis_angle(axis, 0.25 * f64::from(k));
+                * DAffine3::from_axis_angle(axis, 0.1 * f64::from(k));
             let fit = subject.fit(&mesh, &turned);
             assert!(fit.residual < 1e-9, "{size} {k}: {fit:?}");
         }

@@ -1,6 +1,7 @@
 //! Bringing a mesh to where the surfaces are: by what files say, or by a rigid fit.
 
 use std::f64::consts::FRAC_PI_2;
+use std::iter;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Scene, UpAxis};
@@ -89,7 +90,7 @@ pub(crate) fn fit(exact: &Exact<'_>, soup: &Soup) -> Fit {
     let numbers = 0..exact.triangles.len();
     let triangles = TriangleTree::new(numbers.map(|k| exact.corners(k)).collect());
     let rough = |p: DVec3| {
-        let found = triangles.nearest_within(p, f64::INFINITY)?;
+        let found = triangles.nearest(p)?;
         let [a, b, c] = triangles.corners()[found.triangle as usize];
         let normal = (b - a).cross(c - a).try_normalize();
         Some((found.closest.point, normal))
@@ -112,34 +113,40 @@ pub(crate) fn fit(exact: &Exact<'_>, soup: &Soup) -> Fit {
     let size = exact.bounds().diagonal();
     // What is best after a few steps need not be in the end.
     let worst = WORSE * tried[0].0;
-    let promising = tried.into_iter().take_while(|(mean, _)| *mean <= worst);
-    let poses = promising.take(TRIED).map(|(_, start)| {
-        let pose = settled(&rough, &points, start, ROUGHLY * size);
-        (distances(&rough, &points, &pose).mean, pose)
-    });
-    let best = poses.min_by(|a, b| a.0.total_cmp(&b.0));
+    let promising = tried
+        .into_iter()
+        .take_while(|(mean, _)| mean.total_cmp(&worst).is_le());
+    let poses = promising
+        .take(TRIED)
+        .map(|(_, start)| settled(&rough, &points, start, ROUGHLY * size));
+    let best = poses.min_by(|a, b| a.0.mean.total_cmp(&b.0.mean));
     let (_, best) = best.expect("there is a start");
     let stride = soup.points.len().div_ceil(POINTS).max(1);
     let corners: Vec<DVec3> = soup.points.iter().step_by(stride).copied().collect();
-    let fitted = settled(&close, &corners, best, SETTLED * size);
-    let [before, after] =
-        [DAffine3::IDENTITY, fitted].map(|map| (distances(&close, &corners, &map), map));
-    let best = if after.0.mean < before.0.mean {
-        after
+    let unmoved = DAffine3::IDENTITY;
+    let before = distances(&close, &corners, &unmoved);
+    let (after, fitted) = settled(&close, &corners, best, SETTLED * size);
+    let (after, scene_from_mesh) = if after.mean < before.mean {
+        (after, fitted)
     } else {
-        before
+        (before, unmoved)
     };
     Fit {
-        scene_from_mesh: best.1,
-        before: before.0.rms,
-        residual: best.0.rms,
+        scene_from_mesh,
+        before: before.rms,
+        residual: after.rms,
     }
 }
 
 /// Steps until points move by less than `little`. All of them pull first: where most have found
 /// their places, the others would stay away. What has no place is to pull no more, if the
-/// others come nearer then.
-fn settled(nearest: &impl Nearest, points: &[DVec3], start: DAffine3, little: f64) -> DAffine3 {
+/// others come nearer then. The result says how far they are away in the end.
+fn settled(
+    nearest: &impl Nearest,
+    points: &[DVec3],
+    start: DAffine3,
+    little: f64,
+) -> (Distances, DAffine3) {
     let walked = |mut map: DAffine3, pull: Pull| {
         for _ in 0..ROUNDS {
             let (next, moved) = step(nearest, points, &map, pull);
@@ -150,10 +157,10 @@ fn settled(nearest: &impl Nearest, points: &[DVec3], start: DAffine3, little: f6
         }
         map
     };
-    let all = walked(start, Pull::All);
-    let most = walked(all, Pull::Near);
-    let mean = |map: &DAffine3| distances(nearest, points, map).mean;
-    if mean(&most) < mean(&all) { most } else { all }
+    let measured = |map: DAffine3| (distances(nearest, points, &map), map);
+    let all = measured(walked(start, Pull::All));
+    let most = measured(walked(all.1, Pull::Near));
+    if most.0.mean < all.0.mean { most } else { all }
 }
 
 /// Points that stand for equal areas of triangles.
@@ -178,17 +185,21 @@ fn spread(triangles: &[[DVec3; 3]], count: usize) -> Vec<DVec3> {
 fn starts(mesh: &[DVec3], surfaces: &[DVec3]) -> Vec<DAffine3> {
     let [(from, own), (to, axes)] = [mesh, surfaces].map(principal_axes);
     let mut starts = vec![DAffine3::IDENTITY];
+    let angles = (1..PARTS).map(|part| FRAC_PI_2 * f64::from(part) / f64::from(PARTS));
+    let between = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| {
+        angles
+            .clone()
+            .map(move |angle| DMat3::from_axis_angle(axis, angle))
+    });
+    let between: Vec<DMat3> = iter::once(DMat3::IDENTITY).chain(between).collect();
     for turn in quarter_turns() {
-        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-            for part in 0..PARTS {
-                let angle = FRAC_PI_2 * f64::from(part) / f64::from(PARTS);
-                let turn = axes * DMat3::from_axis_angle(axis, angle) * turn * own.transpose();
-                starts.push(DAffine3 {
-                    matrix3: turn,
-                    translation: to - turn * from,
-                });
+        starts.extend(between.iter().map(|between| {
+            let turn = axes * *between * turn * own.transpose();
+            DAffine3 {
+                matrix3: turn,
+                translation: to - turn * from,
             }
-        }
+        }));
     }
     starts
 }
