@@ -21,8 +21,11 @@ pub enum Shading {
     None,
 }
 
-/// Surfaces seen through one another, at most.
-const LAYERS: usize = 16;
+/// Surfaces seen through one another, at most; what is behind them is not seen, and no light comes from there.
+const LAYERS: usize = 4096;
+
+/// Surfaces that are no more than so many errors of their points apart are at one place.
+const COINCIDENT: f64 = 8.0;
 
 /// What remains visible below this share is not followed.
 const LEAST_SHARE: f64 = 1.0 / 512.0;
@@ -99,6 +102,17 @@ struct Layer {
     ray: usize,
     hit: Hit,
     share: f64,
+    /// What touches it from behind, the last first, once that has been looked for.
+    touching: Option<Vec<Hit>>,
+}
+
+impl Layer {
+    /// Whether something is left that touches it from behind.
+    fn is_touched(&self) -> bool {
+        self.touching
+            .as_ref()
+            .is_some_and(|found| !found.is_empty())
+    }
 }
 
 impl<'a> Integrator<'a> {
@@ -133,6 +147,7 @@ impl<'a> Integrator<'a> {
                 ray,
                 hit: (*hit)?,
                 share: 1.0,
+                touching: None,
             })
         };
         let mut layers: Vec<_> = hits.iter().enumerate().filter_map(first).collect();
@@ -140,6 +155,11 @@ impl<'a> Integrator<'a> {
         for _ in 0..LAYERS {
             if layers.is_empty() {
                 break;
+            }
+            if self.transparent {
+                for layer in &mut layers {
+                    self.look_behind(&rays[layer.ray], layer, workspace);
+                }
             }
             let looks: Vec<_> = layers
                 .iter()
@@ -158,7 +178,7 @@ impl<'a> Integrator<'a> {
             layers.retain(|layer| layer.share >= LEAST_SHARE);
             behind.clear();
             ranges.clear();
-            for layer in &layers {
+            for layer in layers.iter().filter(|layer| !layer.is_touched()) {
                 let ray = &rays[layer.ray];
                 let (next, range) = self.leave(ray, &layer.hit, ray.direction);
                 behind.push(next);
@@ -169,12 +189,53 @@ impl<'a> Integrator<'a> {
                 .nearest_many(&behind, &ranges, workspace, &mut found);
             let mut found = found.iter();
             layers.retain_mut(|layer| {
-                let next = found.next().copied().flatten();
+                let touching = layer.touching.as_mut().and_then(Vec::pop);
+                let next = touching.or_else(|| {
+                    layer.touching = None;
+                    found.next().copied().flatten()
+                });
                 layer.hit = next.unwrap_or(layer.hit);
                 next.is_some()
             });
         }
         light
+    }
+
+    /// Finds what touches a layer that lets light through; what is opaque at its very place stands for it.
+    fn look_behind(&self, ray: &Ray, layer: &mut Layer, workspace: &mut Workspace) {
+        let is_new = layer.touching.is_none();
+        if !is_new || self.look(ray, &layer.hit).opacity >= 1.0 {
+            return;
+        }
+        let mut touching = self.touching(ray, &layer.hit, workspace);
+        let is_hidden = |other: &Hit| {
+            let room = COINCIDENT * layer.hit.error.max(other.error);
+            other.t <= room && self.look(ray, other).opacity >= 1.0
+        };
+        if let Some(&opaque) = touching.iter().find(|other| is_hidden(other)) {
+            layer.hit = opaque;
+            touching.clear();
+        }
+        touching.reverse();
+        layer.touching = Some(touching);
+    }
+
+    /// What lies between a hit and where a ray goes on behind it, as it is nearer than rays leave a surface:
+    /// other surfaces of other materials, from the ray's side on. Faces that meet at an edge are one layer there.
+    fn touching(&self, ray: &Ray, hit: &Hit, workspace: &mut Workspace) -> Vec<Hit> {
+        let (next, _) = self.leave(ray, hit, ray.direction);
+        let way = next.origin - hit.point;
+        let length = way.length();
+        let across = Ray {
+            origin: hit.point,
+            direction: way / length,
+        };
+        let mut found = Vec::new();
+        let range = -COINCIDENT * hit.error..length;
+        self.accelerator.all(&across, range, workspace, &mut found);
+        let material = |hit: &Hit| self.accelerator.material(hit);
+        found.retain(|other| other.shape != hit.shape && material(other) != material(hit));
+        found
     }
 
     /// The local model at each layer.
@@ -251,6 +312,11 @@ impl<'a> Integrator<'a> {
                 let Some(blocker) = blocker else { continue };
                 let (shadow, share) = (&shadows[k], &mut shares[open[k]]);
                 *share *= 1.0 - self.look(shadow, blocker).opacity;
+                if *share >= LEAST_SHARE {
+                    for other in self.touching(shadow, blocker, workspace) {
+                        *share *= 1.0 - self.look(shadow, &other).opacity;
+                    }
+                }
                 if *share < LEAST_SHARE {
                     *share = 0.0;
                     continue;
@@ -267,6 +333,9 @@ impl<'a> Integrator<'a> {
             if kept == 0 {
                 break;
             }
+        }
+        for &k in &open {
+            shares[k] = 0.0;
         }
         shares
     }

@@ -28,6 +28,9 @@ pub(crate) const LEAVES: &str = "the loop leaves the surface; what lies outside 
 /// of their size.
 const BESIDE: f64 = 0.5;
 
+/// The same for what is inside of them, as a share of the box: areas are less accurate than loops.
+const ALIKE: f64 = 0.05;
+
 /// Points looked at on each span of a curve.
 const POINTS: usize = 8;
 
@@ -98,11 +101,14 @@ fn is_border(one: &TrimLoop, domain: &[Range<f64>; 2]) -> bool {
     one.signed_area().abs() > 0.5 * size.x * size.y && Outline::of(one, size).points().all(is_along)
 }
 
-/// A loop, and the corners of the box around its control points, as shares of the domain.
+/// A loop, and the corners of the box around its control points and its area, as shares of the domain.
 struct Outline<'a> {
     whole: &'a TrimLoop,
     size: DVec2,
     corners: [DVec2; 2],
+    area: f64,
+    /// Whether it is a polygon: its box is no larger than itself.
+    is_polygon: bool,
 }
 
 impl<'a> Outline<'a> {
@@ -112,14 +118,24 @@ impl<'a> Outline<'a> {
             whole,
             size,
             corners: [low / size, high / size],
+            area: whole.signed_area().abs() / size.element_product(),
+            is_polygon: whole.segments().iter().all(|c| c.knots().degree() == 1),
         }
     }
 
     fn is_same(&self, other: &Self) -> bool {
-        let near = BESIDE * self.corners[0].distance(self.corners[1]);
+        let size = self.corners[1] - self.corners[0];
+        let near = if self.is_polygon && other.is_polygon {
+            4.0 * SAME
+        } else {
+            BESIDE * size.length()
+        };
         let mut corners = self.corners.iter().zip(&other.corners);
         let is_on = |a: &Self, b: &Self| a.points().all(|p| b.passes(p));
-        corners.all(|(a, b)| a.distance(*b) <= near) && is_on(other, self) && is_on(self, other)
+        corners.all(|(a, b)| a.distance(*b) <= near)
+            && (self.area - other.area).abs() <= ALIKE * size.element_product()
+            && is_on(other, self)
+            && is_on(self, other)
     }
 
     /// Points on the loop.

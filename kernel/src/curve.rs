@@ -338,6 +338,22 @@ impl Curve<DVec3> {
     }
 }
 
+/// Points are no farther than this from the origin, also when their weights are factors of them: lengths, areas
+/// and volumes are then finite numbers.
+pub const FARTHEST: f64 = 1e100;
+
+/// Refuses points that are not finite or beyond [`FARTHEST`].
+///
+/// # Errors
+/// At the first one.
+pub fn check_points<P: Point>(mut points: impl Iterator<Item = P>) -> Result<(), Error> {
+    let is_far = |p: P| p.length().is_nan() || p.length() > FARTHEST;
+    match points.position(is_far) {
+        Some(index) => Err(Error::NotFinite { index }),
+        None => Ok(()),
+    }
+}
+
 /// Homogeneous control points from Cartesian ones, checked.
 pub(crate) fn lift_all<P: Point>(
     points: &[P],
@@ -350,9 +366,7 @@ pub(crate) fn lift_all<P: Point>(
             expected,
         });
     }
-    if let Some(index) = points.iter().position(|p| !p.is_finite()) {
-        return Err(Error::NotFinite { index });
-    }
+    check_points(points.iter().copied())?;
     let ones = vec![1.0; if weights.is_none() { expected } else { 0 }];
     let weights = weights.unwrap_or(&ones);
     if weights.len() != expected {
@@ -372,10 +386,8 @@ pub(crate) fn lift_all<P: Point>(
         .zip(weights)
         .map(|(p, &w)| p.lift(w))
         .collect();
-    match lifted.iter().position(|&h| !P::numerator(h).is_finite()) {
-        Some(index) => Err(Error::NotFinite { index }),
-        None => Ok(lifted),
-    }
+    check_points(lifted.iter().map(|&h| P::numerator(h)))?;
+    Ok(lifted)
 }
 
 /// The images of homogeneous points under an affine map; weights stay as they are.

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::FARTHEST;
+
 /// A geometric object that cannot be constructed, with the offending numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -62,7 +64,8 @@ pub enum Error {
         /// Weights needed.
         expected: usize,
     },
-    /// A coordinate is infinite or not a number.
+    /// A coordinate is infinite or not a number, or a point is farther than [`FARTHEST`](crate::FARTHEST) from
+    /// the origin, also with its weight.
     NotFinite {
         /// Position in the list of points.
         index: usize,
@@ -202,7 +205,12 @@ impl fmt::Display for Error {
             Self::WeightCount { found, expected } => {
                 write!(f, "{found} weights for {expected} control points")
             }
-            Self::NotFinite { index } => write!(f, "point {index} is not finite"),
+            Self::NotFinite { index } => {
+                write!(
+                    f,
+                    "point {index} is not finite, or beyond {FARTHEST:e} from the origin"
+                )
+            }
             Self::Weight { index, found } => {
                 write!(f, "weight {index} is {found}; weights must be positive")
             }

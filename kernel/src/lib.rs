@@ -42,7 +42,7 @@ mod trim;
 pub use bezier::BezierSurface;
 pub use bounds::Aabb;
 pub use camera::{Camera, Lens, Projection};
-pub use curve::{Curve, CurveDerivatives};
+pub use curve::{Curve, CurveDerivatives, FARTHEST, check_points};
 pub use error::Error;
 pub use interval::Interval;
 pub use knots::{KnotVector, MAX_DEGREE};

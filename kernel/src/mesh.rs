@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, DVec4};
 
-use crate::{Aabb, Error, MaterialId};
+use crate::{Aabb, Error, MaterialId, check_points};
 
 /// Triangles over shared vertices.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,8 +40,8 @@ impl Mesh {
                 });
             }
         }
+        check_points(positions.iter().copied())?;
         let infinite = [
-            positions.iter().position(|p| !p.is_finite()),
             normals.iter().position(|n| !n.is_finite()),
             uvs.iter().position(|uv| !uv.is_finite()),
         ];

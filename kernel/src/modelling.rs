@@ -22,7 +22,7 @@ mod swept;
 
 use glam::DVec3;
 
-use crate::Error;
+use crate::{Error, check_points};
 
 pub use arc::{arc, arc_angle, arc_parameter, circle, to_center};
 pub use blend::blend;
@@ -109,11 +109,7 @@ fn direction(vector: DVec3) -> Result<DVec3, Error> {
 
 /// Refuses coordinates that are not finite.
 fn check_point(point: DVec3) -> Result<(), Error> {
-    if point.is_finite() {
-        Ok(())
-    } else {
-        Err(Error::NotFinite { index: 0 })
-    }
+    check_points(std::iter::once(point))
 }
 
 /// Refuses a length that is not positive and finite.

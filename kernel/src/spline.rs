@@ -55,8 +55,6 @@ pub trait Point:
     fn numerator(homogeneous: Self::Homogeneous) -> Self;
     /// Euclidean length of the vector from the origin.
     fn length(self) -> f64;
-    /// Whether every coordinate is finite.
-    fn is_finite(self) -> bool;
 
     /// The point that a homogeneous form stands for.
     fn project(homogeneous: Self::Homogeneous) -> Self {
@@ -75,9 +73,6 @@ impl Point for DVec2 {
     fn length(self) -> f64 {
         self.length()
     }
-    fn is_finite(self) -> bool {
-        self.is_finite()
-    }
 }
 
 impl Point for DVec3 {
@@ -90,9 +85,6 @@ impl Point for DVec3 {
     }
     fn length(self) -> f64 {
         self.length()
-    }
-    fn is_finite(self) -> bool {
-        self.is_finite()
     }
 }
 

@@ -1,7 +1,7 @@
 //! From a candidate to a hit in the world, and from hits found twice to one.
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::{Material, Mesh, Ray, Shape};
+use kernel::{KnotVector, Material, Mesh, Ray, Shape};
 
 use super::cells::Piece;
 use super::trace::{Candidate, CandidateKind};
@@ -19,9 +19,24 @@ const SAME_PARAMETER: f64 = 1e-9;
 /// Points of one tangential root found twice differ by less than this part of the piece.
 const SAME_POINT: f64 = 1e-7;
 
+/// Points on a seam, found from both of its sides, differ by less than this part of the piece.
+const SEAM: f64 = 1e-10;
+
+/// A ray whose direction has so large a part along the normal does not only touch a surface.
+const CROSSING: f64 = 1e-3;
+
+impl Hit {
+    /// Without the mark of a touch where the ray plainly crosses, as it may at a pole.
+    pub(super) fn settled(mut self, ray: &Ray) -> Self {
+        let across = self.normal.dot(ray.direction).abs();
+        self.tangential &= across <= CROSSING * ray.direction.length();
+        self
+    }
+}
+
 impl Accelerator<'_> {
-    /// Merges what was found twice on common borders of cells and pieces; `hits` are sorted.
-    pub(super) fn merge(&self, hits: &mut Vec<Hit>) {
+    /// Merges what was found twice on common borders of cells and pieces, and on seams; `hits` are sorted.
+    pub(super) fn merge(&self, ray: &Ray, hits: &mut Vec<Hit>) {
         let mut kept = 0;
         for k in 0..hits.len() {
             let hit = hits[k];
@@ -29,7 +44,7 @@ impl Accelerator<'_> {
                 .iter()
                 .rev()
                 .take(64)
-                .position(|other| other.shape == hit.shape && self.coincide(other, &hit));
+                .position(|other| other.shape == hit.shape && self.coincide(ray, other, &hit));
             match known {
                 Some(back) => {
                     let other = &mut hits[kept - 1 - back];
@@ -47,26 +62,31 @@ impl Accelerator<'_> {
         hits.truncate(kept);
     }
 
-    fn coincide(&self, a: &Hit, b: &Hit) -> bool {
+    fn coincide(&self, ray: &Ray, a: &Hit, b: &Hit) -> bool {
         let apart = a.point.distance(b.point);
         let size = a.error.max(b.error) / POINT_ERROR;
         if a.tangential || b.tangential {
             return apart <= SAME_POINT * size;
         }
-        let uv = (a.uv - b.uv).abs() / self.domain_size(a);
-        uv.max_element() <= SAME_PARAMETER && apart <= SAME_POINT * size
-    }
-
-    /// Extent of the parameters of the shape that was hit.
-    fn domain_size(&self, hit: &Hit) -> DVec2 {
-        match self.item(hit).shape {
-            ItemShape::Patch(patch) => {
-                let surface = &patch.surface;
-                let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
-                DVec2::new(u.end - u.start, v.end - v.start)
-            }
-            ItemShape::Mesh(_) => DVec2::ONE,
+        let ItemShape::Patch(patch) = self.item(a).shape else {
+            let is_one = (a.uv - b.uv).abs().max_element() <= SAME_PARAMETER;
+            return is_one && apart <= SAME_POINT * size;
+        };
+        let domains = [patch.surface.knots_u(), patch.surface.knots_v()].map(KnotVector::domain);
+        // Shares of the domain.
+        let [a_share, b_share] = [a.uv, b.uv].map(|uv| {
+            [0, 1].map(|k| (uv[k] - domains[k].start) / (domains[k].end - domains[k].start))
+        });
+        let differs = [0, 1].map(|k| (a_share[k] - b_share[k]).abs() > SAME_PARAMETER);
+        if differs == [false; 2] {
+            return apart <= SAME_POINT * size;
         }
+        let is_end = |share: f64| share.min(1.0 - share) <= SAME_PARAMETER;
+        let both_end = |k: usize| is_end(a_share[k]) && is_end(b_share[k]);
+        // On both sides of a seam, or at one pole; a ray may cross or touch a fold there.
+        let is_seam = (0..2).all(|k| !differs[k] || both_end(k) || both_end(1 - k));
+        let [over, under] = [a, b].map(|hit| hit.normal.dot(ray.direction));
+        is_seam && apart <= SEAM * size && over * under > 0.0
     }
 
     /// The material of what was hit, if it has one.
@@ -310,6 +330,42 @@ fn triangle_uv(mesh: &Mesh, index: u32, barycentric: DVec2) -> DVec2 {
         uvs => {
             let [a, b, c] = corners.map(|k| uvs[k as usize]);
             a + (b - a) * barycentric.x + (c - a) * barycentric.y
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{all_hits, ball, scene_of};
+    use super::*;
+    use crate::intersect::METHODS;
+
+    #[test]
+    fn rays_through_poles_and_seams_cross_a_sphere_twice() {
+        let center = DVec3::new(0.3, -0.2, 0.7);
+        let scene = scene_of(vec![ball(1.0, center)]);
+        // Along the axis, through the seam, and through a meridian of it.
+        let ways = [DVec3::Z, DVec3::X, DVec3::new(0.6, 0.0, 0.8)];
+        for method in &METHODS[..1] {
+            let accelerator = Accelerator::build(&scene, method);
+            for direction in ways.into_iter().flat_map(|way| [way, -way]) {
+                let ray = Ray {
+                    origin: center - direction * 3.0,
+                    direction,
+                };
+                let hits = all_hits(&accelerator, &ray);
+                let times: Vec<f64> = hits.iter().map(|hit| hit.t).collect();
+                let [first, second] = times[..] else {
+                    panic!("{direction}: {times:?}");
+                };
+                assert!((first - 2.0).abs().max((second - 4.0).abs()) < 1e-12);
+                assert!(hits.iter().all(|hit| !hit.tangential), "{direction}");
+            }
+            // Beside it, it is a touch.
+            let origin = center + DVec3::new(1.0, -3.0, 0.0);
+            let direction = DVec3::Y;
+            let touch = all_hits(&accelerator, &Ray { origin, direction });
+            assert_eq!(touch.iter().filter(|hit| hit.tangential).count(), 1);
         }
     }
 }

@@ -143,7 +143,8 @@ impl Task for Trace<'_, '_> {
             let (instance, number) = (found.instance[lane], found.number[lane]);
             let Some(place) = packet.places.of(lane) else {
                 let candidate = found.candidate(lane, packet.until[lane]);
-                hits[lane] = Some(accelerator.work_out(&rays[lane], &candidate));
+                let hit = accelerator.work_out(&rays[lane], &candidate);
+                hits[lane] = Some(hit.settled(&rays[lane]));
                 continue;
             };
             let shown = match &shown {
@@ -152,7 +153,12 @@ impl Task for Trace<'_, '_> {
             };
             let uv = DVec2::new(found.u[lane], found.v[lane]);
             let touches = found.tangential >> lane & 1 == 1;
-            hits[lane] = Some(shown.hit(packet.until[lane], (uv, touches), place));
+            let hit = shown.hit(packet.until[lane], (uv, touches), place);
+            hits[lane] = Some(if touches {
+                hit.settled(&rays[lane])
+            } else {
+                hit
+            });
         }
     }
 }

@@ -31,20 +31,20 @@ fn leaf_node(scene: &mut Scene, patches: Vec<Patch>, parent_from_node: DAffine3)
     scene.add_node(node).unwrap()
 }
 
-fn ball(scale: f64, center: DVec3) -> Patch {
+pub(super) fn ball(scale: f64, center: DVec3) -> Patch {
     let frame = Frame::about(center * scale, DVec3::Z).unwrap();
     let sphere = modelling::sphere(&frame, scale, 0.0..TAU, -FRAC_PI_2..FRAC_PI_2).unwrap();
     Patch::from(sphere)
 }
 
-fn scene_of(patches: Vec<Patch>) -> Scene {
+pub(super) fn scene_of(patches: Vec<Patch>) -> Scene {
     let mut scene = Scene::default();
     let root = leaf_node(&mut scene, patches, DAffine3::IDENTITY);
     scene.set_root(root).unwrap();
     scene
 }
 
-fn all_hits(accelerator: &Accelerator<'_>, ray: &Ray) -> Vec<Hit> {
+pub(super) fn all_hits(accelerator: &Accelerator<'_>, ray: &Ray) -> Vec<Hit> {
     let mut hits = Vec::new();
     accelerator.all(
         ray,

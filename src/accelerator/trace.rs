@@ -71,7 +71,9 @@ impl Accelerator<'_> {
     ) -> Option<Hit> {
         let mut best = Nearest::default();
         self.search::<I>(ray, range.clone(), workspace.rooms(), &mut best);
-        let hit = best.found.map(|candidate| self.work_out(ray, &candidate));
+        let hit = best
+            .found
+            .map(|candidate| self.work_out(ray, &candidate).settled(ray));
         self.sealed_nearest(ray, &range, workspace.rooms(), hit)
     }
 
@@ -110,7 +112,10 @@ impl Accelerator<'_> {
                 .then(a.uv.x.total_cmp(&b.uv.x))
                 .then(a.uv.y.total_cmp(&b.uv.y))
         });
-        self.merge(hits);
+        self.merge(ray, hits);
+        for hit in hits.iter_mut() {
+            *hit = hit.settled(ray);
+        }
         self.sealed_all(ray, &range, workspace.rooms(), hits);
     }
 

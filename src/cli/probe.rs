@@ -230,12 +230,12 @@ fn is_heading(row: &str) -> bool {
 
 fn fields<const N: usize>(line: &str) -> anyhow::Result<[f64; N]> {
     let mut fields = [0.0; N];
-    let mut parts = line.split(',');
+    let is_between = |c: char| matches!(c, ',' | ';') || c.is_whitespace();
+    let mut parts = line.split(is_between).filter(|part| !part.is_empty());
     for (k, field) in fields.iter_mut().enumerate() {
         let part = parts
             .next()
-            .with_context(|| format!("{k} numbers; {N} are needed"))?
-            .trim();
+            .with_context(|| format!("{k} numbers; {N} are needed"))?;
         let number = part.parse().ok().filter(|x: &f64| x.is_finite());
         *field = number.with_context(|| format!("'{part}' is not a finite number"))?;
     }

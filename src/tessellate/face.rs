@@ -112,10 +112,14 @@ impl<'a> Mesher<'a> {
         }
         self.add_creases();
         self.divide_apexes();
-        for seed in seeds(self.face, &self.bounds, self.limits) {
+        let seeds = seeds(self.face, &self.bounds, self.limits);
+        let room = self.limits.room;
+        if !room.is_left() {
+            return Triangles::default();
+        }
+        for seed in seeds {
             self.sow(&seed);
         }
-        let room = self.limits.room;
         for round in 0..ROUNDS {
             let inner = self.inner();
             let places: Vec<(DVec2, u32)> = inner

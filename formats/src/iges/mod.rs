@@ -76,7 +76,7 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     }
     let sections = records::sections(bytes);
     if sections.directory.is_empty() && sections.data.is_empty() {
-        let text = "no directory section; IGES files have section letters in column 73";
+        let text = "no entities: IGES files have a directory of them, with a D in column 73";
         return Err(error(Place::default(), Problem::Invalid(text.to_owned())));
     }
     let (cards, limit) = (sections.directory.len(), options.limits.entities);

@@ -374,7 +374,7 @@ fn what_is_moved_beyond_all_numbers_is_refused() {
     assert_eq!((scene.patches().len(), scene.wires().len()), (1, 0));
     assert_eq!(warnings.len(), 2, "{warnings:?}");
     assert!(
-        warnings.iter().all(|text| text.ends_with("is not finite")),
+        warnings.iter().all(|text| text.contains(" is not finite")),
         "{warnings:?}"
     );
 }

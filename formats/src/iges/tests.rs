@@ -350,7 +350,7 @@ fn files_without_surfaces_that_work_are_errors() {
     );
     assert_eq!(
         error("version 1\noid 7\n"),
-        "IGES the file: no directory section; IGES files have section letters in column 73"
+        "IGES the file: no entities: IGES files have a directory of them, with a D in column 73"
     );
     assert_eq!(
         error("B\0\0\0\x4b\x20\x40"),

@@ -8,11 +8,8 @@ use super::directory::{File, SHORT};
 use crate::Problem;
 
 /// Refuses points that a transformation moved beyond the range of numbers.
-pub(super) fn check_finite(mut points: impl Iterator<Item = DVec3>) -> Result<(), Problem> {
-    match points.position(|p| !p.is_finite()) {
-        Some(index) => Err(Problem::Geometry(kernel::Error::NotFinite { index })),
-        None => Ok(()),
-    }
+pub(super) fn check_finite(points: impl Iterator<Item = DVec3>) -> Result<(), Problem> {
+    kernel::check_points(points).map_err(Problem::Geometry)
 }
 
 /// Composed transformations by the entry they begin with.

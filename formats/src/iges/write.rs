@@ -17,7 +17,7 @@ use self::cards::Record;
 use self::tree::Tree;
 use super::{error, global};
 use crate::write::{Export, Writer, tell_voids, turn};
-use crate::{Error, Place};
+use crate::{Error, Place, Problem};
 
 /// The row of this format.
 pub(crate) const WRITER: Writer = Writer {
@@ -60,6 +60,10 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let turned = turn(scene.up, UpAxis::Z);
     let refuse = |problem| error(Place::default(), problem);
     tree.add_all(turned * scale).map_err(refuse)?;
+    if tree.deck.is_empty() && !scene.meshes().is_empty() {
+        let text = "there are only triangles to write, which IGES files do not hold";
+        return Err(refuse(Problem::Unsupported(text.to_owned())));
+    }
     let bounds = scene.hull_bounds();
     let largest = bounds.corners().map(|corner| corner.abs().max_element());
     let largest = largest.into_iter().filter(|x| x.is_finite());

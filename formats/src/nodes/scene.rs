@@ -301,7 +301,7 @@ impl<'a> Converter<'a> {
         match made {
             Ok(id) => Made::Node(id),
             Err(_) => {
-                let text = "a map that flattens all to nothing; what is inside is left out";
+                let text = "a map that is not finite or flattens all to nothing; what is inside is left out";
                 self.warnings.invalid(node.place(), text);
                 Made::Nothing
             }
@@ -335,10 +335,17 @@ impl<'a> Converter<'a> {
 
     fn shape(&mut self, node: &Node) -> Made {
         let (mut geometry, mut wires, mut material) = (None, None, None);
-        for made in self.made_inside(node) {
+        for index in self.shown_inside(node) {
+            let made = self.made[index];
+            let is_geometry = matches!(made, Made::Wires(..) | Made::Geometry(_));
+            if is_geometry && (geometry.is_some() || wires.is_some()) {
+                let text = "its Shape has another geometry before it; it is not shown";
+                self.warnings.invalid(self.tree.nodes[index].place(), text);
+                continue;
+            }
             match made {
-                Made::Wires(found, _) => wires = wires.or(Some(found)),
-                Made::Geometry(found) => geometry = geometry.or(Some(found)),
+                Made::Wires(found, _) => wires = Some(found),
+                Made::Geometry(found) => geometry = Some(found),
                 Made::Material(found) => material = material.or(Some(found)),
                 _ => {}
             }

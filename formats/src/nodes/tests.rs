@@ -511,3 +511,15 @@ fn lines_end_where_a_point_is_missing() {
         );
     }
 }
+
+#[test]
+fn a_second_geometry_of_a_shape_is_told() {
+    for second in ["Box { }", "LineSet { }"] {
+        let text = format!("Shape {{ geometry Sphere {{ }} geometry {second} }}");
+        let import = read_scene(&text);
+        assert_eq!(import.scene.placement_count(), 1, "{second}");
+        let told = import.warnings.as_slice().iter();
+        let told: Vec<_> = told.map(|w| w.problem.to_string()).collect();
+        assert!(!told.is_empty(), "{second} is dropped in silence");
+    }
+}

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::banded::{System, Value};
 use crate::spline::Point;
-use crate::{Curve, Error, KnotVector, Surface};
+use crate::{Curve, Error, KnotVector, Surface, check_points};
 
 /// Steps between parameters shorter than this share of their mean are none.
 const COINCIDENT: f64 = 1e-12;
@@ -66,9 +66,7 @@ pub fn interpolate(
         let (found, expected) = (points.len(), count_u * count_v.max(1));
         return Err(Error::PointCount { found, expected });
     }
-    if let Some(index) = points.iter().position(|p| !p.is_finite()) {
-        return Err(Error::NotFinite { index });
-    }
+    check_points(points.iter().copied())?;
     let rows: Vec<Vec<DVec3>> = points.chunks_exact(count_v).map(<[_]>::to_vec).collect();
     let columns = transposed(&rows);
     let [u, v] = [
@@ -97,9 +95,7 @@ pub fn interpolate_curve<P: Point>(
     points: &[P],
     along: Along,
 ) -> Result<(Curve<P>, Vec<f64>), Error> {
-    if let Some(index) = points.iter().position(|p| !p.is_finite()) {
-        return Err(Error::NotFinite { index });
-    }
+    check_points(points.iter().copied())?;
     let basis = Basis::new(&[points], along)?;
     let points = basis.control_points(points);
     Ok((Curve::new(basis.knots, &points, None)?, basis.parameters))

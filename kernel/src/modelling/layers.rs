@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use crate::knots::runs;
-use crate::{Curve, Error, KnotVector};
+use crate::{Curve, Error, KnotVector, check_points};
 
 /// Points of a contour that are held against those of the layer before.
 const SAMPLES: usize = 96;
@@ -85,9 +85,7 @@ fn check(points: &[DVec3]) -> Result<(), Error> {
             expected: 3,
         });
     }
-    if let Some(index) = points.iter().position(|p| !p.is_finite()) {
-        return Err(Error::NotFinite { index });
-    }
+    check_points(points.iter().copied())?;
     let step = |k: usize| points[k].distance(points[(k + 1) % points.len()]);
     let length: f64 = (0..points.len()).map(step).sum();
     match (0..points.len()).find(|&k| step(k) <= COINCIDENT * length) {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DQuat, DVec2, DVec3, DVec4};
 
 use super::banded::inverse;
-use crate::{Curve, Error, KnotVector, Surface};
+use crate::{Curve, Error, KnotVector, Surface, check_points};
 
 /// A swept surface, and how far it may be from what it stands for.
 #[derive(Clone, Debug, PartialEq)]
@@ -325,10 +325,8 @@ fn across(
             columns.iter().map(point)
         })
         .collect();
-    match net.iter().position(|p| !p.is_finite()) {
-        Some(index) => Err(Error::NotFinite { index }),
-        None => Ok(Surface::trusted(section.knots().clone(), knots_v, net)),
-    }
+    check_points(net.iter().map(|h| h.truncate()))?;
+    Ok(Surface::trusted(section.knots().clone(), knots_v, net))
 }
 
 /// The places from 0 to 1 where the fit agrees with the definition: Chebyshev's, with ends.

@@ -24,6 +24,9 @@ const MEETINGS: usize = 1000;
 /// More stretches of boundary than this are many.
 const MANY: usize = 1000;
 
+/// Of many boundary points every so many are put into the plane, pass by pass.
+const STRIDES: [usize; 7] = [16384, 4096, 1024, 256, 64, 16, 4];
+
 /// Corners that are one point of space, and no farther apart than this share of the domain, are one:
 /// between them is the gap of a loop, which may run back over its own curves.
 const SAME: f64 = 1e-5;
@@ -111,8 +114,7 @@ impl<'a> Mesher<'a> {
             handles: vec![[None; 2]; stretches.len()],
             owners: HashMap::with_capacity(stretches.len()),
         };
-        let outermost = outermost(stretches, bounds.size());
-        for number in outermost.chain(0..stretches.len()) {
+        for number in order(stretches, bounds.size()) {
             let ends = stretches[number].ends.map(|corner| {
                 let list = known.entry(corner.id).or_default();
                 let span = spans.get(&corner.id).copied().unwrap_or(near);
@@ -211,17 +213,21 @@ impl<'a> Mesher<'a> {
     }
 }
 
-/// Of many stretches those that are far apart, and not on one side of a domain: until vertices span a
-/// triangle, each next one takes as long as all before together.
-fn outermost(stretches: &[Stretch], size: DVec2) -> impl Iterator<Item = usize> {
+/// The order in which ends are put into the plane. Of many those come first that are far apart and not on one
+/// side of a domain: until vertices span a triangle, each next one takes as long as all before together. Then come
+/// more and more of the others, since one that sees all of a side divides as many triangles as that has steps.
+fn order(stretches: &[Stretch], size: DVec2) -> impl Iterator<Item = usize> {
+    let count = stretches.len();
     let ways = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0)];
-    let wanted = if stretches.len() > MANY {
-        ways.len()
-    } else {
-        0
-    };
-    ways.into_iter().take(wanted).filter_map(move |way| {
-        let along = |k: &usize| (stretches[*k].ends[0].uv / size).dot(way);
-        (0..stretches.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
-    })
+    let is_many = count > MANY;
+    let outermost = ways
+        .into_iter()
+        .filter(move |_| is_many)
+        .filter_map(move |way| {
+            let along = |k: &usize| (stretches[*k].ends[0].uv / size).dot(way);
+            (0..count).max_by(|a, b| along(a).total_cmp(&along(b)))
+        });
+    let coarse = STRIDES.into_iter().filter(move |_| is_many);
+    let strides = coarse.chain([1]);
+    outermost.chain(strides.flat_map(move |stride| (0..count).step_by(stride)))
 }

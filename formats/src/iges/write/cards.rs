@@ -156,6 +156,10 @@ pub(super) struct Deck {
 const MOST_CARDS: usize = 9_999_999;
 
 impl Deck {
+    pub(super) fn is_empty(&self) -> bool {
+        self.entities.is_empty()
+    }
+
     /// Adds an entity; the result is the pointer to it.
     pub(super) fn add(&mut self, entity: Entity) -> usize {
         self.entities.push(entity);
