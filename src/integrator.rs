@@ -156,14 +156,9 @@ impl<'a> Integrator<'a> {
             if layers.is_empty() {
                 break;
             }
-            if self.transparent {
-                for layer in &mut layers {
-                    self.look_behind(&rays[layer.ray], layer, workspace);
-                }
-            }
             let looks: Vec<_> = layers
-                .iter()
-                .map(|layer| self.look(&rays[layer.ray], &layer.hit))
+                .iter_mut()
+                .map(|layer| self.look_behind(&rays[layer.ray], layer, workspace))
                 .collect();
             let colors = self.colors(rays, &layers, &looks, workspace, count);
             for ((layer, look), color) in layers.iter_mut().zip(&looks).zip(colors) {
@@ -201,11 +196,12 @@ impl<'a> Integrator<'a> {
         light
     }
 
-    /// Finds what touches a layer that lets light through; what is opaque at its very place stands for it.
-    fn look_behind(&self, ray: &Ray, layer: &mut Layer, workspace: &mut Workspace) {
-        let is_new = layer.touching.is_none();
-        if !is_new || self.look(ray, &layer.hit).opacity >= 1.0 {
-            return;
+    /// The material of a layer. Finds what touches one that lets light through; what is opaque at its very place
+    /// stands for it.
+    fn look_behind(&self, ray: &Ray, layer: &mut Layer, workspace: &mut Workspace) -> Look {
+        let look = self.look(ray, &layer.hit);
+        if layer.touching.is_some() || self.opacity(&look) >= 1.0 {
+            return look;
         }
         let mut touching = self.touching(ray, &layer.hit, workspace);
         let is_hidden = |other: &Hit| {
@@ -214,10 +210,11 @@ impl<'a> Integrator<'a> {
         };
         if let Some(&opaque) = touching.iter().find(|other| is_hidden(other)) {
             layer.hit = opaque;
-            touching.clear();
+            return self.look(ray, &opaque);
         }
         touching.reverse();
         layer.touching = Some(touching);
+        look
     }
 
     /// What lies between a hit and where a ray goes on behind it, as it is nearer than rays leave a surface:

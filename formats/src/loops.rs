@@ -97,8 +97,9 @@ fn is_border(one: &TrimLoop, domain: &[Range<f64>; 2]) -> bool {
         let beyond = (share - share.clamp(DVec2::ZERO, DVec2::ONE)).abs();
         off.min_element() <= ALONG && beyond.max_element() <= ALONG
     };
+    let outline = Outline::of(one, size);
     // What runs along it and back has no area.
-    one.signed_area().abs() > 0.5 * size.x * size.y && Outline::of(one, size).points().all(is_along)
+    outline.area > 0.5 && outline.points().all(is_along)
 }
 
 /// A loop, and the corners of the box around its control points and its area, as shares of the domain.

@@ -107,7 +107,7 @@ fn direction(vector: DVec3) -> Result<DVec3, Error> {
     (vector / largest).try_normalize().ok_or(Error::NoDirection)
 }
 
-/// Refuses coordinates that are not finite.
+/// As [`check_points`], of one.
 fn check_point(point: DVec3) -> Result<(), Error> {
     check_points(std::iter::once(point))
 }

@@ -28,8 +28,10 @@ const CROSSING: f64 = 1e-3;
 impl Hit {
     /// Without the mark of a touch where the ray plainly crosses, as it may at a pole.
     pub(super) fn settled(mut self, ray: &Ray) -> Self {
-        let across = self.normal.dot(ray.direction).abs();
-        self.tangential &= across <= CROSSING * ray.direction.length();
+        if self.tangential {
+            let across = self.normal.dot(ray.direction).abs();
+            self.tangential = across <= CROSSING * ray.direction.length();
+        }
         self
     }
 }
@@ -346,26 +348,24 @@ mod tests {
         let scene = scene_of(vec![ball(1.0, center)]);
         // Along the axis, through the seam, and through a meridian of it.
         let ways = [DVec3::Z, DVec3::X, DVec3::new(0.6, 0.0, 0.8)];
-        for method in &METHODS[..1] {
-            let accelerator = Accelerator::build(&scene, method);
-            for direction in ways.into_iter().flat_map(|way| [way, -way]) {
-                let ray = Ray {
-                    origin: center - direction * 3.0,
-                    direction,
-                };
-                let hits = all_hits(&accelerator, &ray);
-                let times: Vec<f64> = hits.iter().map(|hit| hit.t).collect();
-                let [first, second] = times[..] else {
-                    panic!("{direction}: {times:?}");
-                };
-                assert!((first - 2.0).abs().max((second - 4.0).abs()) < 1e-12);
-                assert!(hits.iter().all(|hit| !hit.tangential), "{direction}");
-            }
-            // Beside it, it is a touch.
-            let origin = center + DVec3::new(1.0, -3.0, 0.0);
-            let direction = DVec3::Y;
-            let touch = all_hits(&accelerator, &Ray { origin, direction });
-            assert_eq!(touch.iter().filter(|hit| hit.tangential).count(), 1);
+        let accelerator = Accelerator::build(&scene, &METHODS[0]);
+        for direction in ways.into_iter().flat_map(|way| [way, -way]) {
+            let ray = Ray {
+                origin: center - direction * 3.0,
+                direction,
+            };
+            let hits = all_hits(&accelerator, &ray);
+            let times: Vec<f64> = hits.iter().map(|hit| hit.t).collect();
+            let [first, second] = times[..] else {
+                panic!("{direction}: {times:?}");
+            };
+            assert!((first - 2.0).abs().max((second - 4.0).abs()) < 1e-12);
+            assert!(hits.iter().all(|hit| !hit.tangential), "{direction}");
         }
+        // Beside it, it is a touch.
+        let origin = center + DVec3::new(1.0, -3.0, 0.0);
+        let direction = DVec3::Y;
+        let touch = all_hits(&accelerator, &Ray { origin, direction });
+        assert_eq!(touch.iter().filter(|hit| hit.tangential).count(), 1);
     }
 }

@@ -154,11 +154,7 @@ impl Task for Trace<'_, '_> {
             let uv = DVec2::new(found.u[lane], found.v[lane]);
             let touches = found.tangential >> lane & 1 == 1;
             let hit = shown.hit(packet.until[lane], (uv, touches), place);
-            hits[lane] = Some(if touches {
-                hit.settled(&rays[lane])
-            } else {
-                hit
-            });
+            hits[lane] = Some(hit.settled(&rays[lane]));
         }
     }
 }
