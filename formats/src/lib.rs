@@ -34,7 +34,7 @@ mod nodes;
 mod obj;
 mod pictures;
 mod points;
-mod triangulate;
+pub mod triangulate;
 mod uneven;
 mod vrml;
 mod write;
@@ -42,7 +42,7 @@ mod x3d;
 
 pub use error::{Error, Place, Problem, Warning, Warnings};
 pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
-pub use nodes::Animation;
+pub use nodes::{Animation, decoded};
 pub use points::{
     Layer, POINT_FORMATS, PointBody, PointFormat, PointSet, open_points, read_points,
 };

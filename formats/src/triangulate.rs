@@ -3,11 +3,11 @@
 use glam::{DVec2, DVec3};
 
 /// How many corner tests all polygons of a file may cost together.
-pub(crate) const TESTS: usize = 500_000_000;
+pub const TESTS: usize = 500_000_000;
 
 /// Triangles that fill the polygon, or `None` if it crosses itself or `tests`, of which what
 /// is used is taken off, do not suffice.
-pub(crate) fn triangles(points: &[DVec3], tests: &mut usize) -> Option<Vec<[usize; 3]>> {
+pub fn triangles(points: &[DVec3], tests: &mut usize) -> Option<Vec<[usize; 3]>> {
     let fan = |n: usize| (2..n).map(|i| [0, i - 1, i]).collect();
     let flat = flattened(points);
     let n = flat.len();

@@ -30,7 +30,7 @@ use super::{DIFFERENT, Failures};
 pub(super) struct Args {
     /// File with exact surfaces; - reads standard input
     cad: PathBuf,
-    /// Meshes: .glb, .gltf, .stl, .obj or another format with polygons
+    /// Meshes: .glb, .gltf, .stl, .ply, .obj or another format with polygons
     meshes: Vec<PathBuf>,
     /// Folder for the report; it is made if it is not there
     #[arg(short, long, value_name = "DIR")]

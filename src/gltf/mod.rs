@@ -5,7 +5,7 @@
 
 mod buffer;
 mod look;
-mod meshopt;
+pub(crate) mod meshopt;
 mod pictures;
 mod place;
 mod rounding;

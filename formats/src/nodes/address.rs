@@ -99,7 +99,7 @@ fn has_drive(path: &str) -> bool {
 }
 
 /// What stands in an address, with `%20` and the like decoded; as it is if that is no text.
-fn decoded(text: &str) -> String {
+pub fn decoded(text: &str) -> String {
     let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
     while let [first, tail @ ..] = rest {
         let digit = |at: usize| char::from(*tail.get(at)?).to_digit(16);

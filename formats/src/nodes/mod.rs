@@ -48,6 +48,7 @@ use glam::{DVec2, DVec3};
 use crate::pictures::Pictures;
 use crate::{Error, Import, Place, Problem, ReadOptions, Warnings};
 
+pub use address::decoded;
 pub use animate::Animation;
 pub(crate) use build::Builder;
 pub(crate) use kinds::stands_in_scene;

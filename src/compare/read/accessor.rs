@@ -1,6 +1,8 @@
 //! The numbers of glTF files: accessors, views and buffers, checked against the bytes that are
 //! there before the crate `gltf` takes them for numbers.
 
+use std::collections::BTreeMap;
+
 use ::gltf::accessor::Item;
 use ::gltf::accessor::util::ItemIter;
 use ::gltf::json::accessor::sparse::Sparse;
@@ -9,14 +11,18 @@ use ::gltf::json::buffer::View;
 use ::gltf::json::validation::{Checked, USize64};
 use ::gltf::json::{Index, Root};
 use formats::{Error, Limits, Problem};
+use serde_json::Value;
 
 use super::error;
 use super::gltf::{NAME, invalid};
+use crate::gltf::meshopt::{self, COMPRESSION};
 
 /// What accessors refer to.
 pub(super) struct Numbers<'a> {
     pub(super) root: &'a Root,
     pub(super) buffers: Vec<Vec<u8>>,
+    /// What compressed views hold, by their numbers.
+    pub(super) unpacked: BTreeMap<usize, Vec<u8>>,
     pub(super) limits: &'a Limits,
 }
 
@@ -32,6 +38,59 @@ struct Elements {
 }
 
 impl Numbers<'_> {
+    /// Unpacks all compressed views.
+    pub(super) fn unpack(&mut self) -> Result<(), Error> {
+        for (index, view) in self.root.buffer_views.iter().enumerate() {
+            let extensions = view.extensions.as_ref();
+            if let Some(content) = extensions.and_then(|e| e.others.get(COMPRESSION)) {
+                let bytes = self.unpacked_view(content, &format!("bufferView {index}"))?;
+                self.unpacked.insert(index, bytes);
+            }
+        }
+        Ok(())
+    }
+
+    /// The bytes of a compressed view.
+    fn unpacked_view(&self, content: &Value, place: &str) -> Result<Vec<u8>, Error> {
+        let number = |key: &str| {
+            let number = content[key].as_u64();
+            number.map_or(0, |n| usize::try_from(n).unwrap_or(usize::MAX))
+        };
+        let [count, stride] = ["count", "byteStride"].map(number);
+        if count / 6 > self.limits.points {
+            let text = format!("{count} elements; the limit is {}", self.limits.points);
+            return Err(error(NAME, place, Problem::TooLarge(text)));
+        }
+        let buffer = self.buffers.get(number("buffer"));
+        let packed =
+            buffer.and_then(|b| b.get(number("byteOffset")..)?.get(..number("byteLength")));
+        let packed =
+            packed.ok_or_else(|| invalid(place, "its compressed bytes lead out of the buffer"))?;
+        let word = |key: &str| content[key].as_str().unwrap_or("NONE");
+        let (mode, filter) = (word("mode"), word("filter"));
+        let unpacked = match (mode, stride) {
+            ("ATTRIBUTES", 4 | 8 | 12 | 16) => meshopt::unpacked_vertices(packed, count, stride),
+            ("TRIANGLES", 2) => meshopt::unpacked_triangles(packed, count).map(|corners| {
+                #[expect(clippy::cast_possible_truncation, reason = "the file tells the width")]
+                let bytes = corners.iter().flat_map(|&k| (k as u16).to_le_bytes());
+                bytes.collect()
+            }),
+            ("TRIANGLES", 4) => meshopt::unpacked_triangles(packed, count)
+                .map(|corners| corners.iter().flat_map(|k| k.to_le_bytes()).collect()),
+            _ => {
+                let text = format!("{mode} of {stride} bytes, compressed, are not read");
+                return Err(error(NAME, place, Problem::Unsupported(text)));
+            }
+        };
+        let mut unpacked =
+            unpacked.ok_or_else(|| invalid(place, format!("its bytes are no {mode}")))?;
+        if !meshopt::unfilter(filter, stride, &mut unpacked) {
+            let text = format!("the filter {filter} for {stride} bytes is not read");
+            return Err(error(NAME, place, Problem::Unsupported(text)));
+        }
+        Ok(unpacked)
+    }
+
     /// The numbers of an accessor that has `width` of them in each element.
     pub(super) fn of(&self, index: usize, width: usize, place: &str) -> Result<Vec<f64>, Error> {
         let Some(accessor) = self.root.accessors.get(index) else {
@@ -134,7 +193,10 @@ impl Numbers<'_> {
         let buffer = self.buffers.get(view.buffer.value());
         let slice = || {
             let (start, length) = (view.byte_offset.map_or(0, size), size(view.byte_length));
-            let view = buffer?.get(start..)?.get(..length)?;
+            let view = match self.unpacked.get(&elements.view.value()) {
+                Some(unpacked) => unpacked,
+                None => buffer?.get(start..)?.get(..length)?,
+            };
             view.get(elements.offset.map_or(0, size)..)
         };
         let bytes =

@@ -6,6 +6,7 @@
 //! it with all their digits.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 use ::gltf::json::mesh::{Mode, Semantic};
 use ::gltf::json::validation::Checked;
@@ -19,13 +20,19 @@ use serde_json::Value;
 use super::accessor::Numbers;
 use super::{MeshFile, add_meshes, error};
 use crate::compare::align::Frame;
+use crate::gltf::meshopt::COMPRESSION;
 
 pub(super) const NAME: &str = "glTF";
 
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// Extensions that may be required: those that change no shape, and instancing.
-const KNOWN: &[&str] = &[INSTANCING, "KHR_mesh_quantization", "KHR_texture_transform"];
+/// Extensions that may be required: those that are read, and those that change no shape.
+const KNOWN: &[&str] = &[
+    COMPRESSION,
+    INSTANCING,
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
 
 pub(super) fn invalid(what: impl Into<String>, text: impl Into<String>) -> Error {
     error(NAME, what, Problem::Invalid(text.into()))
@@ -57,6 +64,7 @@ pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Resul
         numbers: Numbers {
             root: &root,
             buffers: Vec::new(),
+            unpacked: BTreeMap::new(),
             limits,
         },
         scene: Scene::default(),
@@ -68,12 +76,20 @@ pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Resul
     let mut size = bytes.len() as u64;
     for (number, buffer) in root.buffers.iter().enumerate() {
         let uri = buffer.uri.as_deref();
+        let extensions = buffer.extensions.as_ref();
+        let compression = extensions.and_then(|e| e.others.get(COMPRESSION));
+        // Holds nothing but what compressed views would be.
+        if uri.is_none() && compression.is_some_and(|c| c["fallback"] == true) {
+            reader.numbers.buffers.push(Vec::new());
+            continue;
+        }
         let data = buffer_bytes(uri, number, chunk.as_deref(), files)?;
         if uri.is_some_and(|uri| !uri.starts_with("data:")) {
             size += data.len() as u64;
         }
         reader.numbers.buffers.push(data);
     }
+    reader.numbers.unpack()?;
     reader.tree()?;
     let extras = &exact["asset"]["extras"];
     let claims = ["proven_deviation_m", "sampled_deviation_m"].map(|key| extras[key].as_f64());
@@ -133,35 +149,12 @@ fn buffer_bytes(
                     .map_err(|e| invalid(&place, e.to_string()))
             }
             None => {
-                let name = unescaped(uri);
+                let name = formats::decoded(uri);
                 let wrong = |e| invalid(&place, format!("{name}: {e}"));
                 files.resolve(&name).map_err(wrong)
             }
         },
     }
-}
-
-/// A relative address as the name of a file.
-fn unescaped(uri: &str) -> String {
-    let (mut bytes, mut at) = (Vec::new(), 0);
-    let coded = uri.as_bytes();
-    while let Some(&byte) = coded.get(at) {
-        let digits = coded
-            .get(at + 1..at + 3)
-            .and_then(|d| std::str::from_utf8(d).ok());
-        let escaped = digits.and_then(|d| u8::from_str_radix(d, 16).ok());
-        match escaped.filter(|_| byte == b'%') {
-            Some(other) => {
-                bytes.push(other);
-                at += 3;
-            }
-            None => {
-                bytes.push(byte);
-                at += 1;
-            }
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 struct Reader<'a> {
@@ -465,6 +458,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::gltf::meshopt;
 
     /// A triangle, in metres with Y upwards.
     fn file() -> Value {
@@ -504,6 +498,53 @@ mod tests {
             triangles(Mode::TriangleFan, &[0, 1, 2, 3]),
             [[0, 1, 2], [0, 2, 3]]
         );
+    }
+
+    #[test]
+    fn compressed_views_are_unpacked() {
+        let numbers = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let points = meshopt::vertices(&bytes, 12).unwrap().bytes;
+        let corners = meshopt::triangles(&[2, 0, 1]).unwrap().bytes;
+        let coded =
+            base64::engine::general_purpose::STANDARD.encode([&points[..], &corners].concat());
+        let mut file = file();
+        file["buffers"] = json!([
+            { "byteLength": points.len() + corners.len(),
+              "uri": format!("data:application/octet-stream;base64,{coded}") },
+            { "byteLength": 48, "extensions": { COMPRESSION: { "fallback": true } } },
+        ]);
+        file["bufferViews"] = json!([
+            { "buffer": 1, "byteLength": 36, "extensions": { COMPRESSION: {
+                "buffer": 0, "byteLength": points.len(), "byteStride": 12, "count": 3,
+                "mode": "ATTRIBUTES" } } },
+            { "buffer": 1, "byteOffset": 36, "byteLength": 12, "extensions": { COMPRESSION: {
+                "buffer": 0, "byteOffset": points.len(), "byteLength": corners.len(),
+                "byteStride": 4, "count": 3, "mode": "TRIANGLES" } } },
+        ]);
+        let corners =
+            json!({ "bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR" });
+        file["accessors"].as_array_mut().unwrap().push(corners);
+        file["meshes"][0]["primitives"][0]["indices"] = json!(1);
+        file["extensionsRequired"] = json!([COMPRESSION]);
+        let read = parsed(&file).unwrap().scene;
+        let mesh = &read.meshes()[0];
+        assert_eq!(mesh.positions(), [DVec3::ZERO, DVec3::X, DVec3::Y]);
+        let corners = mesh.triangles()[0];
+        assert!([[0, 1, 2], [1, 2, 0], [2, 0, 1]].contains(&corners));
+        let wrong = |key: &str, value: Value, text: &str| {
+            let mut file = file.clone();
+            file["bufferViews"][0]["extensions"][COMPRESSION][key] = value;
+            let found = parsed(&file).map(|_| ()).unwrap_err();
+            assert!(found.contains(text), "{key}: {found}");
+        };
+        wrong("byteLength", json!(9999), "lead out of the buffer");
+        wrong("byteOffset", json!(1), "its bytes are no ATTRIBUTES");
+        wrong("count", json!(u64::MAX), "the limit is");
+        wrong("count", json!(999), "its bytes are no ATTRIBUTES");
+        wrong("byteStride", json!(13), "ATTRIBUTES of 13 bytes");
+        wrong("mode", json!("INDICES"), "INDICES of 12 bytes");
+        wrong("filter", json!("QUATERNION"), "the filter QUATERNION");
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! Meshes of other tools: glTF, STL, and what the readers of surfaces know of triangles.
+//! Meshes of other tools: glTF, STL, PLY, and what the readers of surfaces know of triangles.
 
 mod accessor;
 mod gltf;
+mod ply;
 mod stl;
 
 use std::fs;
@@ -31,7 +32,7 @@ pub struct MeshFile {
     pub warnings: Warnings,
 }
 
-/// Opens a file of triangles: `.glb`, `.gltf`, `.stl`, or one of the formats of surfaces that
+/// Opens a file of triangles: `.glb`, `.gltf`, `.stl`, `.ply`, or one of the formats of surfaces that
 /// has polygons in it. Files that it names must lie in its folder or below.
 ///
 /// # Errors
@@ -40,7 +41,7 @@ pub struct MeshFile {
 pub fn open(path: &Path, limits: &Limits) -> Result<MeshFile, OpenError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let is = |name: &str| extension.as_deref() == Some(name);
-    if !(is("glb") || is("gltf") || is("stl")) {
+    if !(is("glb") || is("gltf") || is("stl") || is("ply")) {
         return with_surfaces(path, limits);
     }
     let mut bytes = Vec::new();
@@ -52,6 +53,8 @@ pub fn open(path: &Path, limits: &Limits) -> Result<MeshFile, OpenError> {
     }
     let read = if is("stl") {
         stl::read(&bytes, limits)
+    } else if is("ply") {
+        ply::read(&bytes, limits)
     } else {
         let folder = path.parent().unwrap_or(Path::new(""));
         gltf::read(&bytes, &Folder::new(folder, folder, limits), limits)
