@@ -10,7 +10,6 @@ use crate::accelerator::{Accelerator, Workspace};
 use crate::film::{Film, FilmTile, PixelData, blocks};
 use crate::integrator::{Integrator, Radiance, Shading};
 use crate::intersect::Hit;
-use crate::random::Random;
 
 /// Side of a tile, about, in samples: what is known of them fits in the caches.
 const TILE: u32 = 32;
@@ -228,18 +227,17 @@ impl Painter<'_> {
         (self.side() * self.side()) as usize + usize::from(self.central_ray())
     }
 
-    /// Where the rays of a pixel pass, in pixels from the upper left corner of the film.
+    /// Where the rays of a pixel pass, in pixels from the upper left corner of the film: on a
+    /// grid that is turned so far that no two lie above or beside one another. So borders that
+    /// are nearly upright or level have as many steps as a pixel has samples.
     fn places(&self, x: u32, y: u32) -> impl Iterator<Item = DVec2> + use<> {
         let n = self.side();
         let corner = DVec2::new(f64::from(x), f64::from(y));
         let samples = (0..n * n).map(move |k| {
-            let cell = DVec2::new(f64::from(k % n), f64::from(k / n));
-            let within = if n == 1 {
-                DVec2::splat(0.5)
-            } else {
-                jitter(x, y, k)
-            };
-            corner + (cell + within) / f64::from(n)
+            let (column, row) = (k % n, k / n);
+            let cell = DVec2::new(f64::from(column), f64::from(row));
+            let within = DVec2::new(f64::from(n - 1 - row), f64::from(column)) + 0.5;
+            corner + (cell + within / f64::from(n)) / f64::from(n)
         });
         samples.chain(self.central_ray().then_some(corner + 0.5))
     }
@@ -355,12 +353,6 @@ impl<'a> Eye<'a> {
             depth,
         )
     }
-}
-
-/// A place in the unit square that depends on the pixel and sample alone.
-fn jitter(x: u32, y: u32, sample: u32) -> DVec2 {
-    let mut random = Random(u64::from(x) | u64::from(y) << 21 | u64::from(sample) << 42);
-    DVec2::new(random.unit(), random.unit())
 }
 
 #[cfg(test)]

@@ -97,11 +97,27 @@ pub struct Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let space = if self.format.is_empty() { "" } else { " " };
-        write!(f, "{}{space}{}: {}", self.format, self.place, self.problem)
+        let (place, problem) = (self.place.to_string(), self.problem.to_string());
+        let [place, problem] = [place, problem].map(shortened);
+        write!(f, "{}{space}{place}: {problem}", self.format)
     }
 }
 
 impl std::error::Error for Error {}
+
+/// The most bytes of a message or of the name of a place, which files write into them.
+const TEXT_KEPT: usize = 1200;
+
+/// The text, without its middle if it is too long.
+fn shortened(text: String) -> String {
+    if text.len() <= TEXT_KEPT {
+        return text;
+    }
+    let start = text.floor_char_boundary(TEXT_KEPT * 3 / 4);
+    let end = text.ceil_char_boundary(text.len() - TEXT_KEPT / 4);
+    let (start, end) = (&text[..start], &text[end..]);
+    format!("{start} [...] {end}")
+}
 
 /// How many places a warning remembers; all of them are counted.
 const PLACES_KEPT: usize = 8;
@@ -148,7 +164,15 @@ const WARNINGS_KEPT: usize = 1000;
 impl Warnings {
     /// Notes a problem at a place.
     pub fn add(&mut self, place: Place, problem: impl Into<Problem>) {
-        let mut problem = problem.into();
+        let place = Place {
+            what: shortened(place.what),
+            ..place
+        };
+        let mut problem = match problem.into() {
+            Problem::Invalid(text) => Problem::Invalid(shortened(text)),
+            Problem::Unsupported(text) => Problem::Unsupported(shortened(text)),
+            other => other,
+        };
         let key = |problem: &Problem| (problem.kind(), problem.to_string());
         let mut name = key(&problem);
         if self.list.len() >= WARNINGS_KEPT && !self.index.contains_key(&name) {
@@ -191,6 +215,24 @@ impl Warnings {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_words_of_files_are_shortened() {
+        let word = "é".repeat(1_000_000);
+        let mut warnings = Warnings::default();
+        warnings.invalid(Place::item(1, word.clone()), format!("{word} is not known"));
+        let told = warnings.as_slice()[0].to_string();
+        assert!(
+            told.len() < 3000 && told.ends_with(" is not known"),
+            "{told}"
+        );
+        let error = Error {
+            format: "X",
+            place: Place::item(1, word.clone()),
+            problem: Problem::Invalid(word),
+        };
+        assert!(error.to_string().len() < 3000);
+    }
 
     #[test]
     fn equal_problems_are_counted_where_they_first_stood() {
