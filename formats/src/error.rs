@@ -113,8 +113,9 @@ fn shortened(text: String) -> String {
     if text.len() <= TEXT_KEPT {
         return text;
     }
-    let start = text.floor_char_boundary(TEXT_KEPT * 3 / 4);
-    let end = text.ceil_char_boundary(text.len() - TEXT_KEPT / 4);
+    let boundary = |from: usize| (from..).find(|&at| text.is_char_boundary(at));
+    let start = boundary(TEXT_KEPT * 3 / 4).unwrap_or_default();
+    let end = boundary(text.len() - TEXT_KEPT / 4).unwrap_or(text.len());
     let (start, end) = (&text[..start], &text[end..]);
     format!("{start} [...] {end}")
 }
