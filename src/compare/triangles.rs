@@ -5,8 +5,8 @@ use kernel::Aabb;
 
 use crate::segment;
 
-/// Boxes of a leaf.
-const FILL: usize = 4;
+/// Boxes of a leaf: triangles of meshes are often narrow, and boxes of several of them wide.
+const FILL: usize = 2;
 
 /// Levels of a tree over less than 2^32 boxes, and some.
 const LEVELS: usize = 40;
