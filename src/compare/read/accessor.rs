@@ -40,10 +40,18 @@ struct Elements {
 impl Numbers<'_> {
     /// Unpacks all compressed views.
     pub(super) fn unpack(&mut self) -> Result<(), Error> {
+        let mut total = 0;
         for (index, view) in self.root.buffer_views.iter().enumerate() {
             let extensions = view.extensions.as_ref();
             if let Some(content) = extensions.and_then(|e| e.others.get(COMPRESSION)) {
-                let bytes = self.unpacked_view(content, &format!("bufferView {index}"))?;
+                let place = format!("bufferView {index}");
+                let bytes = self.unpacked_view(content, &place)?;
+                // Many views may unpack the same few bytes.
+                total += bytes.len();
+                if total > self.limits.bytes {
+                    let text = format!("unpacked, more than {} bytes", self.limits.bytes);
+                    return Err(error(NAME, place, Problem::TooLarge(text)));
+                }
                 self.unpacked.insert(index, bytes);
             }
         }

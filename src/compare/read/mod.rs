@@ -32,18 +32,21 @@ pub struct MeshFile {
     pub warnings: Warnings,
 }
 
-/// Opens a file of triangles: `.glb`, `.gltf`, `.stl`, `.ply`, or one of the formats of surfaces that
-/// has polygons in it. Files that it names must lie in its folder or below.
+/// Opens a file of triangles: `.glb`, `.gltf`, `.stl`, `.ply`, or one of the formats of
+/// surfaces that has polygons in it. Files that it names must lie in its folder or below.
 ///
 /// # Errors
 /// If the file cannot be read or breaks the rules of its format. A file without a triangle is
 /// no error.
 pub fn open(path: &Path, limits: &Limits) -> Result<MeshFile, OpenError> {
+    type Reader = fn(&[u8], &Folder<'_>, &Limits) -> Result<MeshFile, Error>;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let is = |name: &str| extension.as_deref() == Some(name);
-    if !(is("glb") || is("gltf") || is("stl") || is("ply")) {
-        return with_surfaces(path, limits);
-    }
+    let read: Reader = match extension.as_deref() {
+        Some("glb" | "gltf") => |bytes, folder, limits| gltf::read(bytes, folder, limits),
+        Some("stl") => |bytes, _, limits| stl::read(bytes, limits),
+        Some("ply") => |bytes, _, limits| ply::read(bytes, limits),
+        _ => return with_surfaces(path, limits),
+    };
     let mut bytes = Vec::new();
     let file = fs::File::open(path)?;
     file.take(limits.bytes as u64 + 1).read_to_end(&mut bytes)?;
@@ -51,15 +54,8 @@ pub fn open(path: &Path, limits: &Limits) -> Result<MeshFile, OpenError> {
         let text = format!("larger than the limit of {} bytes", limits.bytes);
         return Err(error("", "", Problem::TooLarge(text)).into());
     }
-    let read = if is("stl") {
-        stl::read(&bytes, limits)
-    } else if is("ply") {
-        ply::read(&bytes, limits)
-    } else {
-        let folder = path.parent().unwrap_or(Path::new(""));
-        gltf::read(&bytes, &Folder::new(folder, folder, limits), limits)
-    };
-    Ok(read?)
+    let folder = path.parent().unwrap_or(Path::new(""));
+    Ok(read(&bytes, &Folder::new(folder, folder, limits), limits)?)
 }
 
 /// The polygons of a file that may have surfaces, too.
@@ -101,4 +97,26 @@ fn add_meshes(scene: &mut Scene, node: Node, meshes: Vec<Mesh>) -> Result<Node, 
         node.children.push(Child::Item(Item { shape, material }));
     }
     Ok(node)
+}
+
+/// A file that holds one mesh, and tells nothing about its coordinates.
+fn of_one(
+    format: &'static str,
+    mesh: Result<Mesh, kernel::Error>,
+    bytes: &[u8],
+    warnings: Warnings,
+) -> Result<MeshFile, Error> {
+    let geometry = |e| error(format, "", Problem::Geometry(e));
+    let mesh = mesh.map_err(geometry)?;
+    let mut scene = Scene::default();
+    let root = add_meshes(&mut scene, Node::default(), vec![mesh]).map_err(geometry)?;
+    let root = scene.add_node(root).map_err(geometry)?;
+    scene.set_root(root).map_err(geometry)?;
+    Ok(MeshFile {
+        format,
+        scene,
+        bytes: bytes.len() as u64,
+        warnings,
+        ..MeshFile::default()
+    })
 }

@@ -2,10 +2,9 @@
 
 use formats::{Error, Limits, Place, Problem, Warnings, triangulate};
 use glam::DVec3;
-use kernel::{Mesh, Node, Scene};
+use kernel::Mesh;
 
-use super::{MeshFile, add_meshes, error};
-use crate::compare::align::Frame;
+use super::{MeshFile, error, of_one};
 
 const NAME: &str = "PLY";
 
@@ -17,8 +16,8 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<MeshFile, Error> {
     let (elements, mut body) = header(bytes)?;
     let mut warnings = Warnings::default();
     let (mut positions, mut normals) = (Vec::new(), Vec::new());
-    let mut polygons: Vec<Vec<usize>> = Vec::new();
-    let mut corners = 0;
+    // Corners of all polygons, and where each ends among them.
+    let (mut corners, mut ends) = (Vec::new(), Vec::new());
     for element in &elements {
         let columns = |names: [&str; 3]| {
             let at = names.map(|name| element.properties.iter().position(|p| p.name == name));
@@ -53,11 +52,6 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<MeshFile, Error> {
                 );
                 error(NAME, place(), Problem::Invalid(text))
             })?;
-            corners += polygon.len();
-            if positions.len().max(corners / 6) >= limits.points {
-                let text = format!("more than {} vertices", limits.points);
-                return Err(error(NAME, place(), Problem::TooLarge(text)));
-            }
             if let Some([x, y, z]) = position {
                 positions.push(DVec3::new(numbers[x], numbers[y], numbers[z]));
             }
@@ -70,8 +64,14 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<MeshFile, Error> {
                     clippy::cast_sign_loss,
                     reason = "what is no vertex is refused below"
                 )]
-                let corner = |k: &f64| if *k < 0.0 { usize::MAX } else { *k as usize };
-                polygons.push(polygon.iter().map(corner).collect());
+                let corner = |k: &f64| if *k >= 0.0 { *k as u32 } else { u32::MAX };
+                corners.extend(polygon.iter().map(corner));
+                ends.push(corners.len());
+            }
+            let most = positions.len().max(corners.len() / 6).max(ends.len() / 6);
+            if most > limits.points {
+                let text = format!("more than {} vertices", limits.points);
+                return Err(error(NAME, place(), Problem::TooLarge(text)));
             }
         }
     }
@@ -79,35 +79,26 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<MeshFile, Error> {
     if normals.contains(&DVec3::ZERO) {
         normals.clear();
     }
-    let triangles = cut(&polygons, &positions, &mut warnings)?;
-    let geometry = |e| error(NAME, "", Problem::Geometry(e));
-    let mesh = Mesh::new(positions, normals, Vec::new(), triangles).map_err(geometry)?;
-    let mut scene = Scene::default();
-    let root = add_meshes(&mut scene, Node::default(), vec![mesh]).map_err(geometry)?;
-    let root = scene.add_node(root).map_err(geometry)?;
-    scene.set_root(root).map_err(geometry)?;
-    Ok(MeshFile {
-        format: NAME,
-        scene,
-        frame: Frame::default(),
-        bytes: bytes.len() as u64,
-        claim: None,
-        warnings,
-    })
+    let triangles = cut((&corners, &ends), &positions, &mut warnings)?;
+    let mesh = Mesh::new(positions, normals, Vec::new(), triangles);
+    of_one(NAME, mesh, bytes, warnings)
 }
 
-/// The polygons as triangles.
+/// The polygons, of which each ends at a place among all corners, as triangles.
 fn cut(
-    polygons: &[Vec<usize>],
+    (corners, ends): (&[u32], &[usize]),
     positions: &[DVec3],
     warnings: &mut Warnings,
 ) -> Result<Vec<[u32; 3]>, Error> {
     let mut triangles = Vec::new();
     let mut tests = triangulate::TESTS;
-    for (row, polygon) in polygons.iter().enumerate() {
+    let mut start = 0;
+    for (row, &end) in ends.iter().enumerate() {
+        let polygon = &corners[start..end];
+        start = end;
         let place = || format!("face {row}");
-        let points: Option<Vec<DVec3>> =
-            polygon.iter().map(|&k| positions.get(k).copied()).collect();
+        let point = |k: &u32| positions.get(*k as usize).copied();
+        let points: Option<Vec<DVec3>> = polygon.iter().map(point).collect();
         let points = points.ok_or_else(|| {
             let text = format!("a corner is none of the {} vertices", positions.len());
             error(NAME, place(), Problem::Invalid(text))
@@ -122,8 +113,7 @@ fn cut(
             warnings.invalid(Place::item(0, place()), text);
             continue;
         };
-        let index = |k: usize| u32::try_from(polygon[k]).unwrap_or(u32::MAX);
-        triangles.extend(parts.into_iter().map(|part| part.map(index)));
+        triangles.extend(parts.into_iter().map(|part| part.map(|k| polygon[k])));
     }
     Ok(triangles)
 }

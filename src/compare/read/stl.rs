@@ -2,10 +2,9 @@
 
 use formats::{Error, Limits, Problem, Warnings};
 use glam::{DVec3, Vec3};
-use kernel::{Mesh, Node, Scene};
+use kernel::Mesh;
 
-use super::{MeshFile, add_meshes, error};
-use crate::compare::align::Frame;
+use super::{MeshFile, error, of_one};
 
 const NAME: &str = "STL";
 
@@ -47,20 +46,8 @@ pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<MeshFile, Error> {
     let triangles: Vec<[u32; 3]> = (0..u32::try_from(corners.len() / 3).unwrap_or(u32::MAX / 3))
         .map(|k| [3 * k, 3 * k + 1, 3 * k + 2])
         .collect();
-    let geometry = |e| error(NAME, "", Problem::Geometry(e));
-    let mesh = Mesh::new(corners, Vec::new(), Vec::new(), triangles).map_err(geometry)?;
-    let mut scene = Scene::default();
-    let root = add_meshes(&mut scene, Node::default(), vec![mesh]).map_err(geometry)?;
-    let root = scene.add_node(root).map_err(geometry)?;
-    scene.set_root(root).map_err(geometry)?;
-    Ok(MeshFile {
-        format: NAME,
-        scene,
-        frame: Frame::default(),
-        bytes: bytes.len() as u64,
-        claim: None,
-        warnings,
-    })
+    let mesh = Mesh::new(corners, Vec::new(), Vec::new(), triangles);
+    of_one(NAME, mesh, bytes, warnings)
 }
 
 /// The corners of binary triangles, each of which begins with its normal.
