@@ -18,6 +18,34 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Triangles within a tolerance, for programs that know no surfaces, and what a body measures:
+//!
+//! ```
+//! use nurbray::convert::MESH_WRITERS;
+//! use nurbray::gltf::{Packing, Source};
+//! use nurbray::{TessellateOptions, Tolerance, formats, measure, tessellate};
+//!
+//! # let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+//! # let target = std::env::temp_dir().join("nurbray-doc.glb");
+//! let import = formats::open(folder.join("samples/goblet.x3d"), &formats::Limits::default())?;
+//! import.warnings.as_slice().iter().for_each(|warning| eprintln!("{warning}"));
+//! let scene = import.scene;
+//! let (writer, packing) = (&MESH_WRITERS[0], Packing::default());
+//! // In units of the scene; numbers of 32 bits take a little of it.
+//! let tolerance = Tolerance::Length(0.05 - writer.rounding(&scene, packing));
+//! let options = TessellateOptions { tolerance, ..TessellateOptions::default() };
+//! let triangles = tessellate(&scene, &options)?;
+//! let glb = writer.write(&scene, &triangles, &Source::default(), packing, "goblet")?;
+//! std::fs::write(&target, &glb.bytes)?;
+//! let volume = measure(&scene).total().map(|body| body.volume);
+//! # std::fs::remove_file(&target)?;
+//! # assert!(volume > Some(1.0) && triangles.faces.iter().flatten().all(|f| f.unproven == 0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Unoptimised it is many times slower: `[profile.dev.package."*"]` with `opt-level = 2` in the
+//! `Cargo.toml` of a program optimises what it uses, and leaves the program itself to be debugged.
+//!
 //! `kernel` says what a scene *is*, `formats` how it is *stored*, this crate what we *do*
 //! with it.
 

@@ -168,6 +168,19 @@ pub fn folder(path: &Path) -> &Path {
     folder.unwrap_or(Path::new("."))
 }
 
+/// Makes a folder and those that it is in.
+///
+/// # Errors
+/// If that fails, such as where a file has the name of one of them.
+pub fn make_folder(folder: &Path) -> io::Result<()> {
+    let file = folder.ancestors().find(|path| path.is_file());
+    if let Some(file) = file {
+        let text = format!("{} is a file, not a folder", file.display());
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, text));
+    }
+    fs::create_dir_all(folder)
+}
+
 /// The longest file name, in bytes, that file systems take.
 const LONGEST_NAME: usize = 255;
 

@@ -73,8 +73,14 @@ impl Instructions {
                 return set.vectorize(x86::Call(set, task));
             }
         }
-        task.run(Portable)
+        portable(task)
     }
+}
+
+/// In a frame of its own, which the other sets of instructions do without: unoptimised it is large.
+#[inline(never)]
+fn portable<T: Task>(task: T) -> T::Output {
+    task.run(Portable)
 }
 
 /// Work that is compiled for each set of instructions. All that it calls must be inlined.

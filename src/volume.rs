@@ -52,7 +52,7 @@ impl fmt::Display for Unsuitable {
             Self::Rational(name) => (name, "rational"),
             Self::Large(error) => return error.fmt(f),
         };
-        write!(f, "the face '{name}' is {what}; --method gauss measures it")
+        write!(f, "the face {name} is {what}; --method gauss measures it")
     }
 }
 
@@ -133,12 +133,17 @@ fn face_volume(place: &DAffine3, patch: &Patch, rule: VolumeRule) -> Result<f64,
         return Ok(0.0);
     }
     if patch.region().is_some() {
-        return Err(Unsuitable::Trimmed(patch.name.clone()));
+        return Err(Unsuitable::Trimmed(shown(patch)));
     }
     let pieces = surface.bezier_pieces();
     let volumes = pieces.iter().map(|piece| piece.volume(rule));
     let sum: Option<f64> = volumes.sum();
-    sum.ok_or_else(|| Unsuitable::Rational(patch.name.clone()))
+    sum.ok_or_else(|| Unsuitable::Rational(shown(patch)))
+}
+
+/// The name of a face, and where it is in the file.
+fn shown(patch: &Patch) -> String {
+    format!("'{}' ({})", patch.name, patch.source)
 }
 
 /// Triangles around a body, and 1 or -1 as they look out of it or into it.

@@ -106,7 +106,27 @@ fn a_limit_sets_the_exit_code() {
         let line = "compare samples/can.igs --tolerance 0.4% -o report --size 80x60";
         let run = place.run(&format!("{line} --fail-above {limit}"));
         assert_eq!(run.code, Some(code), "{limit}: {}", run.stderr);
+        assert_eq!(run.stderr.contains("--fail-above is"), code == 1);
     }
+}
+
+#[test]
+fn a_limit_that_holds_is_proven_of_meshes_of_others() {
+    let place = Place::new();
+    let made = "convert samples/goblet.x3d -o goblet.glb --tolerance 1%";
+    assert_eq!(place.run(made).code, Some(0));
+    let line = "compare samples/goblet.x3d goblet.glb -o report --size 32x24 --samples 1";
+    let run = place.run(&format!("{line} --fail-above 1%"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+}
+
+#[test]
+fn surfaces_are_not_taken_for_an_empty_mesh() {
+    let place = Place::new();
+    let run = place.run("compare samples/sphere_torus.x3d samples/goblet.x3d -o report");
+    assert_eq!(run.code, Some(2));
+    let text = "goblet.x3d: it holds surfaces and no triangles";
+    assert!(run.stderr.contains(text), "{}", run.stderr);
 }
 
 /// The triangles of a text of OBJ polygons as a text of STL, moved by `map`; `keep` chooses

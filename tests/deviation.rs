@@ -223,10 +223,12 @@ fn a_box_that_was_moved_is_that_far_away_and_a_fit_brings_it_back() {
         tessellate(&scene, &TessellateOptions::default()).expect("few points"),
     );
     let turned = map * DAffine3::from_rotation_z(0.1) * DAffine3::from_rotation_x(FRAC_PI_2);
-    let fit = subject.fit(&mesh, &turned);
+    let fit = subject.fit(&mesh, &turned).unwrap();
     assert!(fit.before > 0.1 && fit.residual < 1e-9, "{fit:?}");
     let back = subject.measure(&mesh, &(fit.scene_from_mesh * turned));
     assert!(back.found() < 1e-8 && back.bound() < 1e-3, "{back:?}");
+    let inches = DAffine3::from_scale(DVec3::splat(1.0 / 25.4));
+    assert!(subject.fit(&mesh, &inches).is_none());
 }
 
 #[test]
@@ -244,7 +246,7 @@ fn a_fit_finds_any_turn() {
             let axis = DVec3::new(a.cos() * b.cos(), a.sin() * b.cos(), b.sin());
             let turned = DAffine3::from_translation(DVec3::splat(a))
                 * DAffine3::from_axis_angle(axis, 0.1 * f64::from(k));
-            let fit = subject.fit(&mesh, &turned);
+            let fit = subject.fit(&mesh, &turned).unwrap();
             assert!(fit.residual < 1e-9, "{size} {k}: {fit:?}");
         }
     }

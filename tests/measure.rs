@@ -175,6 +175,27 @@ fn bodies_that_only_their_triangles_close_are_bodies() {
 }
 
 #[test]
+fn a_face_that_is_a_small_part_of_its_surface_has_its_side() {
+    // A cube of which a face is a millionth of its plane, with the normal inwards.
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let mut floor = tile(DVec3::ZERO, x, y);
+    let whole = -1000.0..1001.0;
+    let (from, way) = (DVec3::new(-1000.0, -1000.0, 0.0), 2001.0);
+    floor.surface =
+        modelling::plane(from, x * way, y * way, whole.clone(), whole).expect("a plane");
+    let found = of_group([
+        floor,
+        tile(z, x, y),
+        tile(DVec3::ZERO, x, z),
+        tile(y, x, z),
+        tile(DVec3::ZERO, y, z),
+        tile(x, y, z),
+    ]);
+    assert_eq!((found.bodies.len(), found.open_faces), (1, 0));
+    assert!((found.bodies[0].volume - 1.0).abs() < 1e-9);
+}
+
+#[test]
 fn closed_surfaces_that_touch_are_bodies_of_their_own() {
     // They have both poles in common.
     let frame = Frame::about(DVec3::ZERO, DVec3::Z).unwrap();

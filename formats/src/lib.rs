@@ -226,6 +226,9 @@ fn read_plain(
     extension: Option<&str>,
     options: &ReadOptions<'_>,
 ) -> Result<Import, Error> {
+    if bytes.is_empty() {
+        return Err(unknown(Problem::Invalid("it is empty".to_owned())));
+    }
     let by_content = FORMATS.iter().find(|format| (format.sniff)(bytes));
     let by_name = || {
         FORMATS

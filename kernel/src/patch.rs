@@ -99,6 +99,18 @@ impl Patch {
         curves
     }
 
+    /// The boxes in which the loops are, as far as they are in the domain: the least and the greatest
+    /// parameters for each loop and each shift by whole periods that brings it there.
+    pub fn loop_boxes(&self) -> Vec<[DVec2; 2]> {
+        let [u, v] = [&self.surface.knots_u(), &self.surface.knots_v()].map(|k| k.domain());
+        let [least, most] = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
+        let inside = |(shift, trim): (DVec2, &TrimLoop)| {
+            let (min, max) = trim.hull();
+            [min, max].map(|corner| (corner + shift).clamp(least, most))
+        };
+        self.shifted().into_iter().map(inside).collect()
+    }
+
     /// The loops, each with the shifts that bring it into the domain.
     fn shifted(&self) -> Vec<(DVec2, &TrimLoop)> {
         if self.loops.is_empty() {

@@ -93,7 +93,7 @@ struct Measured {
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let What::Methods(args) = &args.what;
     let files = files(args)?;
-    std::fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string())?;
+    output::make_folder(&args.output).with_context(|| args.output.display().to_string())?;
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let (mut rows, mut failed) = (Vec::new(), 0);
     for (file, scene) in files.iter().zip(names(&files)) {
@@ -105,7 +105,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             }
         }
     }
-    report::write(args, &rows)?;
+    if !rows.is_empty() {
+        report::write(args, &rows)?;
+    }
     Ok(failed)
 }
 

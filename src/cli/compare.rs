@@ -1,6 +1,5 @@
 //! `nurbray compare`.
 
-use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -49,8 +48,8 @@ pub(super) struct Args {
     /// Fit meshes onto the surfaces by turning and moving them; the residual is told
     #[arg(long)]
     align: bool,
-    /// End with exit code 1 if surface and mesh may be farther apart than this length, as for
-    /// --tolerance
+    /// End with exit code 1 unless surface and mesh are proven to be no farther apart than this
+    /// length, as for --tolerance
     #[arg(long, value_name = "LENGTH|%", value_parser = mesh::distance)]
     fail_above: Option<Distance>,
     /// Size of the pictures in pixels
@@ -72,7 +71,8 @@ Examples:
   nurbray compare wing.igs -o report --tolerance 1mm,0.1mm,0.01mm
   nurbray compare wing.igs wing.stl -o report --align --fail-above 0.05mm
 
-Exit codes: 0 done, 1 a mesh is farther away than --fail-above allows, 2 something went wrong.";
+Exit codes: 0 done, 1 a mesh is farther away than --fail-above allows, or not proven to be nearer, 2
+something went wrong.";
 
 /// Triangles of the exact side are finer by this factor than what they are to measure.
 const FINER: f64 = 0.25;
@@ -107,7 +107,7 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     if scene.patches().is_empty() || placed == 0 {
         bail!(nothing());
     }
-    fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string())?;
+    output::make_folder(&args.output).with_context(|| args.output.display().to_string())?;
     let limit = args
         .fail_above
         .map(|limit| limit.length(scene))
@@ -123,12 +123,8 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
             .map(open)
             .collect::<anyhow::Result<_>>()?
     };
-    let finest = candidates.iter().filter_map(|c| Some(c.made?.tolerance));
-    let finest = finest
-        .reduce(f64::min)
-        .map(|length| Tolerance::Length(FINER * length));
     let options = TessellateOptions {
-        tolerance: finest.unwrap_or(Tolerance::Relative(FOREIGN)),
+        tolerance: of_exact(scene, &candidates, limit),
         ..TessellateOptions::default()
     };
     let triangles = tessellate(scene, &options)?;
@@ -141,9 +137,11 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     }
     let subject = Subject::new(scene, triangles);
     let mut candidates = candidates;
-    if args.align {
-        for candidate in &mut candidates {
-            let fit = subject.fit(&candidate.scene, &candidate.scene_from_mesh);
+    for candidate in &mut candidates {
+        candidate.limit = limit;
+        if args.align
+            && let Some(fit) = subject.fit(&candidate.scene, &candidate.scene_from_mesh)
+        {
             candidate.scene_from_mesh = fit.scene_from_mesh * candidate.scene_from_mesh;
             candidate.fit = Some(fit);
         }
@@ -159,16 +157,24 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         || input::display(&args.cad),
         |name| name.to_string_lossy().into_owned(),
     );
-    let report = compare::compare(&subject, &name, candidates, &view, &args.output)?;
+    let report = compare::compare(&subject, &name, candidates, &view, &args.output)
+        .with_context(|| args.output.display().to_string())?;
     for (path, mesh) in args.meshes.iter().zip(&report.meshes) {
         input::report_warnings(path, "mesh", &mesh.warnings);
     }
     tell(args, &report, started)?;
-    let failed = limit.is_some_and(|limit| report.fails(limit));
     Ok(Failures {
         count: 0,
-        code: if failed { DIFFERENT } else { 0 },
+        code: limit.map_or(0, |limit| verdict(&report, limit)),
     })
+}
+
+/// The tolerance of the exact side: finer than meshes and limit.
+fn of_exact(scene: &Scene, candidates: &[Candidate], limit: Option<f64>) -> Tolerance {
+    let foreign = Tolerance::Relative(FOREIGN).length(scene.extent().diagonal());
+    let made = candidates.iter().filter_map(|c| Some(c.made?.tolerance));
+    let finest = made.reduce(f64::min).map_or(foreign, |made| FINER * made);
+    Tolerance::Length(limit.map_or(finest, |limit| finest.min(FINER * limit)))
 }
 
 /// Our own glTF at every tolerance, read back from the file.
@@ -211,6 +217,10 @@ fn own(args: &Args, scene: &Scene, source: &Source) -> anyhow::Result<Vec<Candid
 /// A mesh of another tool.
 fn foreign(path: &Path, scene: &Scene, limits: &Limits) -> anyhow::Result<Candidate> {
     let file = read::open(path, limits).with_context(|| path.display().to_string())?;
+    if file.scene.meshes().is_empty() && !file.scene.patches().is_empty() {
+        let shown = path.display();
+        bail!("{shown}: it holds surfaces and no triangles; convert makes triangles of it");
+    }
     let name = path.file_name().unwrap_or_default();
     Ok(Candidate {
         name: name.to_string_lossy().into_owned(),
@@ -220,6 +230,25 @@ fn foreign(path: &Path, scene: &Scene, limits: &Limits) -> anyhow::Result<Candid
         warnings: file.warnings,
         ..Candidate::default()
     })
+}
+
+/// The exit code, after telling which meshes are, or may be, farther away than `limit`.
+fn verdict(report: &Report, limit: f64) -> u8 {
+    let unit = visible(&report.unit);
+    for mesh in &report.meshes {
+        let (name, found) = (visible(&mesh.name), mesh.deviation.found());
+        if mesh.triangles == 0 {
+            say!("nurbray: {name}: --fail-above: it is empty");
+        } else if found > limit {
+            say!("nurbray: {name}: {found:.4e} {unit} apart; --fail-above is {limit:.4e} {unit}");
+        } else if mesh.bound() > limit {
+            say!(
+                "nurbray: {name}: {found:.4e} {unit} apart as far as is found, but not proven to be \
+                within --fail-above, which is {limit:.4e} {unit}"
+            );
+        }
+    }
+    if report.fails(limit) { DIFFERENT } else { 0 }
 }
 
 /// A line for each mesh and fault, and where the report is.

@@ -398,7 +398,7 @@ pub(super) fn outputs(path: &Path, export: &Export) -> Vec<PathBuf> {
 /// Writes a file and those beside it, the file itself last.
 pub(super) fn store(path: &Path, export: &Export) -> anyhow::Result<()> {
     let folder = output::folder(path);
-    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    output::make_folder(folder).with_context(|| folder.display().to_string())?;
     let beside = export.beside.iter().map(|(_, bytes)| bytes);
     let paths = outputs(path, export);
     let is_new: Vec<bool> = paths.iter().map(|path| !path.exists()).collect();

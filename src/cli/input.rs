@@ -15,6 +15,7 @@ use nurbray::output;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
+use super::parse;
 use super::say::say;
 
 /// Warnings that are printed one by one; `info` shows all.
@@ -27,7 +28,7 @@ pub(super) struct ReadArgs {
     #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     relax_limits: u32,
     /// Let files name others in this folder and below, not only beside themselves
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = parse::folder)]
     within: Option<PathBuf>,
 }
 
@@ -150,14 +151,14 @@ pub(super) fn files(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
 /// The file at a path; of a folder those in it and below that some format may read.
 ///
 /// # Errors
-/// If it is a folder that cannot be read or has no such file.
+/// If it is a folder that has no such file.
 pub(super) fn files_at(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let shown = path.display();
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
     }
     let mut files = Vec::new();
-    find(path, &mut files).with_context(|| shown.to_string())?;
+    find(path, &mut files);
     if files.is_empty() {
         bail!("{shown}: there is no file in it that could be read");
     }
@@ -165,20 +166,25 @@ pub(super) fn files_at(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// Collects the files below a folder that some format may read, in the order of their names.
-fn find(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
-    let mut entries: Vec<_> = fs::read_dir(folder)?.collect::<Result<_, _>>()?;
+///
+/// A folder that cannot be read is among them, to be told as a file that cannot.
+fn find(folder: &Path, found: &mut Vec<PathBuf>) {
+    let entries = fs::read_dir(folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let Ok(mut entries) = entries else {
+        found.push(folder.to_owned());
+        return;
+    };
     entries.sort_by_key(fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();
         // Links to folders are not followed: they may lead back.
-        if entry.file_type()?.is_dir() {
-            find(&path, found)?;
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            find(&path, found);
         } else if is_known(&path) && (path.is_file() || path.metadata().is_err()) {
             // A link to nowhere is told as a file that cannot be read.
             found.push(path);
         }
     }
-    Ok(())
 }
 
 /// Whether some format has the ending of this name, or the one before `.gz`.
@@ -205,6 +211,7 @@ pub(super) fn read_bytes(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
     if is_stdin(path) {
         formats::read_within(io::stdin().lock(), limit)
     } else if path.is_dir() {
+        fs::read_dir(path)?;
         let text = "this is a folder; name a file in it";
         Err(io::Error::new(io::ErrorKind::IsADirectory, text))
     } else {

@@ -22,8 +22,8 @@ pub(super) struct MeshArgs {
     /// [default: 0.05%]
     #[arg(long, value_name = "LENGTH|%", value_parser = distance)]
     tolerance: Option<Distance>,
-    /// Largest angle between the normals at the ends of a side, in degrees; over less than the
-    /// tolerance they may turn by any angle [default: 15]
+    /// Largest angle between the normals at the ends of a side, in degrees; a side that goes less
+    /// than the tolerance the way they turn may turn by any angle [default: 15]
     #[arg(long, value_name = "DEGREES", value_parser = angle)]
     angle: Option<f64>,
     /// Longest side: a length as for --tolerance

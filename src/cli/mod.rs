@@ -47,7 +47,7 @@ Examples:
   nurbray volume samples/sphere_torus.x3d
   echo 0,5,0,0,-1,0 | nurbray probe samples/teapot.obj --rays - --all
 
-Exit codes: 0 done, 1 a comparison found a difference, 2 something went wrong,
+Exit codes: 0 done, 1 a comparison is not within its limit, 2 something went wrong,
 3 some files were converted and others were not.";
 
 #[derive(Debug, Subcommand)]

@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use nurbray::convert::Target;
-use nurbray::formats::{
-    Export, Limits, POINT_FORMATS, PointBody, PointFormat, PointSet, read_points,
-};
+use nurbray::formats::{Limits, POINT_FORMATS, PointBody, PointFormat, PointSet, read_points};
 use nurbray::gltf::Source;
 use nurbray::kernel::modelling::{Along, Spacing, Twist};
 use nurbray::kernel::{MAX_DEGREE, Unit};
@@ -232,8 +230,9 @@ fn degrees(text: &str) -> Result<[usize; 2], String> {
 }
 
 impl Args {
-    /// Says which options the method, the ends or the source of the points do not ask for.
-    fn warn_unused(&self) {
+    /// Says which options the output, the method, the ends or the source of the points do not ask
+    /// for.
+    fn warn_unused(&self, is_of_points: bool) {
         let (grid, made) = (&self.grid, &self.synthetic);
         let interpolates = self.method == Method::Interpolate;
         let is_grid = interpolates || self.method == Method::Coons;
@@ -280,6 +279,16 @@ impl Args {
                 "--parameters",
                 grid.parameters.is_some() && !interpolates,
                 "--method interpolate",
+            ),
+            (
+                "--method",
+                is_of_points && self.method != Method::Loft,
+                "outputs of surfaces and triangles",
+            ),
+            (
+                "--caps",
+                is_of_points && self.caps != End::Flat,
+                "outputs of surfaces and triangles",
             ),
             ("--seed", made.seed.is_some() && is_read, "--synthetic"),
             ("--layers", made.layers.is_some() && is_read, "--synthetic"),
@@ -389,7 +398,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     } else {
         Target::of(path)
     };
-    let points_as = PointFormat::of_output(path).and_then(|format| format.write);
+    let points_as = PointFormat::of_output(path);
     if target.is_none() && points_as.is_none() {
         bail!(
             "{}: the ending tells the format; use one of {}, or {} for points",
@@ -401,16 +410,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     if target.is_none_or(|target| !target.has_triangles()) {
         args.mesh.warn_unused(&path.display().to_string());
     }
-    args.warn_unused();
+    args.warn_unused(target.is_none());
     let (mut set, origin, source) = args.points()?;
     let inputs = args.data.as_slice();
     input::report_warnings(&source, set.format, &set.warnings);
     select(&mut set, args).with_context(|| input::display(&source))?;
-    if let (None, Some(write)) = (target, points_as) {
-        let export = Export {
-            bytes: write(&set),
-            ..Export::default()
-        };
+    if let (None, Some(format)) = (target, points_as)
+        && let Some(write) = format.write
+    {
+        let export = write(&set);
+        input::report_warnings(path, format.name, &export.warnings);
         input::check_apart(&convert::outputs(path, &export), inputs)?;
         convert::store(path, &export)?;
         say!("{} -> {}", input::display(&source), path.display());
@@ -466,8 +475,11 @@ fn select(set: &mut PointSet, args: &Args) -> anyhow::Result<()> {
             body.transparency = 1.0 - share;
         }
     }
-    if set.unit.is_none() {
-        set.unit = args.unit.map(LengthUnit::unit);
+    if let (Some(unit), Some(_)) = (&set.unit, args.unit) {
+        let name = &unit.name;
+        say!("nurbray: warning: --unit is for points without a unit; these are in {name}");
+    } else {
+        set.unit = args.unit.map(LengthUnit::unit).or(set.unit.take());
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Values on the command line.
 
 use std::ops::Range;
+use std::path::PathBuf;
 
 use glam::DVec3;
 use nurbray::METHODS;
@@ -12,6 +13,15 @@ const MOST_PIXELS: u64 = 1 << 27;
 
 /// The most threads that may be asked for.
 const MOST_THREADS: usize = 1024;
+
+/// A folder that is there.
+pub(super) fn folder(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.is_dir() {
+        return Ok(path);
+    }
+    Err(format!("'{text}' is no folder"))
+}
 
 /// A number of threads.
 pub(super) fn threads(text: &str) -> Result<usize, String> {

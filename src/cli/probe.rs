@@ -352,10 +352,10 @@ impl Evaluator<'_> {
             count
         };
         let Some((patch, world)) = self.names.patch(self.scene, number) else {
-            bail!(
-                "no such patch; they are numbered from 0 to {}",
-                count.saturating_sub(1)
-            );
+            match count.checked_sub(1) {
+                Some(last) => bail!("no such patch; they are numbered from 0 to {last}"),
+                None => bail!("no such patch; the file has none"),
+            }
         };
         let surface = &patch.surface;
         for (name, x, domain) in [

@@ -337,14 +337,19 @@ fn prepare(args: &Args, targets: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     }
     for path in &once {
         let folder = output::folder(path);
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        output::make_folder(folder).with_context(|| folder.display().to_string())?;
     }
     Ok(once)
 }
 
 fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOptions> {
-    let names = args.aov.iter().flatten().map(String::as_str);
-    let mut aovs: Vec<Aov> = match names.collect::<Vec<_>>()[..] {
+    let mut names: Vec<&str> = Vec::new();
+    for name in args.aov.iter().flatten() {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    let mut aovs: Vec<Aov> = match names[..] {
         [] | ["all"] => output::AOVS.to_vec(),
         ["none"] => Vec::new(),
         ref names => names
@@ -503,7 +508,7 @@ fn render_scene(
     let holds_data = output::picture_format(target).is_some_and(|f| f.holds_data);
     let data = holds_data && !output.aovs.is_empty();
     let folder = output::folder(target);
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    output::make_folder(folder).with_context(|| folder.display().to_string())?;
     let shot = shot(args, loaded, file, args.size.unwrap_or(SIZE), data)?;
     let started = Instant::now();
     output::write(&shot.film, target, output).with_context(|| target.display().to_string())?;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::exact::{Exact, Foot};
 use super::soup::Soup;
-use super::supremum::{Function, Known, largest};
+use super::supremum::{Effort, Function, Known, largest};
 use super::triangles::{closest, quarters};
 use kernel::Cover;
 
@@ -65,7 +65,7 @@ const PLACES: usize = 8;
 const CHECKED: usize = 512;
 
 /// The distance from the surfaces to the nearest triangles.
-pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, budget: usize) -> Reach {
+pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, effort: Effort) -> Reach {
     if exact.triangles.is_empty() {
         return Reach::default();
     }
@@ -94,7 +94,7 @@ pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, budget: us
     if cells.is_empty() {
         return Reach::ENDLESS;
     }
-    reach(&function, cells, size, budget)
+    reach(&function, cells, size, effort)
 }
 
 /// The distance from the triangles to the nearest points of the surfaces.
@@ -103,7 +103,7 @@ pub(crate) fn from_mesh(
     soup: &Soup,
     feet: &[Foot],
     size: f64,
-    budget: usize,
+    effort: Effort,
 ) -> Reach {
     let function = FromMesh {
         exact,
@@ -118,7 +118,7 @@ pub(crate) fn from_mesh(
         }
     };
     let cells: Vec<_> = (0..soup.triangles.len()).map(cell).collect();
-    reach(&function, cells, size, budget)
+    reach(&function, cells, size, effort)
 }
 
 /// The nearest point of the surfaces for every point of a mesh; empty if there is no surface.
@@ -129,11 +129,16 @@ pub(crate) fn feet(exact: &Exact<'_>, soup: &Soup) -> Vec<Foot> {
 
 /// Looks for the largest distance over these cells; the worst places are chosen among them and
 /// those with the largest values at the end.
-fn reach<F: Distances>(function: &F, cells: Vec<F::Cell>, size: f64, budget: usize) -> Reach {
+fn reach<F: Distances>(function: &F, cells: Vec<F::Cell>, size: f64, effort: Effort) -> Reach {
     let worst = |cell: &F::Cell| function.worst(cell);
     let farthest = |a: &Worst, b: &Worst| b.distance.total_cmp(&a.distance);
     let mut all: Vec<Worst> = cells.iter().map(worst).collect();
-    let top = largest(function, cells, FLOOR * size, budget);
+    // What is added at the end may not exceed the limit, either.
+    let effort = Effort {
+        limit: effort.limit.map(|limit| limit - FLOOR * size),
+        ..effort
+    };
+    let top = largest(function, cells, FLOOR * size, effort);
     all.extend(top.cells.iter().map(|(_, cell)| worst(cell)));
     all.sort_by(farthest);
     // What was taken for the nearest point may not be it: a distance counts once all have been looked at.

@@ -343,8 +343,8 @@ fn missing(exact: &Exact<'_>, samples: &[Sample], coarse: f64) -> Vec<Fault> {
             "has too few triangles"
         };
         let text = format!(
-            "patch {face} (\"{}\", {}) {what}: {:.0} % of its area is bare, up to {:.6} from the \
-             mesh",
+            "patch {face} (\"{}\", {}) {what}: at least {:.0} % of its area is bare, up to {:.6} \
+             from the mesh",
             own.patch.name,
             own.patch.source,
             100.0 * share,

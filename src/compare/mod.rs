@@ -31,6 +31,7 @@ pub use report::{Candidate, Compared, Made, Report, compare, remove_earlier};
 use sampling::Sample;
 pub use sampling::Statistics;
 use soup::Soup;
+use supremum::Effort;
 pub use views::{ImageDifference, View};
 
 use crate::tessellate::Tessellation;
@@ -79,18 +80,28 @@ fn of_surfaces(exact: &Exact<'_>, soup: &Soup) -> Option<Soup> {
 }
 
 /// Measures a mesh; beside the result what is wrong with the mesh as a whole. The surfaces are
-/// known to be no farther from it than `proven`, which is infinite where nothing is known.
-fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault>) {
+/// known to be no farther from it than `proven`, which is infinite where nothing is known; more is
+/// done to know whether it is within `limit`.
+fn measure(
+    exact: &Exact<'_>,
+    soup: &Soup,
+    proven: f64,
+    limit: Option<f64>,
+) -> (Deviation, Vec<Fault>) {
     let pose = faults::pose(exact, soup);
     let budget = match pose {
         Some(_) => FAULTY_BUDGET,
         None if proven.is_finite() => PROVEN_BUDGET,
         None => BUDGET,
     };
+    let effort = Effort {
+        budget,
+        limit: limit.filter(|limit| pose.is_none() && proven > *limit),
+    };
     let size = exact.bounds().union(soup.bounds()).diagonal();
     let feet = deviation::feet(exact, soup);
     let mesh_to_surface = if feet.len() == soup.points.len() {
-        deviation::from_mesh(exact, soup, &feet, size, budget)
+        deviation::from_mesh(exact, soup, &feet, size, effort)
     } else {
         Reach::ENDLESS
     };
@@ -100,7 +111,7 @@ fn measure(exact: &Exact<'_>, soup: &Soup, proven: f64) -> (Deviation, Vec<Fault
         sampling::statistics(&samples, |sample| value(sample).to_degrees())
     };
     let mut deviation = Deviation {
-        surface_to_mesh: deviation::from_surface(exact, soup, size, budget),
+        surface_to_mesh: deviation::from_surface(exact, soup, size, effort),
         mesh_to_surface,
         distance: sampling::statistics(&samples, |sample| sample.distance),
         flat_normals: degrees(|sample| sample.flat),
@@ -153,13 +164,17 @@ impl<'a> Subject<'a> {
     pub fn measure(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Deviation {
         let (exact, soup) = (self.exact(), Soup::new(mesh, scene_from_mesh));
         let part = of_surfaces(&exact, &soup);
-        measure(&exact, part.as_ref().unwrap_or(&soup), f64::INFINITY).0
+        measure(&exact, part.as_ref().unwrap_or(&soup), f64::INFINITY, None).0
     }
 
-    /// Fits the meshes of another scene onto the surfaces.
-    pub fn fit(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Fit {
+    /// Fits the meshes of another scene onto the surfaces; nothing if they are in another unit, which
+    /// no turn and way mends.
+    pub fn fit(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Option<Fit> {
         let (exact, soup) = (self.exact(), Soup::new(mesh, scene_from_mesh));
         let part = of_surfaces(&exact, &soup);
-        align::fit(&exact, part.as_ref().unwrap_or(&soup))
+        let soup = part.as_ref().unwrap_or(&soup);
+        let fault = faults::pose(&exact, soup);
+        let is_scaled = fault.is_some_and(|fault| fault.kind == FaultKind::Units);
+        (!is_scaled).then(|| align::fit(&exact, soup))
     }
 }

@@ -53,13 +53,26 @@ pub(crate) struct Supremum<C> {
 /// How many cells with large values are kept.
 const KEPT: usize = 512;
 
-/// Looks for the largest value over `cells`, dividing at most `budget` of them. Values below
-/// `floor` do not matter. The result does not depend on the number of threads.
+/// How much is done to prove the largest value.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    /// Cells that are divided.
+    pub(crate) budget: usize,
+    /// A value of which is to be known whether the largest one exceeds it; while it is not,
+    /// [`PATIENCE`] times as many cells are divided.
+    pub(crate) limit: Option<f64>,
+}
+
+/// See [`Effort`].
+const PATIENCE: usize = 16;
+
+/// Looks for the largest value over `cells`. Values below `floor` do not matter. The result does
+/// not depend on the number of threads.
 pub(crate) fn largest<F: Function>(
     function: &F,
     cells: Vec<F::Cell>,
     floor: f64,
-    budget: usize,
+    effort: Effort,
 ) -> Supremum<F::Cell> {
     let examine = |cell: F::Cell| (function.examine(&cell), cell);
     let mut open: Vec<_> = cells.into_par_iter().map(examine).collect();
@@ -71,7 +84,13 @@ pub(crate) fn largest<F: Function>(
     result.note(&open);
     let mut divided = 0;
     loop {
-        let wanted = result.found * (1.0 + RELATIVE) + floor;
+        let near = result.found * (1.0 + RELATIVE) + floor;
+        let (wanted, budget) = match effort.limit {
+            Some(limit) if divided >= effort.budget && near < limit => {
+                (limit, effort.budget.saturating_mul(PATIENCE))
+            }
+            _ => (near, effort.budget),
+        };
         open.retain(|(known, _)| {
             if known.bound <= wanted {
                 result.bound = result.bound.max(known.bound + known.slack);
@@ -165,11 +184,17 @@ mod tests {
     #[test]
     fn the_top_lies_between_what_is_found_and_what_is_proven() {
         let cells: Vec<[f64; 2]> = (0..100)
-            .map(|k| [f64::from(k) * 0.1, f64::from(k + 1) * 0.1])
+            .map(|k| [f64::from(k) * 0.1 - 0.07, f64::from(k) * 0.1 + 0.03])
             .collect();
-        let top = largest(&Hill, cells.clone(), 0.0, 10_000);
+        let effort = |budget, limit| Effort { budget, limit };
+        let top = largest(&Hill, cells.clone(), 0.0, effort(10_000, None));
         assert!(top.found <= 1.0 && top.found > 0.999 && (1.0..1.001).contains(&top.bound));
-        let stopped = largest(&Hill, cells, 0.0, 0);
-        assert!(stopped.bound >= 1.0 && stopped.found <= 1.0);
+        let stopped = largest(&Hill, cells.clone(), 0.0, effort(0, None));
+        assert!(stopped.bound > 1.01 && stopped.found <= 1.0);
+        // A limit is decided although the budget is spent; one that is exceeded costs nothing.
+        let decided = largest(&Hill, cells.clone(), 0.0, effort(1, Some(1.01)));
+        assert!((1.0..=1.01).contains(&decided.bound));
+        let exceeded = largest(&Hill, cells, 0.0, effort(1, Some(0.9)));
+        assert!(exceeded.found > 0.9 && exceeded.bound > 1.01);
     }
 }

@@ -9,7 +9,8 @@ use crate::{Accelerator, Workspace};
 /// Points of each face that are asked.
 const POINTS: usize = 5;
 
-/// How many points are tried to find them.
+/// How many points are tried to find them, over the domain and then over each of the boxes in which loops
+/// are: a face may be a small part of its surface.
 const TRIES: usize = 4096;
 
 /// Share of the rays that must agree that the faces are closed: the others may have slipped
@@ -79,10 +80,20 @@ fn points(face: &Face) -> Vec<DVec2> {
     let surface = &face.patch.surface;
     let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
     let region = face.patch.region();
-    let place = |k: usize| {
-        let share = (STEPS * k as f64).fract();
-        DVec2::new(u.start, v.start) + share * DVec2::new(u.end - u.start, v.end - v.start)
+    let whole = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
+    let spread = |[from, to]: [DVec2; 2]| {
+        let place = move |k: usize| from + (STEPS * k as f64).fract() * (to - from);
+        (1..=TRIES).map(place)
     };
+    let boxes = || face.patch.loop_boxes().into_iter().flat_map(spread);
     let inside = |uv: &DVec2| region.as_ref().is_none_or(|region| region.contains(*uv));
-    (1..=TRIES).map(place).filter(inside).take(POINTS).collect()
+    let found: Vec<DVec2> = spread(whole).filter(inside).take(POINTS).collect();
+    if found.len() == POINTS {
+        return found;
+    }
+    found
+        .into_iter()
+        .chain(boxes().filter(inside))
+        .take(POINTS)
+        .collect()
 }

@@ -40,7 +40,8 @@ pub(super) fn check(
         }
         check_closed(layer, about, repair, warnings)?;
         let plane = Plane::of(&layer.points).ok_or_else(|| {
-            about.error(&layer.place, "the points of the contour lie on one line")
+            let text = "the contour has no area: its points lie on one line, or it crosses itself";
+            about.error(&layer.place, text)
         })?;
         let stray = layer
             .points

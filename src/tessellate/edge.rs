@@ -25,7 +25,7 @@ const LEAST: f64 = 1e-6;
 /// What is nearer to a vertex than this share of the tolerance is there.
 const SAME: f64 = 1e-3;
 
-/// What is on one side of a crease is looked up this share of a step beside it.
+/// What is on one side of a crease, or beside a pole, is looked up this share of a step beside it.
 const INSIDE: f64 = 1e-6;
 
 /// A normal of less than this share of the length of others is what rounding leaves of it at a pole.
@@ -335,9 +335,10 @@ impl<'a> Walker<'a> {
     fn turn(&self, k: usize, from: &Station, to: &Station) -> f64 {
         let (a, b) = (&from.places[k], &to.places[k]);
         let (used, face) = (&self.uses[k], &self.faces[self.uses[k].face]);
-        // On a crease the step has the directions of its own side.
+        let is_pole = |one: DVec3, other: DVec3| one.length() < POLE * other.length();
+        // On a crease the step has the directions of its own side, and at a pole those beside it.
         let look = |at: &Place, other: &Place| {
-            if !face.pieces.is_creased(at.uv) {
+            if !face.pieces.is_creased(at.uv) && !is_pole(at.normal, other.normal) {
                 return (at.along, at.normal);
             }
             let (uv, way) = used.curve.tangent(at.t + (other.t - at.t) * INSIDE);
@@ -349,10 +350,9 @@ impl<'a> Walker<'a> {
             let angle = a.angle_between(b);
             if angle.is_finite() { angle } else { 0.0 }
         };
-        let sizes = [start.1.length(), end.1.length()];
-        let is_pole = sizes[0].min(sizes[1]) < POLE * sizes[0].max(sizes[1]);
+        let is_nothing = is_pole(start.1, end.1) || is_pole(end.1, start.1);
         // At a crease in between the normal jumps however short the step is.
-        let normals = if is_pole || face.pieces.is_creased_inside(&Rect::around([a.uv, b.uv])) {
+        let normals = if is_nothing || face.pieces.is_creased_inside(&Rect::around([a.uv, b.uv])) {
             0.0
         } else {
             angle(start.1, end.1)

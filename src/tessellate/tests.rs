@@ -173,6 +173,29 @@ fn normals_turn_by_no_more_than_the_angle_over_more_than_the_tolerance() {
 }
 
 #[test]
+fn seams_keep_to_the_angle_from_their_poles_on() {
+    let ball = bodies().swap_remove(0);
+    let options = TessellateOptions {
+        tolerance: Tolerance::Length(0.05),
+        angle: 5.0_f64.to_radians(),
+        ..TessellateOptions::default()
+    };
+    let result = tessellate(&scene(vec![ball.surface.into()]), &options).unwrap();
+    let mesh = &result.faces[0].as_ref().unwrap().mesh;
+    let points = mesh.positions();
+    let sides = mesh
+        .triangles()
+        .iter()
+        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let angles = sides.map(|ends| {
+        let [p, q] = ends.map(|k| points[k as usize]);
+        p.angle_between(q)
+    });
+    let most = angles.fold(0.0, f64::max);
+    assert!(most <= 1.03 * options.angle, "{}", most.to_degrees());
+}
+
+#[test]
 fn a_long_thin_cylinder_is_divided_across_only() {
     for radius in [10.0, 1.0, 0.1] {
         let frame = &modelling::Frame::WORLD;

@@ -54,10 +54,55 @@ impl Conic {
     fn off(&self, p: DVec2) -> f64 {
         self.value(p).abs() / self.gradient(p).length()
     }
+
+    /// The axes of the quadratic form.
+    fn axes(&self) -> [DVec2; 2] {
+        let (x, y) = (self.square.x_axis, self.square.y_axis);
+        let axis = DVec2::from_angle(0.5 * f64::atan2(2.0 * x.y, x.x - y.y));
+        [axis, axis.perp()]
+    }
+
+    /// What the parameter is of an arc of a parabola, or of a branch of a hyperbola, between these ends, with
+    /// the sign with which it grows: of the parabola the coordinate across its axis, of the hyperbola the
+    /// hyperbolic angle. The standard has another angle there, but those who write surfaces of hyperbolas
+    /// mean this one. At the ends it is exact; of other arcs it runs from 0 to 1.
+    fn open_domain(&self, ends: [DVec2; 2]) -> Range<f64> {
+        let curves = self.axes().map(|axis| axis.dot(self.square * axis));
+        let determinant = self.square.determinant();
+        let across = usize::from(curves[1].abs() > curves[0].abs());
+        let at: [f64; 2] = if determinant.abs() <= PARABOLA {
+            let axis = self.axes()[across];
+            ends.map(|p| p.dot(axis))
+        } else {
+            let center = self.square.inverse() * self.linear * -0.5;
+            let level = -self.value(center);
+            // Along this axis there is no point of it.
+            let beside = usize::from(curves[1] * level < 0.0);
+            let length = (-level / curves[beside]).sqrt();
+            let axis = self.axes()[beside];
+            ends.map(|p| ((p - center).dot(axis) / length).asinh())
+        };
+        let sign = (at[1] - at[0]).signum();
+        if determinant <= PARABOLA
+            && (at[1] - at[0]).abs() > 0.0
+            && at.iter().all(|t| t.is_finite())
+        {
+            sign * at[0]..sign * at[1]
+        } else {
+            0.0..1.0
+        }
+    }
 }
 
-/// Reads a conic arc; ellipses run counter-clockwise.
-pub(super) fn read(parameters: &mut Parameters<'_>, resolution: f64) -> Result<Rail, Problem> {
+/// Ends that are farther beside their conic than this share of their distance are not on it.
+const BESIDE: f64 = 1e-3;
+
+/// Reads a conic arc; ellipses run counter-clockwise. The second result is whether the ends are on
+/// the conic.
+pub(super) fn read(
+    parameters: &mut Parameters<'_>,
+    resolution: f64,
+) -> Result<(Rail, bool), Problem> {
     let mut c = [0.0; 6];
     for value in &mut c {
         *value = parameters.real()?;
@@ -81,7 +126,9 @@ pub(super) fn read(parameters: &mut Parameters<'_>, resolution: f64) -> Result<R
     } else {
         open_arc(&conic, start, end, z)
     };
-    curve.ok_or_else(no_conic)
+    let off = conic.off(start).max(conic.off(end));
+    let is_on = off <= BESIDE * start.distance(end) || start == end;
+    Ok((curve.ok_or_else(no_conic)?, is_on))
 }
 
 /// A circular arc, counter-clockwise, over its angles.
@@ -122,14 +169,7 @@ fn near([start, end]: [DVec2; 2], radius: f64, resolution: f64) -> f64 {
 fn ellipse(conic: &Conic, ends: [DVec2; 2], z: f64, resolution: f64) -> Option<Rail> {
     let center = conic.square.inverse() * conic.linear * -0.5;
     let level = -conic.value(center);
-    // The axes are the eigenvectors of the quadratic form.
-    let (a, b, c) = (
-        conic.square.x_axis.x,
-        conic.square.x_axis.y,
-        conic.square.y_axis.y,
-    );
-    let x = DVec2::from_angle(0.5 * f64::atan2(2.0 * b, a - c));
-    let y = x.perp();
+    let [x, y] = conic.axes();
     let length = |axis: DVec2| (level / axis.dot(conic.square * axis)).sqrt();
     let (long, short) = (length(x), length(y));
     if !(long > 0.0 && short > 0.0 && long.is_finite() && short.is_finite()) {
@@ -157,6 +197,7 @@ fn ellipse(conic: &Conic, ends: [DVec2; 2], z: f64, resolution: f64) -> Option<R
 /// pair of lines, so the weight is `w^2 = 1 - d.S d det S / (4 K)` and the middle point, the pole of
 /// the chord, is `adj S (gradient of the middle) d.S d / (8 K w^2)` beside that. Where the tangents
 /// at the ends meet tells the same, but of an arc that is nearly straight nothing.
+///
 fn open_arc(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
     let chord = end - start;
     let middle = start.midpoint(end);
@@ -164,13 +205,14 @@ fn open_arc(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
     let sag = bend.abs() / (4.0 * conic.gradient(middle).length());
     let largest = start.abs().max(end.abs()).max_element();
     let off = conic.off(start).max(conic.off(end)).min(SINGLE * largest);
-    let is_bent = sag > STRAIGHT * off.max(DIGITS * largest);
-    if !is_bent {
-        let line = Curve::line(start.extend(z), end.extend(z), 0.0..1.0);
-        return (start != end).then(|| line.ok().map(Rail::from)).flatten();
-    }
     let determinant = conic.square.determinant();
     let (x, y) = (conic.square.x_axis, conic.square.y_axis);
+    let domain = conic.open_domain([start, end]);
+    let is_bent = sag > STRAIGHT * off.max(DIGITS * largest);
+    if !is_bent {
+        let line = Curve::line(start.extend(z), end.extend(z), domain);
+        return (start != end).then(|| line.ok().map(Rail::from)).flatten();
+    }
     let adjugate = DMat2::from_cols(DVec2::new(y.y, -x.y), DVec2::new(-y.x, x.x));
     let lines = conic.linear.dot(adjugate * conic.linear) / 4.0 - conic.constant * determinant;
     let weight = (1.0 - bend * determinant / (4.0 * lines)).sqrt();
@@ -179,7 +221,7 @@ fn open_arc(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
         return None;
     }
     let points: [DVec3; 3] = [start, middle + way, end].map(|p| p.extend(z));
-    let knots = KnotVector::bezier(2, 0.0..1.0).ok()?;
+    let knots = KnotVector::bezier(2, domain).ok()?;
     let curve = Curve::new(knots, &points, Some(&[1.0, weight, 1.0])).ok()?;
     Some(Rail::from(curve))
 }
@@ -194,7 +236,7 @@ mod tests {
     }
 
     fn conic(record: &str) -> Curve<DVec3> {
-        read(&mut parameters(record), 0.0).unwrap().curve
+        read(&mut parameters(record), 0.0).unwrap().0.curve
     }
 
     fn check(record: &str, on: impl Fn(DVec2) -> f64, middle: DVec2) {
@@ -245,7 +287,7 @@ mod tests {
         ] {
             let circle = circle(&mut parameters(&format!("0.,0.,0.,1.,0.,{end};")), 0.0).unwrap();
             let ellipse = format!("0.25,0.,1.,0.,0.,-0.25,0.,1.,0.,{end};");
-            let ellipse = read(&mut parameters(&ellipse), 0.0).unwrap();
+            let (ellipse, _) = read(&mut parameters(&ellipse), 0.0).unwrap();
             // A degree of the ellipse is half as high there.
             for (rail, sweep) in [(circle, sweep), (ellipse, sweep)] {
                 let domain = rail.curve.domain();
@@ -366,6 +408,60 @@ mod tests {
                 "{k}: {off}"
             );
         }
+    }
+
+    #[test]
+    fn parabolas_run_over_their_coordinates() {
+        // y = x^2 to both sides, and x = y^2 / 4.
+        for (record, domain, at) in [
+            (
+                "1.,0.,0.,0.,-1.,0.,0.,1.,1.,3.,9.;",
+                1.0..3.0,
+                DVec2::new(2.0, 4.0),
+            ),
+            (
+                "1.,0.,0.,0.,-1.,0.,0.,3.,9.,1.,1.;",
+                -3.0..-1.0,
+                DVec2::new(2.0, 4.0),
+            ),
+            (
+                "0.,0.,1.,-4.,0.,0.,0.,1.,2.,4.,4.;",
+                2.0..4.0,
+                DVec2::new(2.25, 3.0),
+            ),
+        ] {
+            let curve = conic(record);
+            assert_eq!(curve.domain(), domain, "{record}");
+            let middle = curve.evaluate(f64::midpoint(domain.start, domain.end));
+            assert!(middle.truncate().distance(at) < 1e-12, "{record}: {middle}");
+        }
+    }
+
+    #[test]
+    fn hyperbolas_run_over_their_hyperbolic_angles() {
+        let at = |t: f64| DVec2::new(3.0 * t.cosh(), 2.0 * t.sinh());
+        for (from, to) in [(0.3, 1.2), (1.2, 0.3), (-1.0, 2.0)] {
+            let curve = arc_of([4.0, 0.0, -9.0, 0.0, 0.0, -36.0], [at(from), at(to)]);
+            let (domain, sign) = (curve.domain(), if from < to { 1.0 } else { -1.0 });
+            let off = (domain.start - sign * from).abs() + (domain.end - sign * to).abs();
+            assert!(off < 1e-8, "{domain:?}");
+        }
+        // Upwards and downwards instead of to the sides.
+        let at = |t: f64| DVec2::new(2.0 * t.sinh(), 3.0 * t.cosh());
+        let curve = arc_of([-9.0, 0.0, 4.0, 0.0, 0.0, -36.0], [at(-0.5), at(0.7)]);
+        assert!(
+            (curve.domain().end - 0.7).abs() < 1e-8,
+            "{:?}",
+            curve.domain()
+        );
+    }
+
+    #[test]
+    fn ends_beside_their_conic_are_told() {
+        // y = x^2, and one with a wrong coefficient.
+        let is_on = |record: &str| read(&mut parameters(record), 0.0).unwrap().1;
+        assert!(is_on("1.,0.,0.,0.,-1.,0.,0.,1.,1.0001,3.,9.;"));
+        assert!(!is_on("1.,0.,0.,0.,-25.4,0.,0.,1.,1.,3.,9.;"));
     }
 
     #[test]

@@ -234,7 +234,13 @@ impl Reader<'_, '_> {
         let parameters = &mut parameters;
         let rail = match entry.kind {
             100 => conic::circle(parameters, file.global.resolution)?,
-            104 => conic::read(parameters, file.global.resolution)?,
+            104 => {
+                let (rail, is_on) = conic::read(parameters, file.global.resolution)?;
+                if !is_on {
+                    self.repaired(index, "the ends of a conic arc are not on its conic");
+                }
+                rail
+            }
             106 => polyline(parameters, entry.form)?,
             110 => {
                 let [start, end] = [point(parameters)?, point(parameters)?];

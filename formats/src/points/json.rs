@@ -6,7 +6,7 @@ use kernel::{Unit, linear_from_srgb};
 use serde_json::Value;
 
 use super::{Budget, Layer, PointBody, PointFormat, PointSet};
-use crate::{Error, Limits, Place, Problem};
+use crate::{Error, Export, Limits, Place, Problem, Warnings};
 
 pub(super) const FORMAT: PointFormat = PointFormat {
     name: "JSON",
@@ -41,12 +41,16 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
     match list {
         Some(Value::Array(list)) => {
             for (number, value) in (1..).zip(list) {
-                set.bodies
-                    .push(body(value, &format!("body {number}"), &mut budget)?);
+                let name = format!("body {number}");
+                let body = body(value, &name, &mut budget, &mut set.warnings)?;
+                set.bodies.push(body);
             }
         }
         Some(_) => return Err(FORMAT.invalid(Place::default(), "'bodies' is not a list")),
-        None => set.bodies.push(body(&value, "", &mut budget)?),
+        None => {
+            let body = body(&value, "", &mut budget, &mut set.warnings)?;
+            set.bodies.push(body);
+        }
     }
     if let Some(name) = value.get("unit").and_then(Value::as_str) {
         match UNITS.iter().find(|(known, _)| *known == name) {
@@ -55,7 +59,8 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
                 set.unit = Some(Unit { name, metres });
             }
             None => {
-                let text = format!("the unit '{name}' is not known");
+                let known = UNITS.map(|(known, _)| known).join(", ");
+                let text = format!("the unit '{name}' is not known; use one of {known}");
                 set.warnings.unsupported(Place::default(), text);
             }
         }
@@ -64,7 +69,12 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
 }
 
 /// A body: an object with layers, or the layers themselves.
-fn body(value: &Value, what: &str, budget: &mut Budget<'_>) -> Result<PointBody, Error> {
+fn body(
+    value: &Value,
+    what: &str,
+    budget: &mut Budget<'_>,
+    warnings: &mut Warnings,
+) -> Result<PointBody, Error> {
     let name = value.get("name").and_then(Value::as_str).unwrap_or("");
     let what = if name.is_empty() {
         what.to_owned()
@@ -78,9 +88,15 @@ fn body(value: &Value, what: &str, budget: &mut Budget<'_>) -> Result<PointBody,
     let Some(Value::Array(layers)) = layers else {
         return Err(FORMAT.invalid(Place::item(0, what), "there is no list of layers"));
     };
+    let told = value.get("color");
+    let found = told.and_then(color);
+    if let (Some(told), None) = (told, found) {
+        let text = format!("the color is {told}; it is three numbers from 0 to 1");
+        warnings.invalid(Place::item(0, what.clone()), text);
+    }
     let mut body = PointBody {
         name: name.to_owned(),
-        color: value.get("color").and_then(color),
+        color: found,
         ..PointBody::default()
     };
     for (number, points) in (1..).zip(layers) {
@@ -122,7 +138,7 @@ fn color(value: &Value) -> Option<DVec3> {
     is_inside.then(|| linear_from_srgb(color))
 }
 
-fn write(set: &PointSet) -> Vec<u8> {
+fn write(set: &PointSet) -> Export {
     let body = |body: &PointBody| {
         let layer = |layer: &Layer| -> Value {
             let points = layer.points.iter();
@@ -140,5 +156,5 @@ fn write(set: &PointSet) -> Vec<u8> {
     if let Some(unit) = &set.unit {
         value["unit"] = unit.name.clone().into();
     }
-    format!("{value}\n").into_bytes()
+    set.export(format!("{value}\n").into_bytes())
 }

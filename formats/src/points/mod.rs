@@ -11,7 +11,9 @@ use std::path::Path;
 use glam::DVec3;
 use kernel::Unit;
 
-use crate::{Error, Limits, OpenError, Place, Problem, Warnings, describe, plain, read_within};
+use crate::{
+    Error, Export, Limits, OpenError, Place, Problem, Warnings, describe, plain, read_within,
+};
 
 mod dicom;
 mod json;
@@ -80,7 +82,7 @@ pub struct PointFormat {
     /// Bytes to points.
     pub read: fn(&[u8], &Limits) -> Result<PointSet, Error>,
     /// Points to bytes, if they are written, too.
-    pub write: Option<fn(&PointSet) -> Vec<u8>>,
+    pub write: Option<fn(&PointSet) -> Export>,
 }
 
 /// All kinds, those with the surest signs first.
@@ -139,6 +141,22 @@ pub fn read_points(
         format: format.name,
         ..set
     })
+}
+
+impl PointSet {
+    /// What is written of the set, with a warning if the bodies are transparent: no format of
+    /// points holds that.
+    fn export(&self, bytes: Vec<u8>) -> Export {
+        let mut export = Export {
+            bytes,
+            ..Export::default()
+        };
+        if self.bodies.iter().any(|body| body.transparency > 0.0) {
+            let text = "files of points hold no opacity; it is left out";
+            export.warnings.unsupported(Place::default(), text);
+        }
+        export
+    }
 }
 
 impl PointFormat {

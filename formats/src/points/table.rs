@@ -10,12 +10,12 @@ use glam::DVec3;
 
 use super::{Budget, Layer, PointBody, PointFormat, PointSet};
 use crate::obj::statements::number;
-use crate::{Error, Limits, Place, Warnings};
+use crate::{Error, Export, Limits, Place, Warnings};
 
 pub(super) const FORMAT: PointFormat = PointFormat {
     name: "table",
     extensions: &["csv", "tsv", "xyz", "txt", "dat"],
-    sniff: |_| false,
+    sniff,
     read,
     write: Some(write),
 };
@@ -45,6 +45,22 @@ const NAMES: [(&str, Column); 13] = [
     ("z", Column::Axis(2)),
     ("i", Column::Layer),
 ];
+
+/// Whether the first row is one of numbers, or a heading that names x, y and z.
+fn sniff(bytes: &[u8]) -> bool {
+    /// More than a row has.
+    const HEAD: usize = 4096;
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(HEAD)]);
+    let mut lines = text.trim_start_matches('\u{feff}').lines().map(str::trim);
+    let Some(first) = lines.find(|line| !line.is_empty() && !line.starts_with('#')) else {
+        return false;
+    };
+    let fields = fields(first);
+    if fields.iter().all(|field| is_word(field)) {
+        return heading(&fields, 1, &mut Warnings::default()).is_ok();
+    }
+    unnamed(fields.len(), 1).is_ok_and(|columns| row(&columns, &fields, 1, 0).is_ok())
+}
 
 /// A point with all that its row says.
 struct Row<'a> {
@@ -244,7 +260,7 @@ fn bodies(rows: &[Row<'_>], has_layers: bool) -> Result<Vec<PointBody>, Error> {
     Ok(bodies)
 }
 
-fn write(set: &PointSet) -> Vec<u8> {
+fn write(set: &PointSet) -> Export {
     use crate::write::push_number;
     let mut text = String::from("body,layer,x,y,z\n");
     for body in &set.bodies {
@@ -261,5 +277,14 @@ fn write(set: &PointSet) -> Vec<u8> {
             }
         }
     }
-    text.into_bytes()
+    let mut export = set.export(text.into_bytes());
+    if set.unit.is_some() {
+        let text = "tables hold no unit of length; it is left out";
+        export.warnings.unsupported(Place::default(), text);
+    }
+    if set.bodies.iter().any(|body| body.color.is_some()) {
+        let text = "tables hold no colours; they are left out";
+        export.warnings.unsupported(Place::default(), text);
+    }
+    export
 }

@@ -112,8 +112,8 @@ fn what_is_written_is_read_again() {
     let made = made();
     for format in POINT_FORMATS {
         let Some(write) = format.write else { continue };
-        let bytes = write(&made);
-        assert_eq!(bytes, write(&made));
+        let bytes = write(&made).bytes;
+        assert_eq!(bytes, write(&made).bytes);
         let found = read_points(&bytes, Some(format.extensions[0]), &Limits::default()).unwrap();
         assert_eq!(found.format, format.name);
         assert_eq!(found.warnings.as_slice(), []);
@@ -136,8 +136,50 @@ fn what_is_written_is_read_again() {
 }
 
 #[test]
+fn what_is_lost_of_points_is_told() {
+    let told = |extension: &str, set: &PointSet| -> Vec<String> {
+        let named = |format: &&PointFormat| format.extensions.contains(&extension);
+        let format = POINT_FORMATS.iter().find(named).unwrap();
+        let export = format.write.unwrap()(set);
+        let warnings = export.warnings.as_slice().iter();
+        warnings.map(ToString::to_string).collect()
+    };
+    let mut set = made();
+    assert_eq!(told("csv", &set).len(), 2);
+    assert!(told("json", &set).is_empty() && told("dcm", &set).is_empty());
+    set.unit = None;
+    set.bodies[0].transparency = 0.5;
+    assert_eq!(told("csv", &set).len(), 2);
+    assert_eq!(told("json", &set).len(), 1);
+    assert_eq!(told("dcm", &set).len(), 2);
+    let text = br#"{"name": "a", "color": [200, 180, 140], "layers": [[[0, 0, 0]]]}"#;
+    let set = read_points(text, None, &Limits::default()).unwrap();
+    let told = set.warnings.as_slice()[0].to_string();
+    assert!(
+        told.contains("[200,180,140]; it is three numbers"),
+        "{told}"
+    );
+}
+
+#[test]
+fn tables_are_known_by_their_first_row() {
+    let read = |text: &str| read_points(text.as_bytes(), None, &Limits::default());
+    for text in [
+        "5,0,0\n4,1,0\n",
+        "# by hand\n\n5 0 0\n",
+        "\u{feff}layer;x;y;z\n1;2;3;4\n",
+    ] {
+        assert_eq!(read(text).unwrap().format, "table", "{text}");
+    }
+    for text in ["5,0\n", "five points\n", "a,b,c\n1,2,3\n"] {
+        let error = read(text).unwrap_err().to_string();
+        assert!(error.contains("the format is not known"), "{error}");
+    }
+}
+
+#[test]
 fn contours_of_no_region_are_told() {
-    let mut bytes = POINT_FORMATS[0].write.unwrap()(&made());
+    let mut bytes = POINT_FORMATS[0].write.unwrap()(&made()).bytes;
     let number = b"\x06\x30\x22\x00\x02\x00\x00\x002";
     let at = bytes.windows(number.len()).position(|w| w == number);
     bytes[at.unwrap() + number.len() - 1] = b'7';
@@ -160,7 +202,7 @@ fn contours_of_no_region_are_told() {
 
 #[test]
 fn damaged_structure_sets_end_in_errors() {
-    let good = POINT_FORMATS[0].write.unwrap()(&made());
+    let good = POINT_FORMATS[0].write.unwrap()(&made()).bytes;
     let read = |bytes: &[u8]| read_points(bytes, Some("dcm"), &Limits::default());
     for length in 0..good.len() {
         // At the end of an element nothing seems to be missing, until something is.

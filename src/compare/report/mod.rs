@@ -27,8 +27,8 @@ use crate::film::Picture;
 use crate::output::{self, OutputOptions};
 use crate::tessellate::{Face, Tessellation, deviation};
 
-/// The file with all numbers.
-const REPORT: &str = "report.json";
+/// The files with all numbers, with those for people, and with those beside the pictures.
+const PAGES: [&str; 3] = ["report.json", "summary.md", "index.html"];
 
 /// What tells that it is ours.
 const MADE_BY: &str = "nurbray compare";
@@ -49,6 +49,8 @@ pub struct Candidate {
     pub fit: Option<Fit>,
     /// How it was made, if it is ours.
     pub made: Option<Made>,
+    /// A distance, in units of the scene: more is done to know whether it is exceeded.
+    pub limit: Option<f64>,
     /// Size of its files.
     pub bytes: u64,
     /// The name of its file in the folder of the report, if it was written for that; else empty.
@@ -263,13 +265,13 @@ pub fn compare(
 pub fn remove_earlier(folder: &Path, inputs: &[PathBuf]) -> io::Result<()> {
     let real = |path: &Path| path.canonicalize().ok();
     let inputs: Vec<_> = inputs.iter().filter_map(|path| real(path)).collect();
-    let report = fs::read(folder.join(REPORT)).unwrap_or_default();
+    let report = fs::read(folder.join(PAGES[0])).unwrap_or_default();
     let report: Value = serde_json::from_slice(&report).unwrap_or_default();
     if report["made_by"] != MADE_BY {
         return Ok(());
     }
     let names = report["files"].as_array().into_iter().flatten();
-    for name in names.filter_map(Value::as_str) {
+    for name in names.filter_map(Value::as_str).chain(PAGES) {
         let path = folder.join(name);
         // Whatever the list says: nothing that is elsewhere.
         let is_here = Path::new(name).file_name().is_some_and(|own| own == name);
@@ -294,7 +296,7 @@ fn compare_one(
     let proven = candidate.made.map_or(f64::INFINITY, |made| made.proven);
     let part = of_surfaces(exact, &soup);
     let measured = part.as_ref().unwrap_or(&soup);
-    let (deviation, faults) = measure(exact, measured, proven);
+    let (deviation, faults) = measure(exact, measured, proven, candidate.limit);
     let measuring = started.elapsed();
     let worst = worst(&deviation);
     let views = views::take(stage, exact, &soup, &worst, deviation.surface_to_mesh.found);
@@ -414,9 +416,10 @@ impl Report {
             output::replace_file(&self.folder.join(name), |file| file.write_all(bytes))
         };
         let json = serde_json::to_vec_pretty(&self.json())?;
-        write(REPORT, &json)?;
-        write("summary.md", self.markdown().as_bytes())?;
-        write("index.html", self.page()?.as_bytes())
+        let [report, summary, page] = PAGES;
+        write(report, &json)?;
+        write(summary, self.markdown().as_bytes())?;
+        write(page, self.page()?.as_bytes())
     }
 
     /// All numbers.

@@ -56,6 +56,20 @@ impl Trimmer<'_> {
         }
     }
 
+    /// Whether a curve runs between its ends farther than that beside a curve of space.
+    pub(super) fn is_beside(&self, curve: &kernel::Curve<DVec2>, rail: &Rail, most: f64) -> bool {
+        let breaks = [rail.curve.knots().breaks()];
+        let space = Path::new(breaks.into_iter(), |_, t| rail.curve.evaluate(t));
+        let mut points = places(curve.domain())
+            .skip(1)
+            .map(|t| curve.evaluate(t))
+            .filter(|uv| !self.is_on_seam(*uv));
+        points.any(|uv| {
+            self.spend(POINT + space.parts.len() / LOOKED_AT);
+            self.left.get() > 0 && !space.passes(self.point(uv), most)
+        })
+    }
+
     /// Whether a path passes a point, as long as there is work left to find out.
     fn meets<F: Fn(usize, f64) -> DVec3>(&self, path: &Path<F>, point: DVec3) -> bool {
         self.spend(POINT + path.parts.len() / LOOKED_AT);

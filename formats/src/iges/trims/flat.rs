@@ -14,7 +14,7 @@ use crate::iges::sheets::{SheetShape, Warp};
 
 /// Curves of the parameter domain that miss their curves of space by more than this share of
 /// the surface's size are not believed.
-const MISSES: f64 = 2e-2;
+const MISSES: f64 = 2e-3;
 
 /// So are those that miss them by more than this share of their own size, and [`COARSE`].
 const SHARE: f64 = 0.1;
@@ -74,10 +74,11 @@ impl Trimmer<'_> {
             for (curve, rail) in curves.iter().zip(&rails) {
                 let apart = apart(curve, rail);
                 let length = rail.curve.hull_bounds().diagonal();
-                if apart <= (self.size * MISSES).min(self.size * COARSE + length * SHARE) {
+                let most = (self.size * MISSES).min(self.size * COARSE + length * SHARE);
+                if apart <= most && !self.is_beside(curve, rail, most) {
                     continue;
                 }
-                if !self.is_off(&rail.curve, apart / 2.0) {
+                if !self.is_off(&rail.curve, apart.max(most) / 2.0) {
                     return Err(elsewhere());
                 }
                 is_off = true;

@@ -194,6 +194,38 @@ fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
     assert_eq!(warnings, [text]);
 }
 
+#[test]
+fn curves_of_the_domain_are_held_against_curves_of_space_between_their_ends() {
+    let text = "line 27, trimmed surface D25 (type 144): a curve of the parameter domain is not where \
+                its curve of space is; the curve of space is used";
+    // The first side bulges in the domain, by half of that, and is straight in space.
+    for (bulge, expected, told) in [
+        ("0.002", 1.0 - 0.001 * 2.0 / 3.0, vec![]),
+        ("0.2", 1.0, vec![text.to_owned()]),
+    ] {
+        let mut entities = border();
+        let points = format!("0.,0.,0.,.5,{bulge},0.,1.,0.,0.");
+        let curve = format!("2,2,1,0,1,0,0.,0.,0.,1.,1.,1.,1.,1.,1.,{points},0.,1.,0.,0.,1.");
+        entities[0] = made(126, &curve);
+        entities[0].status = "00010500";
+        let mut parts = vec![square(3.0)];
+        let corners = ["3.,0.,0.", "4.,0.,0.", "4.,1.,0.", "3.,1.,0.", "3.,0.,0."];
+        let lines = corners.windows(2);
+        parts.extend(lines.map(|l| made(110, &format!("{},{}", l[0], l[1]))));
+        parts.push(made(102, "4,13,15,17,19"));
+        for mut part in parts {
+            part.status = "00010000";
+            entities.push(part);
+        }
+        entities.push(made(142, "1,11,9,21,1"));
+        entities.push(made(144, "11,1,0,23"));
+        let (scene, warnings) = read(&entities);
+        let area = scene.patches()[0].loops[0].signed_area().abs();
+        assert!((area - expected).abs() < 2e-5, "{bulge}: {area}");
+        assert_eq!(warnings, told);
+    }
+}
+
 /// A square with a loop along half of it, at some height, and along its border in the parameter domain
 /// if that is said.
 fn above(height: &str, is_flat: bool) -> (kernel::Patch, Vec<String>) {

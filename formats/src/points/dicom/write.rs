@@ -11,6 +11,7 @@ use super::{
     SOP_CLASS, SOP_INSTANCE, Tag,
 };
 use crate::points::{Layer, PointSet};
+use crate::{Export, Place};
 
 /// Most characters of a number.
 const DIGITS: usize = 16;
@@ -19,7 +20,7 @@ const DIGITS: usize = 16;
 ///
 /// Numbers have at most 16 characters, as the standard wants. The same points give the same
 /// bytes: identifiers are made from them, and there are no dates.
-pub(super) fn write(set: &PointSet) -> Vec<u8> {
+pub(super) fn write(set: &PointSet) -> Export {
     let millimetres = set.unit.as_ref().map_or(1.0, |unit| unit.metres * 1e3);
     let (mut rois, mut contours, mut observations) = (Vec::new(), Vec::new(), Vec::new());
     let mut names = String::new();
@@ -88,7 +89,13 @@ pub(super) fn write(set: &PointSet) -> Vec<u8> {
         sequence(0x3006_0080, &observations),
         element(0x300e_0002, "UNAPPROVED"),
     ];
-    [head(&instance), data.concat()].concat()
+    let mut export = set.export([head(&instance), data.concat()].concat());
+    if set.unit.is_none() {
+        let text = "structure sets are in millimetres and the points have no unit of length; \
+            their numbers are written as millimetres";
+        export.warnings.unsupported(Place::default(), text);
+    }
+    export
 }
 
 /// A closed contour.
