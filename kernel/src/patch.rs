@@ -48,9 +48,8 @@ impl Patch {
     /// That part of the surface.
     pub(crate) fn where_loops_are(&self) -> Cow<'_, Surface> {
         let (mut min, mut max) = (DVec2::MAX, DVec2::MIN);
-        for (shift, trim) in self.shifted() {
-            let hull = trim.hull();
-            (min, max) = (min.min(hull.0 + shift), max.max(hull.1 + shift));
+        for [least, most] in self.hulls() {
+            (min, max) = (min.min(least), max.max(most));
         }
         // What is clamped and all of it there is no smaller for being cut.
         let part = |knots: &KnotVector, from: f64, to: f64| {
@@ -102,13 +101,23 @@ impl Patch {
     /// The boxes in which the loops are, as far as they are in the domain: the least and the greatest
     /// parameters for each loop and each shift by whole periods that brings it there.
     pub fn loop_boxes(&self) -> Vec<[DVec2; 2]> {
-        let [u, v] = [&self.surface.knots_u(), &self.surface.knots_v()].map(|k| k.domain());
-        let [least, most] = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
-        let inside = |(shift, trim): (DVec2, &TrimLoop)| {
+        let [least, most] = self.domain();
+        let inside = |hull: [DVec2; 2]| hull.map(|corner| corner.clamp(least, most));
+        self.hulls().map(inside).collect()
+    }
+
+    /// Boxes around the loops, where their shifts bring them.
+    fn hulls(&self) -> impl Iterator<Item = [DVec2; 2]> {
+        self.shifted().into_iter().map(|(shift, trim)| {
             let (min, max) = trim.hull();
-            [min, max].map(|corner| (corner + shift).clamp(least, most))
-        };
-        self.shifted().into_iter().map(inside).collect()
+            [min + shift, max + shift]
+        })
+    }
+
+    /// The least and the greatest parameters.
+    fn domain(&self) -> [DVec2; 2] {
+        let [u, v] = [self.surface.knots_u(), self.surface.knots_v()].map(KnotVector::domain);
+        [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)]
     }
 
     /// The loops, each with the shifts that bring it into the domain.
@@ -116,8 +125,7 @@ impl Patch {
         if self.loops.is_empty() {
             return Vec::new();
         }
-        let [u, v] = [&self.surface.knots_u(), &self.surface.knots_v()].map(|k| k.domain());
-        let domain = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
+        let domain = self.domain();
         let closed = self.surface.closed();
         let of = |trim| {
             shifts(trim, domain, closed)

@@ -234,21 +234,22 @@ fn foreign(path: &Path, scene: &Scene, limits: &Limits) -> anyhow::Result<Candid
 
 /// The exit code, after telling which meshes are, or may be, farther away than `limit`.
 fn verdict(report: &Report, limit: f64) -> u8 {
-    let unit = visible(&report.unit);
-    for mesh in &report.meshes {
+    let (unit, mut code) = (visible(&report.unit), 0);
+    for mesh in report.failures(limit) {
+        code = DIFFERENT;
         let (name, found) = (visible(&mesh.name), mesh.deviation.found());
         if mesh.triangles == 0 {
             say!("nurbray: {name}: --fail-above: it is empty");
         } else if found > limit {
             say!("nurbray: {name}: {found:.4e} {unit} apart; --fail-above is {limit:.4e} {unit}");
-        } else if mesh.bound() > limit {
+        } else {
             say!(
                 "nurbray: {name}: {found:.4e} {unit} apart as far as is found, but not proven to be \
                 within --fail-above, which is {limit:.4e} {unit}"
             );
         }
     }
-    if report.fails(limit) { DIFFERENT } else { 0 }
+    code
 }
 
 /// A line for each mesh and fault, and where the report is.

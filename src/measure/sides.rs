@@ -1,5 +1,7 @@
 //! Which side of each face is outside, if the faces are closed.
 
+use std::iter;
+
 use glam::DVec2;
 use kernel::{Aabb, Ray};
 
@@ -85,15 +87,8 @@ fn points(face: &Face) -> Vec<DVec2> {
         let place = move |k: usize| from + (STEPS * k as f64).fract() * (to - from);
         (1..=TRIES).map(place)
     };
-    let boxes = || face.patch.loop_boxes().into_iter().flat_map(spread);
+    let boxes = iter::once_with(|| face.patch.loop_boxes()).flatten();
     let inside = |uv: &DVec2| region.as_ref().is_none_or(|region| region.contains(*uv));
-    let found: Vec<DVec2> = spread(whole).filter(inside).take(POINTS).collect();
-    if found.len() == POINTS {
-        return found;
-    }
-    found
-        .into_iter()
-        .chain(boxes().filter(inside))
-        .take(POINTS)
-        .collect()
+    let tried = spread(whole).chain(boxes.flat_map(spread));
+    tried.filter(inside).take(POINTS).collect()
 }

@@ -55,6 +55,11 @@ impl Conic {
         self.value(p).abs() / self.gradient(p).length()
     }
 
+    /// How far one of two points is.
+    fn ends_off(&self, [start, end]: [DVec2; 2]) -> f64 {
+        self.off(start).max(self.off(end))
+    }
+
     /// The axes of the quadratic form.
     fn axes(&self) -> [DVec2; 2] {
         let (x, y) = (self.square.x_axis, self.square.y_axis);
@@ -62,32 +67,38 @@ impl Conic {
         [axis, axis.perp()]
     }
 
+    /// The form along an axis.
+    fn along(&self, axis: DVec2) -> f64 {
+        axis.dot(self.square * axis)
+    }
+
+    /// The centre, and what the form is beside it on the conic.
+    fn center(&self) -> (DVec2, f64) {
+        let center = self.square.inverse() * self.linear * -0.5;
+        (center, -self.value(center))
+    }
+
     /// What the parameter is of an arc of a parabola, or of a branch of a hyperbola, between these ends, with
     /// the sign with which it grows: of the parabola the coordinate across its axis, of the hyperbola the
     /// hyperbolic angle. The standard has another angle there, but those who write surfaces of hyperbolas
     /// mean this one. At the ends it is exact; of other arcs it runs from 0 to 1.
     fn open_domain(&self, ends: [DVec2; 2]) -> Range<f64> {
-        let curves = self.axes().map(|axis| axis.dot(self.square * axis));
         let determinant = self.square.determinant();
-        let across = usize::from(curves[1].abs() > curves[0].abs());
-        let at: [f64; 2] = if determinant.abs() <= PARABOLA {
-            let axis = self.axes()[across];
-            ends.map(|p| p.dot(axis))
+        let [x, y] = self.axes();
+        let [from, to] = if determinant.abs() <= PARABOLA {
+            let is_y = self.along(y).abs() > self.along(x).abs();
+            let across = if is_y { y } else { x };
+            ends.map(|p| p.dot(across))
         } else {
-            let center = self.square.inverse() * self.linear * -0.5;
-            let level = -self.value(center);
+            let (center, level) = self.center();
             // Along this axis there is no point of it.
-            let beside = usize::from(curves[1] * level < 0.0);
-            let length = (-level / curves[beside]).sqrt();
-            let axis = self.axes()[beside];
-            ends.map(|p| ((p - center).dot(axis) / length).asinh())
+            let beside = if self.along(y) * level < 0.0 { y } else { x };
+            let length = (-level / self.along(beside)).sqrt();
+            ends.map(|p| ((p - center).dot(beside) / length).asinh())
         };
-        let sign = (at[1] - at[0]).signum();
-        if determinant <= PARABOLA
-            && (at[1] - at[0]).abs() > 0.0
-            && at.iter().all(|t| t.is_finite())
-        {
-            sign * at[0]..sign * at[1]
+        let way = to - from;
+        if determinant <= PARABOLA && way.abs() > 0.0 && way.is_finite() {
+            way.signum() * from..way.signum() * to
         } else {
             0.0..1.0
         }
@@ -126,8 +137,7 @@ pub(super) fn read(
     } else {
         open_arc(&conic, start, end, z)
     };
-    let off = conic.off(start).max(conic.off(end));
-    let is_on = off <= BESIDE * start.distance(end) || start == end;
+    let is_on = conic.ends_off([start, end]) <= BESIDE * start.distance(end) || start == end;
     Ok((curve.ok_or_else(no_conic)?, is_on))
 }
 
@@ -167,10 +177,9 @@ fn near([start, end]: [DVec2; 2], radius: f64, resolution: f64) -> f64 {
 
 /// An arc of an ellipse, over the angles of its parametric form.
 fn ellipse(conic: &Conic, ends: [DVec2; 2], z: f64, resolution: f64) -> Option<Rail> {
-    let center = conic.square.inverse() * conic.linear * -0.5;
-    let level = -conic.value(center);
+    let (center, level) = conic.center();
     let [x, y] = conic.axes();
-    let length = |axis: DVec2| (level / axis.dot(conic.square * axis)).sqrt();
+    let length = |axis: DVec2| (level / conic.along(axis)).sqrt();
     let (long, short) = (length(x), length(y));
     if !(long > 0.0 && short > 0.0 && long.is_finite() && short.is_finite()) {
         return None;
@@ -197,22 +206,21 @@ fn ellipse(conic: &Conic, ends: [DVec2; 2], z: f64, resolution: f64) -> Option<R
 /// pair of lines, so the weight is `w^2 = 1 - d.S d det S / (4 K)` and the middle point, the pole of
 /// the chord, is `adj S (gradient of the middle) d.S d / (8 K w^2)` beside that. Where the tangents
 /// at the ends meet tells the same, but of an arc that is nearly straight nothing.
-///
 fn open_arc(conic: &Conic, start: DVec2, end: DVec2, z: f64) -> Option<Rail> {
     let chord = end - start;
     let middle = start.midpoint(end);
     let bend = chord.dot(conic.square * chord);
     let sag = bend.abs() / (4.0 * conic.gradient(middle).length());
     let largest = start.abs().max(end.abs()).max_element();
-    let off = conic.off(start).max(conic.off(end)).min(SINGLE * largest);
-    let determinant = conic.square.determinant();
-    let (x, y) = (conic.square.x_axis, conic.square.y_axis);
+    let off = conic.ends_off([start, end]).min(SINGLE * largest);
     let domain = conic.open_domain([start, end]);
     let is_bent = sag > STRAIGHT * off.max(DIGITS * largest);
     if !is_bent {
         let line = Curve::line(start.extend(z), end.extend(z), domain);
         return (start != end).then(|| line.ok().map(Rail::from)).flatten();
     }
+    let determinant = conic.square.determinant();
+    let (x, y) = (conic.square.x_axis, conic.square.y_axis);
     let adjugate = DMat2::from_cols(DVec2::new(y.y, -x.y), DVec2::new(-y.x, x.x));
     let lines = conic.linear.dot(adjugate * conic.linear) / 4.0 - conic.constant * determinant;
     let weight = (1.0 - bend * determinant / (4.0 * lines)).sqrt();

@@ -405,10 +405,10 @@ fn solid(exact: &Exact<'_>, soup: &Soup, deviation: &Deviation) -> Solid {
 }
 
 impl Report {
-    /// Whether surfaces and a mesh may be farther apart than `limit`, or a mesh is not there.
-    pub fn fails(&self, limit: f64) -> bool {
-        let empty = |m: &Compared| m.triangles == 0;
-        self.meshes.iter().any(|m| empty(m) || m.bound() > limit)
+    /// The meshes that may be farther from the surfaces than `limit`, or are not there.
+    pub fn failures(&self, limit: f64) -> impl Iterator<Item = &Compared> {
+        let fails = move |m: &&Compared| m.triangles == 0 || m.bound() > limit;
+        self.meshes.iter().filter(fails)
     }
 
     fn write(&self) -> io::Result<()> {

@@ -43,11 +43,12 @@ impl Trimmer<'_> {
         );
         let of_space = |rail: &Rail| {
             let mut points = places(rail.curve.domain()).map(|t| rail.curve.evaluate(t));
-            points.all(|point| self.meets(&flat, point))
+            points.all(|point| self.meets(&flat, point, self.accuracy))
         };
         let of_domain = |curve: &kernel::Curve<DVec2>| {
             let mut points = places(curve.domain()).map(|t| curve.evaluate(t));
-            points.all(|uv| self.is_on_seam(uv) || self.meets(&space, self.point(uv)))
+            points
+                .all(|uv| self.is_on_seam(uv) || self.meets(&space, self.point(uv), self.accuracy))
         };
         if rails.iter().all(of_space) && curves.iter().all(of_domain) {
             Ok(())
@@ -64,16 +65,18 @@ impl Trimmer<'_> {
             .skip(1)
             .map(|t| curve.evaluate(t))
             .filter(|uv| !self.is_on_seam(*uv));
-        points.any(|uv| {
-            self.spend(POINT + space.parts.len() / LOOKED_AT);
-            self.left.get() > 0 && !space.passes(self.point(uv), most)
-        })
+        points.any(|uv| !self.meets(&space, self.point(uv), most) && self.left.get() > 0)
     }
 
-    /// Whether a path passes a point, as long as there is work left to find out.
-    fn meets<F: Fn(usize, f64) -> DVec3>(&self, path: &Path<F>, point: DVec3) -> bool {
+    /// Whether a path comes so near to a point, as long as there is work left to find out.
+    fn meets<F: Fn(usize, f64) -> DVec3>(
+        &self,
+        path: &Path<F>,
+        point: DVec3,
+        accuracy: f64,
+    ) -> bool {
         self.spend(POINT + path.parts.len() / LOOKED_AT);
-        self.left.get() > 0 && path.passes(point, self.accuracy)
+        self.left.get() > 0 && path.passes(point, accuracy)
     }
 
     /// Whether a place is on a seam of the surface or at a pole.

@@ -159,24 +159,14 @@ fn of_a_torn_surface_the_part_outside_the_loops_is_cut_off() {
 #[test]
 fn curves_of_the_domain_stand_where_curves_of_space_do_not() {
     // The curves of space do not close.
-    let mut entities = border();
-    let mut parts = vec![square(3.0)];
     let lines = [
         "3.,0.,0.,3.5,0.,0.",
         "4.,0.,0.,4.,1.,0.",
         "4.,1.,0.,3.,1.,0.",
         "3.,1.,0.,3.,0.,0.",
     ];
-    parts.extend(lines.map(|ends| made(110, ends)));
-    parts.push(made(102, "4,13,15,17,19"));
-    for mut part in parts {
-        part.status = "00010000";
-        entities.push(part);
-    }
-    entities.push(made(142, "1,11,9,21,1"));
-    entities.push(made(144, "11,1,0,23"));
-    let (scene, warnings) = read(&entities);
-    let [border] = &scene.patches()[0].loops[..] else {
+    let (patch, warnings) = bounded(border(), lines.map(str::to_owned), "9,21,1");
+    let [border] = &patch.loops[..] else {
         panic!("{warnings:?}");
     };
     assert_eq!(border.segments().len(), 4);
@@ -208,42 +198,46 @@ fn curves_of_the_domain_are_held_against_curves_of_space_between_their_ends() {
         let curve = format!("2,2,1,0,1,0,0.,0.,0.,1.,1.,1.,1.,1.,1.,{points},0.,1.,0.,0.,1.");
         entities[0] = made(126, &curve);
         entities[0].status = "00010500";
-        let mut parts = vec![square(3.0)];
-        let corners = ["3.,0.,0.", "4.,0.,0.", "4.,1.,0.", "3.,1.,0.", "3.,0.,0."];
-        let lines = corners.windows(2);
-        parts.extend(lines.map(|l| made(110, &format!("{},{}", l[0], l[1]))));
-        parts.push(made(102, "4,13,15,17,19"));
-        for mut part in parts {
-            part.status = "00010000";
-            entities.push(part);
-        }
-        entities.push(made(142, "1,11,9,21,1"));
-        entities.push(made(144, "11,1,0,23"));
-        let (scene, warnings) = read(&entities);
-        let area = scene.patches()[0].loops[0].signed_area().abs();
+        let lines = rectangle("4.", "0.");
+        let (patch, warnings) = bounded(entities, lines, "9,21,1");
+        let area = patch.loops[0].signed_area().abs();
         assert!((area - expected).abs() < 2e-5, "{bulge}: {area}");
         assert_eq!(warnings, told);
     }
 }
 
-/// A square with a loop along half of it, at some height, and along its border in the parameter domain
-/// if that is said.
-fn above(height: &str, is_flat: bool) -> (kernel::Patch, Vec<String>) {
-    let mut entities = border();
+/// The lines around a rectangle from the left side of [`bounded`]'s square to `right`, at some height.
+fn rectangle(right: &str, height: &str) -> [String; 4] {
+    let corners = [("3.", "0."), (right, "0."), (right, "1."), ("3.", "1.")];
+    let corner = |k: usize| format!("{},{},{height}", corners[k % 4].0, corners[k % 4].1);
+    [0, 1, 2, 3].map(|k| format!("{},{}", corner(k), corner(k + 1)))
+}
+
+/// A square with a loop of these lines in space, at D 21, and of a border in the parameter domain, at
+/// D 9; `curves` tells which of both the loop has, and prefers.
+fn bounded(
+    mut border: Vec<Made>,
+    lines: [String; 4],
+    curves: &str,
+) -> (kernel::Patch, Vec<String>) {
     let mut parts = vec![square(3.0)];
-    let corners = ["3.,0.", "3.5,0.", "3.5,1.", "3.,1.", "3.,0."];
-    let lines = corners.windows(2);
-    parts.extend(lines.map(|l| made(110, &format!("{},{height},{},{height}", l[0], l[1]))));
+    parts.extend(lines.map(|ends| made(110, &ends)));
     parts.push(made(102, "4,13,15,17,19"));
     for mut part in parts {
         part.status = "00010000";
-        entities.push(part);
+        border.push(part);
     }
-    let flat = if is_flat { 9 } else { 0 };
-    entities.push(made(142, &format!("1,11,{flat},21,3")));
-    entities.push(made(144, "11,1,0,23"));
-    let (scene, warnings) = read(&entities);
+    border.push(made(142, &format!("1,11,{curves}")));
+    border.push(made(144, "11,1,0,23"));
+    let (scene, warnings) = read(&border);
     (scene.patches()[0].clone(), warnings)
+}
+
+/// A square with a loop along half of it, at some height, and along its border in the parameter domain
+/// if that is said.
+fn above(height: &str, is_flat: bool) -> (kernel::Patch, Vec<String>) {
+    let curves = if is_flat { "9,21,3" } else { "0,21,3" };
+    bounded(border(), rectangle("3.5", height), curves)
 }
 
 #[test]
