@@ -98,14 +98,16 @@ pub(crate) trait Part<S> {
     fn run(self, s: S) -> Self::Output;
 }
 
-/// Arithmetic on lanes. Comparisons with what is not a number are false.
-pub(crate) trait Simd: Copy {
-    /// [`LANES`] numbers in single precision.
+/// Arithmetic in single precision on lanes, all [`LANES`] or the first of them. Comparisons with what
+/// is not a number are false.
+pub(crate) trait Singles: Copy {
+    /// The lanes that there are, the first: what is loaded, stored and compared.
+    const COUNT: usize = LANES;
+
+    /// A number for each.
     type F: Copy;
     /// A yes or no for each.
     type M: Copy;
-    /// [`WIDE_LANES`] numbers in double precision.
-    type D: Copy;
 
     fn apart<P: Part<Self>>(self, part: P) -> P::Output;
 
@@ -141,6 +143,16 @@ pub(crate) trait Simd: Copy {
     fn le(self, a: Self::F, b: Self::F) -> Self::M;
     /// One bit for each lane, the first lowest.
     fn bits(self, mask: Self::M) -> u32;
+}
+
+/// Arithmetic on lanes.
+pub(crate) trait Simd: Singles {
+    /// [`WIDE_LANES`] numbers in double precision.
+    type D: Copy;
+    /// What is fastest for half of the lanes, or for all where it is that.
+    type Half: Singles;
+
+    fn half(self) -> Self::Half;
 
     fn splat_d(self, x: f64) -> Self::D;
     fn load_d(self, from: &[f64; WIDE_LANES]) -> Self::D;
@@ -171,7 +183,7 @@ pub(crate) trait PerLane<S> {
     fn lanes(&self, s: S) -> Self::Lanes;
 }
 
-impl<S: Simd> PerLane<S> for f32 {
+impl<S: Singles> PerLane<S> for f32 {
     type Lanes = S::F;
 
     #[inline(always)]
@@ -180,7 +192,7 @@ impl<S: Simd> PerLane<S> for f32 {
     }
 }
 
-impl<S: Simd> PerLane<S> for [f32; LANES] {
+impl<S: Singles> PerLane<S> for [f32; LANES] {
     type Lanes = S::F;
 
     #[inline(always)]
@@ -276,10 +288,9 @@ macro_rules! parts {
     };
 }
 
-impl Simd for Portable {
+impl Singles for Portable {
     type F = [f32x4; 4];
     type M = [f32x4; 4];
-    type D = [f64x2; 4];
 
     #[inline(never)]
     fn apart<P: Part<Self>>(self, part: P) -> P::Output {
@@ -347,7 +358,16 @@ impl Simd for Portable {
         let [a, b, c, d] = parts!(mask => mask.to_bitmask());
         a | b << 4 | c << 8 | d << 12
     }
+}
 
+impl Simd for Portable {
+    type D = [f64x2; 4];
+    type Half = Self;
+
+    #[inline(always)]
+    fn half(self) -> Self {
+        self
+    }
     #[inline(always)]
     fn splat_d(self, x: f64) -> Self::D {
         [f64x2::splat(x); 4]

@@ -1,11 +1,11 @@
 //! How rays come to a cell: where they meet its tangent plane, which of them pass it by, and in
 //! what part of it their roots are.
 
-use super::beam::{Beam, RAYS};
+use super::beam::{Beam, RAYS, Spread};
 use super::distance::Cells;
 use super::model::Model;
 use super::windows::{Batch, Company};
-use crate::simd::{LANES, Part, Simd};
+use crate::simd::{LANES, Part, Singles};
 
 /// Rounding errors of positions and values in single precision, several wide.
 const ROUNDING: f32 = 8.0 / (1 << 24) as f32;
@@ -86,20 +86,20 @@ impl View {
 
 /// The product of a row over the axes across with positions.
 #[inline(always)]
-fn across<S: Simd>(s: S, row: [f32; 3], y: [S::F; 2]) -> S::F {
+fn across<S: Singles>(s: S, row: [f32; 3], y: [S::F; 2]) -> S::F {
     s.fma(s.splat(row[0]), y[0], s.mul(s.splat(row[1]), y[1]))
 }
 
 /// The product of a row with directions, which advance by one along the main axis.
 #[inline(always)]
-fn along<S: Simd>(s: S, row: [f32; 3], m: [S::F; 2]) -> S::F {
+fn along<S: Singles>(s: S, row: [f32; 3], m: [S::F; 2]) -> S::F {
     let rest = s.fma(s.splat(row[1]), m[1], s.splat(row[2]));
     s.fma(s.splat(row[0]), m[0], rest)
 }
 
 /// The lanes of a group of what a beam has for each ray.
 #[inline(always)]
-pub(super) fn load<S: Simd>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
+pub(super) fn load<S: Singles>(s: S, values: &[f32; RAYS], group: usize) -> S::F {
     s.load(&values.as_chunks::<LANES>().0[group])
 }
 
@@ -158,12 +158,13 @@ pub(super) fn height(bulge: f32, weight_stray: f32) -> f32 {
 }
 
 #[inline(always)]
-fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
+fn sight<S: Singles>(s: S, view: &View, spread: &Spread, group: usize) -> Sight<S::F> {
     let [row1, row2, row3] = view.rows;
     let way = s.splat(view.way);
-    let turn = [load(s, &beam.turn[0], group), load(s, &beam.turn[1], group)];
-    let offset1 = s.fma(turn[0], way, load(s, &beam.offset[0], group));
-    let offset2 = s.fma(turn[1], way, load(s, &beam.offset[1], group));
+    let [turn1, turn2] = &spread.turn;
+    let turn = [load(s, turn1, group), load(s, turn2, group)];
+    let offset1 = s.fma(turn[0], way, load(s, &spread.offset[0], group));
+    let offset2 = s.fma(turn[1], way, load(s, &spread.offset[1], group));
     let y = [
         s.add(offset1, s.splat(view.place[0])),
         s.add(offset2, s.splat(view.place[1])),
@@ -183,26 +184,32 @@ fn sight<S: Simd>(s: S, view: &View, beam: &Beam, group: usize) -> Sight<S::F> {
         tilt: [g1, g2],
         place: [s.fnma(g1, p3, p1), s.fnma(g2, p3, p2)],
         time: s.fnma(p3, inverse, s.splat(view.zeta)),
-        near: load(s, &beam.near, group),
-        far: load(s, &beam.far, group),
+        near: load(s, &spread.near, group),
+        far: load(s, &spread.far, group),
     }
 }
 
 /// As [`sight`], rounded from double precision: where a ray meets the tangent plane is the less certain
 /// the more it runs along the cell.
 struct ExactSight<'a> {
-    model: &'a Model,
-    beam: &'a Beam,
+    cell: &'a OneCell<'a>,
     group: usize,
 }
 
-impl<S: Simd> Part<S> for ExactSight<'_> {
+impl<S: Singles> Part<S> for ExactSight<'_> {
     type Output = Sight<S::F>;
 
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding is allowed for")]
     fn run(self, s: S) -> Sight<S::F> {
-        let Self { model, beam, group } = self;
+        let Self { cell, group } = self;
+        let &OneCell {
+            model,
+            beam,
+            spread,
+            lanes,
+            ..
+        } = cell;
         let (center, [i, j]) = (model.center.to_array(), beam.across);
         let zeta = center[beam.main] * beam.sign;
         let way = zeta - beam.start;
@@ -213,7 +220,9 @@ impl<S: Simd> Part<S> for ExactSight<'_> {
         }
         let [r1, r2, r3] = rows;
         let mut seen = [[0.0; LANES]; 7];
-        for (k, lane) in (group * LANES..(group + 1) * LANES).enumerate() {
+        let lanes: &[u8; LANES] = &lanes.as_chunks().0[group];
+        for (k, &lane) in lanes.iter().enumerate() {
+            let lane = usize::from(lane);
             let (m1, m2) = (beam.slope[0][lane], beam.slope[1][lane]);
             let y1 = beam.origin[0][lane] + m1 * way - center[i];
             let y2 = beam.origin[1][lane] + m2 * way - center[j];
@@ -236,15 +245,15 @@ impl<S: Simd> Part<S> for ExactSight<'_> {
             tilt: [s.load(&seen[2]), s.load(&seen[3])],
             place: [s.load(&seen[4]), s.load(&seen[5])],
             time: s.load(&seen[6]),
-            near: load(s, &beam.near, group),
-            far: load(s, &beam.far, group),
+            near: load(s, &spread.near, group),
+            far: load(s, &spread.far, group),
         }
     }
 }
 
 /// The rays of a beam and one cell, from what they see of it.
 #[inline(always)]
-fn approach<S: Simd, const RATIONAL: bool>(
+fn approach<S: Singles, const RATIONAL: bool>(
     s: S,
     view: &View,
     sight: &Sight<S::F>,
@@ -263,7 +272,7 @@ fn approach<S: Simd, const RATIONAL: bool>(
 
 /// What sixteen rays may meet, from what they see of their cells.
 #[inline(always)]
-pub(super) fn reach<S: Simd, const RATIONAL: bool>(
+pub(super) fn reach<S: Singles, const RATIONAL: bool>(
     s: S,
     sight: &Sight<S::F>,
     shape: &Shape<S::F>,
@@ -333,34 +342,37 @@ pub(super) fn reach<S: Simd, const RATIONAL: bool>(
 
 /// A growth for times from the blur of directions, at most a half more.
 #[inline(always)]
-fn blur_of<S: Simd>(s: S, blur: S::F) -> S::F {
+fn blur_of<S: Singles>(s: S, blur: S::F) -> S::F {
     s.fma(blur, s.splat(ROUNDING), s.splat(1.0))
 }
 
-/// The rays of a beam at one cell.
+/// Rays of a beam at one cell.
 pub(super) struct OneCell<'a> {
     pub(super) model: &'a Model,
     pub(super) view: View,
     pub(super) beam: &'a Beam,
+    /// The rays, and which of those of the beam they are.
+    pub(super) spread: &'a Spread,
+    pub(super) lanes: &'a [u8; RAYS],
 }
 
-impl<S: Simd> Company<S> for OneCell<'_> {
+impl Company for OneCell<'_> {
     type Number = f32;
 
     #[inline(always)]
-    fn approach<const RATIONAL: bool>(&self, s: S, (group, lanes): (usize, u32)) -> Approach<S::F> {
-        let sight = sight(s, &self.view, self.beam, group);
+    fn approach<S: Singles, const RATIONAL: bool>(
+        &self,
+        s: S,
+        (group, lanes): (usize, u32),
+    ) -> Approach<S::F> {
+        let sight = sight(s, &self.view, self.spread, group);
         let found = approach::<S, RATIONAL>(s, &self.view, &sight);
         let limit = s.splat(SLANTED / self.view.direction_size);
         let slanted = s.bits(s.lt(limit, s.abs(sight.inverse)));
         if slanted & lanes & !found.beside == 0 {
             return found;
         }
-        let sight = s.apart(ExactSight {
-            model: self.model,
-            beam: self.beam,
-            group,
-        });
+        let sight = s.apart(ExactSight { cell: self, group });
         approach::<S, RATIONAL>(s, &self.view, &sight)
     }
 

@@ -28,19 +28,36 @@ pub(super) struct Beam {
     /// Positions and slopes, exact.
     pub(super) origin: [[f64; RAYS]; 2],
     pub(super) slope: [[f64; RAYS]; 2],
-    /// Position and slope of the middle of the beam, and how the rays differ from it.
+    /// Position and slope of the middle of the beam.
     pub(super) middle_origin: [f64; 2],
     pub(super) middle_slope: [f64; 2],
-    pub(super) offset: [[f32; RAYS]; 2],
-    pub(super) turn: [[f32; RAYS]; 2],
+    pub(super) spread: Spread,
     /// The ray parameter at the start, its advance with zeta, and that of zeta with it.
     pub(super) time: [f64; RAYS],
     pub(super) pace: [f64; RAYS],
     advance: [f64; RAYS],
+    pub(super) extent: Extent,
+}
+
+/// Rays of a beam in single precision.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+pub(super) struct Spread {
+    /// How position and slope differ from those of the middle.
+    pub(super) offset: [[f32; RAYS]; 2],
+    pub(super) turn: [[f32; RAYS]; 2],
     /// What is still of interest of each ray, in zeta, a little widened.
     pub(super) near: [f32; RAYS],
     pub(super) far: [f32; RAYS],
-    pub(super) extent: Extent,
+}
+
+impl Spread {
+    pub(super) const NONE: Self = Self {
+        offset: [[0.0; RAYS]; 2],
+        turn: [[0.0; RAYS]; 2],
+        near: [0.0; RAYS],
+        far: [0.0; RAYS],
+    };
 }
 
 /// Origins and directions of a packet, coordinate by coordinate.
@@ -144,13 +161,10 @@ impl Beam {
         slope: [[0.0; RAYS]; 2],
         middle_origin: [0.0; 2],
         middle_slope: [0.0; 2],
-        offset: [[0.0; RAYS]; 2],
-        turn: [[0.0; RAYS]; 2],
+        spread: Spread::NONE,
         time: [0.0; RAYS],
         pace: [0.0; RAYS],
         advance: [0.0; RAYS],
-        near: [0.0; RAYS],
-        far: [0.0; RAYS],
         extent: Extent::NONE,
     };
 
@@ -201,10 +215,8 @@ impl Beam {
             self.time[lane] = way * self.pace[lane];
             self.origin[0][lane] = local.origin[i][lane] + way * self.slope[0][lane];
             self.origin[1][lane] = local.origin[j][lane] + way * self.slope[1][lane];
-            self.near[lane] = greater(begin[lane], -1.0) as f32 - PADDING;
-            self.far[lane] =
-                (self.start + (until[lane] - self.time[lane]) * self.advance[lane]) as f32;
-            self.far[lane] += self.far[lane].abs() * PADDING + PADDING;
+            self.spread.near[lane] = greater(begin[lane], -1.0) as f32 - PADDING;
+            self.shorten(lane, until[lane]);
         }
         for lane in Bits(!alive) {
             self.end(lane);
@@ -222,8 +234,8 @@ impl Beam {
             self.middle_origin[axis] = origin;
             self.middle_slope[axis] = slope;
             for lane in 0..RAYS {
-                self.offset[axis][lane] = (self.origin[axis][lane] - origin) as f32;
-                self.turn[axis][lane] = (self.slope[axis][lane] - slope) as f32;
+                self.spread.offset[axis][lane] = (self.origin[axis][lane] - origin) as f32;
+                self.spread.turn[axis][lane] = (self.slope[axis][lane] - slope) as f32;
             }
             self.extent.put(axis, [low, high], [low_slope, high_slope]);
         }
@@ -234,7 +246,7 @@ impl Beam {
     #[inline(always)]
     pub(super) fn farthest<S: Simd>(&self, s: S) -> f32 {
         let mut all = s.splat(f32::NEG_INFINITY);
-        for part in self.far.as_chunks().0 {
+        for part in self.spread.far.as_chunks().0 {
             all = s.max(s.load(part), all);
         }
         let mut far = [0.0; LANES];
@@ -246,7 +258,7 @@ impl Beam {
     /// Nothing of ray `lane` is of interest any more.
     #[inline(always)]
     pub(super) fn end(&mut self, lane: usize) {
-        self.far[lane] = f32::NEG_INFINITY;
+        self.spread.far[lane] = f32::NEG_INFINITY;
     }
 
     /// Nothing beyond the ray parameter `until` is of interest any more of ray `lane`.
@@ -257,7 +269,7 @@ impl Beam {
     )]
     pub(super) fn shorten(&mut self, lane: usize, until: f64) {
         let far = (self.start + (until - self.time[lane]) * self.advance[lane]) as f32;
-        self.far[lane] = far + far.abs() * PADDING + PADDING;
+        self.spread.far[lane] = far + far.abs() * PADDING + PADDING;
     }
 
     /// As [`Self::shorten`], for eight rays side by side.
@@ -269,7 +281,7 @@ impl Beam {
     pub(super) fn shorten_eight(&mut self, eight: usize, until: &[f64; WIDE_LANES]) {
         let time: &[f64; WIDE_LANES] = &self.time.as_chunks().0[eight];
         let advance: &[f64; WIDE_LANES] = &self.advance.as_chunks().0[eight];
-        let to: &mut [f32; WIDE_LANES] = &mut self.far.as_chunks_mut().0[eight];
+        let to: &mut [f32; WIDE_LANES] = &mut self.spread.far.as_chunks_mut().0[eight];
         for k in 0..WIDE_LANES {
             let far = (self.start + (until[k] - time[k]) * advance[k]) as f32;
             to[k] = far + far.abs() * PADDING + PADDING;

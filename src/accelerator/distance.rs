@@ -1,7 +1,7 @@
 //! How far the points of a cell are from rays, and Newton's step, sixteen rays at a time.
 
 use super::expansion::{ORDER, TERMS};
-use crate::simd::{PerLane, Simd};
+use crate::simd::{PerLane, Singles};
 
 /// The cells that sixteen rays are in: one and the same for all, or one for each.
 #[derive(Clone, Debug)]
@@ -24,7 +24,7 @@ struct Jet<F> {
 
 /// Coordinate `r` of the cell at `x`, `y`: Horner's rule for value and derivatives.
 #[inline(always)]
-fn jet<S: Simd, C: PerLane<S, Lanes = S::F>>(
+fn jet<S: Singles, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,
@@ -48,7 +48,7 @@ fn jet<S: Simd, C: PerLane<S, Lanes = S::F>>(
 
 /// What stands beside `x^i` at `y`, and its derivative.
 #[inline(always)]
-fn line<S: Simd, C: PerLane<S, Lanes = S::F>>(
+fn line<S: Singles, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,
@@ -70,7 +70,7 @@ fn line<S: Simd, C: PerLane<S, Lanes = S::F>>(
 
 /// As [`jet`], the value alone.
 #[inline(always)]
-fn at<S: Simd, C: PerLane<S, Lanes = S::F>>(
+fn at<S: Singles, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,
@@ -102,7 +102,7 @@ pub(super) struct Distance<F> {
 }
 
 #[inline(always)]
-pub(super) fn distance<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+pub(super) fn distance<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     [x0, y0]: [S::F; 2],
@@ -128,7 +128,7 @@ pub(super) fn distance<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: boo
 
 /// As [`distance`], without derivatives.
 #[inline(always)]
-pub(super) fn value<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+pub(super) fn value<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     [x0, y0]: [S::F; 2],
@@ -153,7 +153,7 @@ pub(super) struct Matrix<F>(pub(super) [F; 4]);
 impl<F: Copy> Matrix<F> {
     /// The inverse of the derivatives.
     #[inline(always)]
-    pub(super) fn inverse<S: Simd<F = F>>(s: S, Distance { by_x, by_y, .. }: &Distance<F>) -> Self {
+    pub(super) fn inverse<S: Singles<F = F>>(s: S, Distance { by_x, by_y, .. }: &Distance<F>) -> Self {
         let determinant = s.fnma(by_y[0], by_x[1], s.mul(by_x[0], by_y[1]));
         let scale = s.div(s.splat(1.0), determinant);
         let minus = s.sub(s.splat(0.0), scale);
@@ -166,14 +166,14 @@ impl<F: Copy> Matrix<F> {
     }
 
     #[inline(always)]
-    pub(super) fn times<S: Simd<F = F>>(&self, s: S, [x, y]: [F; 2]) -> [F; 2] {
+    pub(super) fn times<S: Singles<F = F>>(&self, s: S, [x, y]: [F; 2]) -> [F; 2] {
         let [a, b, c, d] = self.0;
         [s.fma(a, x, s.mul(b, y)), s.fma(c, x, s.mul(d, y))]
     }
 
     /// The sizes of the entries.
     #[inline(always)]
-    pub(super) fn abs<S: Simd<F = F>>(&self, s: S) -> Self {
+    pub(super) fn abs<S: Singles<F = F>>(&self, s: S) -> Self {
         let [a, b, c, d] = self.0;
         Self([s.abs(a), s.abs(b), s.abs(c), s.abs(d)])
     }

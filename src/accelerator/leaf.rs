@@ -4,7 +4,7 @@
 use super::approach::Approach;
 use super::distance::{Cells, Distance, Matrix, distance, value};
 use super::windows::{Batch, Waiting};
-use crate::simd::{LANES, Part, PerLane, Simd};
+use crate::simd::{LANES, Part, PerLane, Singles};
 
 /// Uniqueness is proven below one; less bounds the number of steps.
 const SURE: f32 = 0.9;
@@ -84,7 +84,7 @@ impl Verdict {
 
     /// Takes the roots of some rays.
     #[inline(always)]
-    fn take<S: Simd>(&mut self, s: S, new: u32, [x, y]: [S::F; 2]) {
+    fn take<S: Singles>(&mut self, s: S, new: u32, [x, y]: [S::F; 2]) {
         if self.met == 0 {
             s.store(x, &mut self.x);
             s.store(y, &mut self.y);
@@ -104,7 +104,7 @@ impl Verdict {
 
 /// The bounds on the second derivatives of coordinate `r`.
 #[inline(always)]
-fn second<S: Simd, C: PerLane<S, Lanes = S::F>>(s: S, cells: &Cells<C>, r: usize) -> [S::F; 3] {
+fn second<S: Singles, C: PerLane<S, Lanes = S::F>>(s: S, cells: &Cells<C>, r: usize) -> [S::F; 3] {
     let [xx, xy, yy] = &cells.second;
     [xx[r].lanes(s), xy[r].lanes(s), yy[r].lanes(s)]
 }
@@ -112,7 +112,7 @@ fn second<S: Simd, C: PerLane<S, Lanes = S::F>>(s: S, cells: &Cells<C>, r: usize
 /// By how much the derivatives by x and by y of coordinate `r` change at most, `half` of a
 /// window away from its middle.
 #[inline(always)]
-fn change<S: Simd, C: PerLane<S, Lanes = S::F>>(
+fn change<S: Singles, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,
@@ -134,7 +134,7 @@ fn change<S: Simd, C: PerLane<S, Lanes = S::F>>(
 /// be inverted where `|g c| + k / (1 - k) |g| |c| < 1`, for all of the window at once. What is
 /// `blurred` of the derivatives by rounding belongs to `k`.
 #[inline(always)]
-fn contraction<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+fn contraction<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     place: [S::F; 2],
@@ -179,7 +179,7 @@ struct Window<F> {
 
 impl<F: Copy> Window<F> {
     #[inline(always)]
-    fn new<S: Simd<F = F>>(s: S, low: [F; 2], high: [F; 2]) -> Self {
+    fn new<S: Singles<F = F>>(s: S, low: [F; 2], high: [F; 2]) -> Self {
         let (mut middle, mut half) = (low, high);
         for k in 0..2 {
             middle[k] = s.mul(s.splat(0.5), s.add(low[k], high[k]));
@@ -195,7 +195,7 @@ impl<F: Copy> Window<F> {
 
     /// What is within `radius` of a place in the cell.
     #[inline(always)]
-    fn around<S: Simd<F = F>>(s: S, place: [F; 2], radius: [F; 2], border: F) -> Self {
+    fn around<S: Singles<F = F>>(s: S, place: [F; 2], radius: [F; 2], border: F) -> Self {
         let minus = s.sub(s.splat(0.0), border);
         let (mut low, mut high) = (place, place);
         for k in 0..2 {
@@ -216,7 +216,7 @@ struct Middle<F> {
 /// What the values differ at most from those of the tangent plane in the middle of a window, by
 /// how much the derivatives change: half of that on the average.
 #[inline(always)]
-fn over<S: Simd>(s: S, change: [S::F; 2], half: [S::F; 2]) -> S::F {
+fn over<S: Singles>(s: S, change: [S::F; 2], half: [S::F; 2]) -> S::F {
     let sum = s.fma(change[0], half[0], s.mul(change[1], half[1]));
     s.mul(sum, s.splat(0.5 * GROWTH))
 }
@@ -225,7 +225,7 @@ fn over<S: Simd>(s: S, change: [S::F; 2], half: [S::F; 2]) -> S::F {
 /// from the middle leads by what the derivatives can change in between. The bits are those of
 /// the windows in which roots may be.
 #[inline(always)]
-fn narrowed<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+fn narrowed<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     seen: &Seen<S::F>,
@@ -278,7 +278,7 @@ fn narrowed<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
 /// Tests rays `16 group ..` whose bits are set in `lanes`, and which do not pass by, against
 /// their cells.
 #[inline(always)]
-pub(super) fn meet<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+pub(super) fn meet<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     approach: &Approach<S::F>,
@@ -309,7 +309,7 @@ pub(super) fn meet<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
 
 /// Looks into parts of cells.
 #[inline(always)]
-pub(super) fn again<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+pub(super) fn again<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     cells: &Cells<C>,
     batch: &Batch,
@@ -328,7 +328,7 @@ pub(super) fn again<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
 }
 
 /// Looks for roots in windows, one of each ray whose bit is set.
-struct Look<'a, S: Simd, C, const RATIONAL: bool> {
+struct Look<'a, S: Singles, C, const RATIONAL: bool> {
     cells: &'a Cells<C>,
     seen: &'a Seen<S::F>,
     window: &'a Window<S::F>,
@@ -337,7 +337,7 @@ struct Look<'a, S: Simd, C, const RATIONAL: bool> {
     verdict: &'a mut Verdict,
 }
 
-impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
+impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
     for Look<'_, S, C, RATIONAL>
 {
     type Output = ();
@@ -395,7 +395,7 @@ impl<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
 /// Newton's iteration for the rays `active`, which have one root each at most; those that did
 /// not come to an end come back.
 #[inline(always)]
-fn iterate<S: Simd, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+fn iterate<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
     (cells, &Seen { place, tilt, .. }): (&Cells<C>, &Seen<S::F>),
     (

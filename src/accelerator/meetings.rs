@@ -8,7 +8,7 @@ use super::expansion::TERMS;
 use super::model::Model;
 use super::tree::Course;
 use super::windows::{Batch, Company};
-use crate::simd::{LANES, Simd};
+use crate::simd::{LANES, Singles};
 
 /// Groups of rays.
 const GROUPS: usize = RAYS / LANES;
@@ -158,27 +158,31 @@ impl Meetings {
 
 /// As [`load`], of three coordinates.
 #[inline(always)]
-fn three<S: Simd>(s: S, values: &[[f32; RAYS]; 3], group: usize) -> [S::F; 3] {
+fn three<S: Singles>(s: S, values: &[[f32; RAYS]; 3], group: usize) -> [S::F; 3] {
     let [x, y, z] = values;
     [load(s, x, group), load(s, y, group), load(s, z, group)]
 }
 
 #[inline(always)]
-fn dot<S: Simd>(s: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
+fn dot<S: Singles>(s: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
     s.fma(a[0], b[0], s.fma(a[1], b[1], s.mul(a[2], b[2])))
 }
 
 /// The sum of the sizes of three coordinates.
 #[inline(always)]
-fn size<S: Simd>(s: S, [x, y, z]: [S::F; 3]) -> S::F {
+fn size<S: Singles>(s: S, [x, y, z]: [S::F; 3]) -> S::F {
     s.add(s.abs(x), s.add(s.abs(y), s.abs(z)))
 }
 
-impl<S: Simd> Company<S> for Meetings {
+impl Company for Meetings {
     type Number = [f32; LANES];
 
     #[inline(always)]
-    fn approach<const RATIONAL: bool>(&self, s: S, (group, _): (usize, u32)) -> Approach<S::F> {
+    fn approach<S: Singles, const RATIONAL: bool>(
+        &self,
+        s: S,
+        (group, _): (usize, u32),
+    ) -> Approach<S::F> {
         let (y, d) = (
             three(s, &self.place, group),
             three(s, &self.direction, group),

@@ -13,6 +13,7 @@ mod cells;
 mod distance;
 mod expansion;
 mod fans;
+mod few;
 mod finish;
 mod hits;
 mod hull;

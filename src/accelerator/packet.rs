@@ -9,6 +9,7 @@ use super::approach::{OneCell, View};
 use super::beam::RAYS;
 use super::block::Block;
 use super::cells::Cell;
+use super::few;
 use super::hits::Shown;
 use super::hull::{BeamBounds, Extent, Hull};
 use super::leaf::Bits;
@@ -398,6 +399,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let number = self.accelerator.instances[self.instance as usize].cluster;
         let PacketRoom {
             models,
+            few,
             beam,
             waiting,
             roots,
@@ -407,10 +409,19 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let model = models.of(self.s, number, cluster, cell);
         waiting.clear();
         (roots.count, blurred.lanes) = (0, 0);
+        let taken = few.take::<S>(beam, lanes);
+        let lanes = taken.unwrap_or(lanes);
+        let (spread, own) = if taken.is_some() {
+            (&few.spread, few.lanes)
+        } else {
+            (&beam.spread, few::ALL)
+        };
         let mut company = OneCell {
             model,
             view: View::of(model, beam),
             beam,
+            spread,
+            lanes: &own,
         };
         let piece = &cluster.pieces.pieces[cell.piece as usize];
         let mut looked = lanes.count_ones();
@@ -424,6 +435,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
             looked = look::<S, _, false>(self.s, &mut company, lanes, (waiting, roots, blurred));
         }
         self.scratch.cells += u64::from(looked);
+        if taken.is_some() {
+            let count = roots.count;
+            for lane in &mut roots.lanes[..count] {
+                *lane = own[usize::from(*lane) % RAYS];
+            }
+        }
         let part = (model.middle, model.half);
         let mut first = 0;
         while self.packet.roots.count - first >= WIDE_LANES {
@@ -438,9 +455,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
             let PacketRoom { ready, roots, .. } = &mut *self.packet;
             ready.push((roots, k), cell, part);
         }
-        for lane in Bits(self.packet.blurred.lanes & self.alive) {
-            let part = self.packet.blurred.part(lane, &cell.rect());
-            self.subdivide(cluster, cell, part, lane);
+        for k in Bits(self.packet.blurred.lanes) {
+            let lane = usize::from(own[k]);
+            if self.alive >> lane & 1 == 1 {
+                let part = self.packet.blurred.part(k, &cell.rect());
+                self.subdivide(cluster, cell, part, lane);
+            }
         }
     }
 }

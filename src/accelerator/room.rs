@@ -6,6 +6,7 @@ use super::beam::{Beam, RAYS, Rays};
 use super::cells::Cell;
 use super::expansion::TERMS;
 use super::fans::Fans;
+use super::few::Few;
 use super::leaf::Rest;
 use super::meetings::Meetings;
 use super::model::Models;
@@ -24,6 +25,7 @@ pub(super) type Nets = [[[f64; WIDE_LANES]; 4]; TERMS];
 pub(super) struct PacketRoom {
     pub(super) models: Models,
     pub(super) fans: Fans,
+    pub(super) few: Box<Few>,
     pub(super) waiting: Box<Waiting>,
     pub(super) roots: Box<Met>,
     pub(super) ready: Ready,
@@ -50,6 +52,7 @@ impl Default for PacketRoom {
         Self {
             models: Models::default(),
             fans: Fans::default(),
+            few: Box::new(Few::NONE),
             waiting: Box::new(Waiting::NONE),
             roots: Box::new(Met::NONE),
             ready: Ready::NONE,

@@ -9,7 +9,7 @@ use super::beam::RAYS;
 use super::distance::Cells;
 use super::leaf::{self, Bits, Seen, Verdict};
 use super::room::{Blurred, Met};
-use crate::simd::{LANES, PerLane, Simd, WIDE_LANES};
+use crate::simd::{LANES, PerLane, Simd, Singles, WIDE_LANES};
 
 /// Parts that wait at most.
 const CAPACITY: usize = 1024;
@@ -79,7 +79,7 @@ impl Waiting {
     /// Remembers the rays of a group, and what is left to look into for those of them that a
     /// verdict leaves open.
     #[inline(always)]
-    pub(super) fn begin<S: Simd>(
+    pub(super) fn begin<S: Singles>(
         &mut self,
         s: S,
         group: usize,
@@ -182,8 +182,8 @@ impl Waiting {
             batch.low[side].copy_from_slice(&self.low[side][parts.clone()]);
             batch.high[side].copy_from_slice(&self.high[side][parts.clone()]);
         }
-        for k in 0..LANES {
-            let lane = usize::from(batch.lane[k]) % RAYS;
+        for (k, &lane) in batch.lane[..count].iter().enumerate() {
+            let lane = usize::from(lane) % RAYS;
             for side in 0..2 {
                 batch.place[side][k] = self.place[side][lane];
                 batch.tilt[side][k] = self.tilt[side][lane];
@@ -197,7 +197,7 @@ impl Waiting {
 impl Batch {
     /// The rays of the parts.
     #[inline(always)]
-    pub(super) fn seen<S: Simd>(&self, s: S) -> Seen<S::F> {
+    pub(super) fn seen<S: Singles>(&self, s: S) -> Seen<S::F> {
         Seen {
             place: [s.load(&self.place[0]), s.load(&self.place[1])],
             tilt: [s.load(&self.tilt[0]), s.load(&self.tilt[1])],
@@ -213,7 +213,7 @@ impl Batch {
 
     /// The parts: least and greatest coordinates.
     #[inline(always)]
-    pub(super) fn range<S: Simd>(&self, s: S) -> ([S::F; 2], [S::F; 2]) {
+    pub(super) fn range<S: Singles>(&self, s: S) -> ([S::F; 2], [S::F; 2]) {
         (
             [s.load(&self.low[0]), s.load(&self.low[1])],
             [s.load(&self.high[0]), s.load(&self.high[1])],
@@ -222,12 +222,16 @@ impl Batch {
 }
 
 /// Up to 64 rays, and the cell or the cells that they come to.
-pub(super) trait Company<S: Simd> {
+pub(super) trait Company {
     /// What a cell is described with.
-    type Number: PerLane<S, Lanes = S::F>;
+    type Number;
 
     /// How the rays of a group come to their cells; those count whose bits are set in `lanes`.
-    fn approach<const RATIONAL: bool>(&self, s: S, at: (usize, u32)) -> Approach<S::F>;
+    fn approach<S: Singles, const RATIONAL: bool>(
+        &self,
+        s: S,
+        at: (usize, u32),
+    ) -> Approach<S::F>;
 
     /// The cells of a group.
     fn cells(&self, group: usize) -> &Cells<Self::Number>;
@@ -243,18 +247,61 @@ pub(super) fn group_of(lanes: u64, group: usize) -> u32 {
     u32::from(u16::from_le_bytes([a, b]))
 }
 
+/// Looks for the roots of the rays of a group whose bits are set in their cells, and says which of
+/// them do not pass their cells by; of their parts none is looked into.
+#[inline(always)]
+fn first_look<S: Singles, C, const RATIONAL: bool>(
+    s: S,
+    company: &C,
+    (group, lanes): (usize, u32),
+    waiting: &mut Waiting,
+    verdict: &mut Verdict,
+) -> u32
+where
+    C: Company<Number: PerLane<S, Lanes = S::F>>,
+{
+    let approach = company.approach::<S, RATIONAL>(s, (group, lanes));
+    let lanes = lanes & !approach.beside;
+    if lanes != 0 {
+        let cells = company.cells(group);
+        leaf::meet::<S, _, RATIONAL>(s, cells, &approach, (group, lanes), waiting, verdict);
+    }
+    lanes
+}
+
+/// Whether half of the lanes are enough for those of which the bits are set.
+#[inline(always)]
+fn is_half<S: Simd>(lanes: u32) -> bool {
+    lanes >> S::Half::COUNT == 0
+}
+
+/// In how many steps, as wide as the instructions are, rays are looked at.
+#[inline(always)]
+pub(super) fn steps<S: Simd>(lanes: u64) -> usize {
+    let steps = |group| match group_of(lanes, group) {
+        0 => 0,
+        part if is_half::<S>(part) => 1,
+        _ => LANES / S::Half::COUNT,
+    };
+    (0..RAYS / LANES).map(steps).sum()
+}
+
 /// Looks for the roots of rays in their cells, and into parts of these for rays for which it is
 /// not clear; what single precision does not do for is left to the last of the rooms. The result
 /// says how many rays do not pass their cells by.
 ///
 /// Of the roots those of eight rays side by side come first, eight by eight.
 #[inline(always)]
-pub(super) fn look<S: Simd, C: Company<S>, const RATIONAL: bool>(
+pub(super) fn look<S: Simd, C, const RATIONAL: bool>(
     s: S,
     company: &mut C,
     lanes: u64,
     (waiting, roots, blurred): (&mut Waiting, &mut Met, &mut Blurred),
-) -> u32 {
+) -> u32
+where
+    C: Company,
+    C::Number: PerLane<S, Lanes = S::F> + PerLane<S::Half, Lanes = <S::Half as Singles>::F>,
+{
     let mut verdict = Verdict::NONE;
     let (mut looked, mut single) = (0, 0_u64);
     let (mut x, mut y) = ([0.0; RAYS], [0.0; RAYS]);
@@ -263,15 +310,16 @@ pub(super) fn look<S: Simd, C: Company<S>, const RATIONAL: bool>(
         if part == 0 {
             continue;
         }
-        let approach = company.approach::<RATIONAL>(s, (group, part));
-        let part = part & !approach.beside;
-        if part == 0 {
+        let at = (group, part);
+        let met = if is_half::<S>(part) {
+            first_look::<_, _, RATIONAL>(s.half(), company, at, waiting, &mut verdict)
+        } else {
+            first_look::<_, _, RATIONAL>(s, company, at, waiting, &mut verdict)
+        };
+        if met == 0 {
             continue;
         }
-        looked += part.count_ones();
-        let at = (group, part);
-        let cells = company.cells(group);
-        leaf::meet::<S, _, RATIONAL>(s, cells, &approach, at, waiting, &mut verdict);
+        looked += met.count_ones();
         for k in Bits(u64::from(verdict.blurred)) {
             blurred.add_rest(group * LANES + k, &verdict.rest, k);
         }
@@ -291,7 +339,12 @@ pub(super) fn look<S: Simd, C: Company<S>, const RATIONAL: bool>(
         roots.push(lane, x[lane], y[lane]);
     }
     while let Some(batch) = waiting.take() {
-        leaf::again::<S, _, RATIONAL>(s, company.cells_of(&batch), &batch, &mut verdict);
+        let cells = company.cells_of(&batch);
+        if batch.count <= S::Half::COUNT {
+            leaf::again::<_, _, RATIONAL>(s.half(), cells, &batch, &mut verdict);
+        } else {
+            leaf::again::<_, _, RATIONAL>(s, cells, &batch, &mut verdict);
+        }
         waiting.go_on(&batch, &verdict, blurred);
         waiting.give_up(blurred);
         for k in Bits(u64::from(verdict.blurred)) {

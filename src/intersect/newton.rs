@@ -11,7 +11,7 @@ use glam::DVec4;
 use super::net;
 use super::subdivide::Subdivide;
 use super::{Intersector, Root, Scratch, Target};
-use crate::simd::{Portable, Simd};
+use crate::simd::{Portable, Singles};
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default)]

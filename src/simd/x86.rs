@@ -5,7 +5,7 @@ use core::arch::x86_64::{__m256, __m256d, __m512, __m512d};
 use pulp::NullaryFnOnce;
 use pulp::x86::{V3, V4};
 
-use super::{LANES, Part, Simd, Task, WIDE_LANES};
+use super::{LANES, Part, Simd, Singles, Task, WIDE_LANES};
 
 /// "Less than", false for what is not a number.
 const LESS: i32 = 17;
@@ -37,10 +37,9 @@ impl<S, P: Part<S>> NullaryFnOnce for Apart<S, P> {
     }
 }
 
-impl Simd for V4 {
+impl Singles for V4 {
     type F = __m512;
     type M = u16;
-    type D = __m512d;
 
     #[inline(always)]
     fn apart<P: Part<Self>>(self, part: P) -> P::Output {
@@ -107,7 +106,16 @@ impl Simd for V4 {
     fn bits(self, mask: u16) -> u32 {
         u32::from(mask)
     }
+}
 
+impl Simd for V4 {
+    type D = __m512d;
+    type Half = Self;
+
+    #[inline(always)]
+    fn half(self) -> Self {
+        self
+    }
     #[inline(always)]
     fn splat_d(self, x: f64) -> __m512d {
         self.avx512f._mm512_set1_pd(x)
@@ -166,10 +174,88 @@ impl Simd for V4 {
     }
 }
 
-impl Simd for V3 {
+/// The instructions of AVX2, for half of the lanes.
+#[derive(Clone, Copy)]
+pub(crate) struct Eight(V3);
+
+impl Singles for Eight {
+    const COUNT: usize = WIDE_LANES;
+
+    type F = __m256;
+    type M = __m256;
+
+    #[inline(always)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        self.0.vectorize(Apart(self, part))
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> __m256 {
+        self.0.avx._mm256_set1_ps(x)
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32; LANES]) -> __m256 {
+        let [low, _]: [__m256; 2] = pulp::cast(*from);
+        low
+    }
+    #[inline(always)]
+    fn store(self, x: __m256, to: &mut [f32; LANES]) {
+        to.as_chunks_mut::<WIDE_LANES>().0[0] = pulp::cast(x);
+    }
+    #[inline(always)]
+    fn add(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_add_ps(a, b)
+    }
+    #[inline(always)]
+    fn sub(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_sub_ps(a, b)
+    }
+    #[inline(always)]
+    fn mul(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_mul_ps(a, b)
+    }
+    #[inline(always)]
+    fn div(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_div_ps(a, b)
+    }
+    #[inline(always)]
+    fn fma(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        self.0.fma._mm256_fmadd_ps(a, b, c)
+    }
+    #[inline(always)]
+    fn fnma(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        self.0.fma._mm256_fnmadd_ps(a, b, c)
+    }
+    #[inline(always)]
+    fn min(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_min_ps(a, b)
+    }
+    #[inline(always)]
+    fn max(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_max_ps(a, b)
+    }
+    #[inline(always)]
+    fn abs(self, a: __m256) -> __m256 {
+        let sign = self.splat(-0.0);
+        self.0.avx._mm256_andnot_ps(sign, a)
+    }
+    #[inline(always)]
+    fn lt(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_cmp_ps::<LESS>(a, b)
+    }
+    #[inline(always)]
+    fn le(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_cmp_ps::<LESS_OR_EQUAL>(a, b)
+    }
+    #[inline(always)]
+    fn bits(self, mask: __m256) -> u32 {
+        self.0.avx._mm256_movemask_ps(mask).cast_unsigned()
+    }
+}
+
+impl Singles for V3 {
     type F = [__m256; 2];
     type M = [__m256; 2];
-    type D = [__m256d; 2];
 
     #[inline(always)]
     fn apart<P: Part<Self>>(self, part: P) -> P::Output {
@@ -178,7 +264,7 @@ impl Simd for V3 {
 
     #[inline(always)]
     fn splat(self, x: f32) -> Self::F {
-        [self.avx._mm256_set1_ps(x); 2]
+        [self.half().splat(x); 2]
     }
     #[inline(always)]
     fn load(self, from: &[f32; LANES]) -> Self::F {
@@ -190,87 +276,73 @@ impl Simd for V3 {
     }
     #[inline(always)]
     fn add(self, a: Self::F, b: Self::F) -> Self::F {
-        [
-            self.avx._mm256_add_ps(a[0], b[0]),
-            self.avx._mm256_add_ps(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.add(a[0], b[0]), half.add(a[1], b[1])]
     }
     #[inline(always)]
     fn sub(self, a: Self::F, b: Self::F) -> Self::F {
-        [
-            self.avx._mm256_sub_ps(a[0], b[0]),
-            self.avx._mm256_sub_ps(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.sub(a[0], b[0]), half.sub(a[1], b[1])]
     }
     #[inline(always)]
     fn mul(self, a: Self::F, b: Self::F) -> Self::F {
-        [
-            self.avx._mm256_mul_ps(a[0], b[0]),
-            self.avx._mm256_mul_ps(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.mul(a[0], b[0]), half.mul(a[1], b[1])]
     }
     #[inline(always)]
     fn div(self, a: Self::F, b: Self::F) -> Self::F {
-        [
-            self.avx._mm256_div_ps(a[0], b[0]),
-            self.avx._mm256_div_ps(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.div(a[0], b[0]), half.div(a[1], b[1])]
     }
     #[inline(always)]
     fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
-        [
-            self.fma._mm256_fmadd_ps(a[0], b[0], c[0]),
-            self.fma._mm256_fmadd_ps(a[1], b[1], c[1]),
-        ]
+        let half = self.half();
+        [half.fma(a[0], b[0], c[0]), half.fma(a[1], b[1], c[1])]
     }
     #[inline(always)]
     fn fnma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
-        [
-            self.fma._mm256_fnmadd_ps(a[0], b[0], c[0]),
-            self.fma._mm256_fnmadd_ps(a[1], b[1], c[1]),
-        ]
+        let half = self.half();
+        [half.fnma(a[0], b[0], c[0]), half.fnma(a[1], b[1], c[1])]
     }
     #[inline(always)]
     fn min(self, a: Self::F, b: Self::F) -> Self::F {
-        [
-            self.avx._mm256_min_ps(a[0], b[0]),
-            self.avx._mm256_min_ps(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.min(a[0], b[0]), half.min(a[1], b[1])]
     }
     #[inline(always)]
     fn max(self, a: Self::F, b: Self::F) -> Self::F {
-        [
-            self.avx._mm256_max_ps(a[0], b[0]),
-            self.avx._mm256_max_ps(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.max(a[0], b[0]), half.max(a[1], b[1])]
     }
     #[inline(always)]
     fn abs(self, a: Self::F) -> Self::F {
-        let sign = self.avx._mm256_set1_ps(-0.0);
-        [
-            self.avx._mm256_andnot_ps(sign, a[0]),
-            self.avx._mm256_andnot_ps(sign, a[1]),
-        ]
+        let half = self.half();
+        [half.abs(a[0]), half.abs(a[1])]
     }
     #[inline(always)]
     fn lt(self, a: Self::F, b: Self::F) -> Self::M {
-        [
-            self.avx._mm256_cmp_ps::<LESS>(a[0], b[0]),
-            self.avx._mm256_cmp_ps::<LESS>(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.lt(a[0], b[0]), half.lt(a[1], b[1])]
     }
     #[inline(always)]
     fn le(self, a: Self::F, b: Self::F) -> Self::M {
-        [
-            self.avx._mm256_cmp_ps::<LESS_OR_EQUAL>(a[0], b[0]),
-            self.avx._mm256_cmp_ps::<LESS_OR_EQUAL>(a[1], b[1]),
-        ]
+        let half = self.half();
+        [half.le(a[0], b[0]), half.le(a[1], b[1])]
     }
     #[inline(always)]
-    fn bits(self, mask: Self::M) -> u32 {
-        let low = self.avx._mm256_movemask_ps(mask[0]).cast_unsigned();
-        let high = self.avx._mm256_movemask_ps(mask[1]).cast_unsigned();
-        low | high << 8
+    fn bits(self, [low, high]: Self::M) -> u32 {
+        let half = self.half();
+        half.bits(low) | half.bits(high) << WIDE_LANES
+    }
+}
+
+impl Simd for V3 {
+    type D = [__m256d; 2];
+    type Half = Eight;
+
+    #[inline(always)]
+    fn half(self) -> Eight {
+        Eight(self)
     }
 
     #[inline(always)]

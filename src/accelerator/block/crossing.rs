@@ -95,17 +95,17 @@ impl Crossings {
         let (x, y) = (s.splat(x[slot]), s.splat(y[slot]));
         let mut rays = 0;
         for group in 0..RAYS / LANES {
-            let turn1 = load(s, &beam.turn[0], group);
-            let turn2 = load(s, &beam.turn[1], group);
-            let w1 = s.fma(turn1, way, s.add(x, load(s, &beam.offset[0], group)));
-            let w2 = s.fma(turn2, way, s.add(y, load(s, &beam.offset[1], group)));
+            let turn1 = load(s, &beam.spread.turn[0], group);
+            let turn2 = load(s, &beam.spread.turn[1], group);
+            let w1 = s.fma(turn1, way, s.add(x, load(s, &beam.spread.offset[0], group)));
+            let w2 = s.fma(turn2, way, s.add(y, load(s, &beam.spread.offset[1], group)));
             let turned = s.fnma(w2, turn1, s.mul(w1, turn2));
             // What is not a number passes.
             let [steep1, steep2] = &self.steep;
             let later = s.fnma(s.splat(steep2[slot]), w2, s.splat(self.first[slot]));
             let near = s.fnma(s.splat(steep1[slot]), w1, later);
             let near = s.max(near, s.splat(self.near[slot]));
-            let mut beside = s.bits(s.lt(load(s, &beam.far, group), near));
+            let mut beside = s.bits(s.lt(load(s, &beam.spread.far, group), near));
             if beside == 0xffff {
                 continue;
             }
