@@ -153,7 +153,10 @@ pub(super) struct Matrix<F>(pub(super) [F; 4]);
 impl<F: Copy> Matrix<F> {
     /// The inverse of the derivatives.
     #[inline(always)]
-    pub(super) fn inverse<S: Singles<F = F>>(s: S, Distance { by_x, by_y, .. }: &Distance<F>) -> Self {
+    pub(super) fn inverse<S: Singles<F = F>>(
+        s: S,
+        Distance { by_x, by_y, .. }: &Distance<F>,
+    ) -> Self {
         let determinant = s.fnma(by_y[0], by_x[1], s.mul(by_x[0], by_y[1]));
         let scale = s.div(s.splat(1.0), determinant);
         let minus = s.sub(s.splat(0.0), scale);

@@ -227,11 +227,7 @@ pub(super) trait Company {
     type Number;
 
     /// How the rays of a group come to their cells; those count whose bits are set in `lanes`.
-    fn approach<S: Singles, const RATIONAL: bool>(
-        &self,
-        s: S,
-        at: (usize, u32),
-    ) -> Approach<S::F>;
+    fn approach<S: Singles, const RATIONAL: bool>(&self, s: S, at: (usize, u32)) -> Approach<S::F>;
 
     /// The cells of a group.
     fn cells(&self, group: usize) -> &Cells<Self::Number>;

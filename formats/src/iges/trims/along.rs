@@ -14,6 +14,9 @@ use crate::iges::order::Chain;
 /// Shares of a curve where it is held against others.
 const PLACES: [f64; 3] = [0.0, 0.3, 0.7];
 
+/// As a curve of the parameter domain is in so many of its spans at most.
+const SPANS: usize = 32;
+
 /// Each span of a path is looked at in so many parts.
 const PARTS: u8 = 8;
 
@@ -61,8 +64,10 @@ impl Trimmer<'_> {
     pub(super) fn is_beside(&self, curve: &kernel::Curve<DVec2>, rail: &Rail, most: f64) -> bool {
         let breaks = [rail.curve.knots().breaks()];
         let space = Path::new(breaks.into_iter(), |_, t| rail.curve.evaluate(t));
-        let mut points = places(curve.domain())
-            .skip(1)
+        let breaks = curve.knots().breaks();
+        let spans = breaks.windows(2).step_by(breaks.len().div_ceil(SPANS));
+        let mut points = spans
+            .flat_map(|span| places(span[0]..span[1]).skip(1))
             .map(|t| curve.evaluate(t))
             .filter(|uv| !self.is_on_seam(*uv));
         points.any(|uv| !self.meets(&space, self.point(uv), most) && self.left.get() > 0)
@@ -111,6 +116,8 @@ struct Part {
     /// What of the domain of the curve is looked at.
     around: [f64; 2],
     middle: DVec3,
+    /// How far that is about from the middle.
+    reach: f64,
 }
 
 impl<F: Fn(usize, f64) -> DVec3> Path<F> {
@@ -122,10 +129,15 @@ impl<F: Fn(usize, f64) -> DVec3> Path<F> {
                 let step = (span[1] - span[0]) / f64::from(PARTS);
                 parts.extend((0..PARTS).map(|k| {
                     let middle = span[0] + step * (f64::from(k) + 0.5);
+                    let around = [middle - step, middle + step];
+                    let around = around.map(|t| t.clamp(span[0], span[1]));
+                    let (middle, ends) = (at(curve, middle), around.map(|t| at(curve, t)));
+                    let reach = ends.map(|end| end.distance(middle));
                     Part {
                         curve,
-                        around: [middle - step, middle + step].map(|t| t.clamp(span[0], span[1])),
-                        middle: at(curve, middle),
+                        around,
+                        middle,
+                        reach: reach[0].max(reach[1]),
                     }
                 }));
             }
@@ -135,7 +147,8 @@ impl<F: Fn(usize, f64) -> DVec3> Path<F> {
 
     /// Whether it comes so near to a point.
     fn passes(&self, point: DVec3, accuracy: f64) -> bool {
-        let off = |part: &Part| part.middle.distance_squared(point);
+        // Spans may be of very different lengths.
+        let off = |part: &Part| part.middle.distance(point) - part.reach;
         let mut nearest: Vec<_> = self.parts.iter().map(|part| (off(part), part)).collect();
         let tries = TRIES.min(nearest.len());
         if tries < nearest.len() {
@@ -171,5 +184,20 @@ impl<F: Fn(usize, f64) -> DVec3> Path<F> {
             t = next.clamp(first, last);
         }
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_is_found_in_a_long_span_beside_many_short_ones() {
+        let breaks: Vec<f64> = (0..40).map(|k| f64::from(k) * 1e-3).chain([1.0]).collect();
+        let path = Path::new([breaks].into_iter(), |_, t| DVec3::new(t, t * t, 0.0));
+        for t in [0.0, 0.0385, 0.04, 0.05, 0.9] {
+            assert!(path.passes(DVec3::new(t, t * t, 1e-4), 1.1e-4), "{t}");
+        }
+        assert!(!path.passes(DVec3::new(0.05, 0.0125, 0.0), 1e-4));
     }
 }

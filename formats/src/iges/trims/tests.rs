@@ -189,19 +189,26 @@ fn curves_of_the_domain_are_held_against_curves_of_space_between_their_ends() {
     let text = "line 27, trimmed surface D25 (type 144): a curve of the parameter domain is not where \
                 its curve of space is; the curve of space is used";
     // The first side bulges in the domain, by half of that, and is straight in space.
-    for (bulge, expected, told) in [
-        ("0.002", 1.0 - 0.001 * 2.0 / 3.0, vec![]),
-        ("0.2", 1.0, vec![text.to_owned()]),
+    let whole = |bulge: &str| {
+        let points = format!("0.,0.,0.,.5,{bulge},0.,1.,0.,0.");
+        format!("2,2,1,0,1,0,0.,0.,0.,1.,1.,1.,1.,1.,1.,{points},0.,1.,0.,0.,1.")
+    };
+    // Only the last of two spans does.
+    let knots = "0.,0.,0.,.9,.9,1.,1.,1.,1.,1.,1.,1.,1.";
+    let points = "0.,0.,0.,.45,0.,0.,.9,0.,0.,.95,.2,0.,1.,0.,0.";
+    let end = format!("4,2,1,0,1,0,{knots},{points},0.,1.,0.,0.,1.");
+    for (curve, expected, told) in [
+        (whole("0.002"), 1.0 - 0.001 * 2.0 / 3.0, vec![]),
+        (whole("0.2"), 1.0, vec![text.to_owned()]),
+        (end, 1.0, vec![text.to_owned()]),
     ] {
         let mut entities = border();
-        let points = format!("0.,0.,0.,.5,{bulge},0.,1.,0.,0.");
-        let curve = format!("2,2,1,0,1,0,0.,0.,0.,1.,1.,1.,1.,1.,1.,{points},0.,1.,0.,0.,1.");
         entities[0] = made(126, &curve);
         entities[0].status = "00010500";
         let lines = rectangle("4.", "0.");
         let (patch, warnings) = bounded(entities, lines, "9,21,1");
         let area = patch.loops[0].signed_area().abs();
-        assert!((area - expected).abs() < 2e-5, "{bulge}: {area}");
+        assert!((area - expected).abs() < 2e-5, "{curve}: {area}");
         assert_eq!(warnings, told);
     }
 }
