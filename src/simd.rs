@@ -101,7 +101,7 @@ pub(crate) trait Part<S> {
 /// Arithmetic in single precision on lanes, all [`LANES`] or the first of them. Comparisons with what
 /// is not a number are false.
 pub(crate) trait Singles: Copy {
-    /// The lanes that there are, the first: what is loaded, stored and compared.
+    /// How many lanes there are: of an array the first ones are loaded, and stored to.
     const COUNT: usize = LANES;
 
     /// A number for each.
@@ -149,7 +149,7 @@ pub(crate) trait Singles: Copy {
 pub(crate) trait Simd: Singles {
     /// [`WIDE_LANES`] numbers in double precision.
     type D: Copy;
-    /// What is fastest for half of the lanes, or for all where it is that.
+    /// The same with half of the lanes, or with all where that is no slower.
     type Half: Singles;
 
     fn half(self) -> Self::Half;

@@ -124,6 +124,34 @@ fn long_names_are_written() {
 }
 
 #[test]
+fn words_in_braces_that_stand_for_nothing_are_refused() {
+    let place = Place::new();
+    for (line, told) in [
+        (
+            "convert samples/teapot.obj -o {name}.glb",
+            "-o {name}.glb: {name} stands for nothing; what does is {stem}, {ext}",
+        ),
+        (
+            "convert samples/teapot.obj -o {stem}{frame}.glb",
+            "{frame} stands for nothing",
+        ),
+        (
+            "render samples/teapot.obj -o {Stem}.png",
+            "{Stem} stands for nothing; what does is {stem}, {ext}, {frame}",
+        ),
+    ] {
+        let run = place.run(line);
+        assert_eq!(run.code, Some(2), "{}", run.stderr);
+        assert!(run.stderr.contains(told), "{}", run.stderr);
+        assert_eq!(place.files(), [""; 0]);
+    }
+    // Not a word.
+    let run = place.run("convert samples/teapot.obj -o {1}{}{stem}.x3d");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(place.files(), ["{1}{}teapot.x3d"]);
+}
+
+#[test]
 fn points_come_from_standard_input() {
     let place = Place::new();
     let bytes = fs::read(place.path("samples/phantom.dcm")).unwrap();

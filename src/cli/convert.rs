@@ -158,6 +158,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
 /// Every file with its target, and their places; those that would be written to one place, or over
 /// an input, are refused.
 fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
+    input::check_pattern(&args.output, &["stem", "ext"])?;
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for given in &args.files {
         for source in input::files_at(given)? {

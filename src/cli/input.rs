@@ -286,6 +286,21 @@ pub(super) fn named(pattern: &str, path: &Path) -> String {
         .replace("{stem}", &stem(path))
 }
 
+/// Refuses a pattern in which a word in braces stands for nothing.
+pub(super) fn check_pattern(pattern: &str, known: &[&str]) -> anyhow::Result<()> {
+    let ends = pattern.split('{').skip(1);
+    let words = ends.filter_map(|rest| Some(rest.split_once('}')?.0));
+    let is_word = |word: &&str| !word.is_empty() && word.chars().all(char::is_alphabetic);
+    match words.filter(is_word).find(|word| !known.contains(word)) {
+        Some(word) => {
+            let known: Vec<_> = known.iter().map(|word| format!("{{{word}}}")).collect();
+            let known = known.join(", ");
+            bail!("-o {pattern}: {{{word}}} stands for nothing; what does is {known}")
+        }
+        None => Ok(()),
+    }
+}
+
 /// For every pair of an input and where it goes: the reason, if another one goes there, too.
 pub(super) fn clashes(pairs: &[(&Path, &Path)]) -> Vec<Option<String>> {
     let mut takers: HashMap<&Path, Vec<&Path>> = HashMap::new();

@@ -288,6 +288,7 @@ struct Job {
 /// The picture of each file; a file that is given several times has one.
 fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
     let output = args.output.as_deref().unwrap_or_default();
+    input::check_pattern(output, &["stem", "ext", "frame"])?;
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for file in &args.files {
         let target = PathBuf::from(input::named(output, file));
