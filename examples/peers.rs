@@ -1,8 +1,9 @@
 //! Times build and trace as the rivals of `make peers` do: the same teapots, the same camera.
 //!
 //! Arguments: folder of the shared geometry, scene (`teapot`, or `inst` or `arr` and the number
-//! of teapots in a cube, each placed or each stored), width, height, runs. Prints medians of
-//! milliseconds, and what was hit.
+//! of teapots in a cube, each placed or each stored), width, height, runs, and the name of a set
+//! of instructions where it is not to be the widest. Prints medians of milliseconds, and what was
+//! hit.
 
 #![expect(clippy::print_stdout, reason = "the result of the program")]
 
@@ -19,7 +20,7 @@ use std::time::Instant;
 use common::{View, array};
 use glam::DVec3;
 use nurbray::formats::{Limits, open};
-use nurbray::{Accelerator, METHODS, Workspace};
+use nurbray::{Accelerator, Instructions, METHODS, Workspace};
 use serde_json::Value;
 
 type Failure = Box<dyn std::error::Error>;
@@ -35,8 +36,14 @@ fn vector(value: &Value) -> Result<DVec3, Failure> {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [folder, name, width, height, runs] = &arguments[..] else {
-        return Err("usage: peers FOLDER SCENE WIDTH HEIGHT RUNS".into());
+    let [folder, name, width, height, runs, set @ ..] = &arguments[..] else {
+        return Err("usage: peers FOLDER SCENE WIDTH HEIGHT RUNS [INSTRUCTIONS]".into());
+    };
+    let instructions = match set.first() {
+        Some(set) => *(Instructions::ALL.iter())
+            .find(|known| known.name() == set && known.is_available())
+            .ok_or_else(|| format!("{set}: no instructions of this processor"))?,
+        None => Instructions::best(),
     };
     let (width, height, runs) = (width.parse()?, height.parse()?, runs.parse::<usize>()?);
     let camera = std::fs::read_to_string(format!("{folder}/camera.json"))?;
@@ -74,7 +81,7 @@ fn main() -> Result<(), Failure> {
     let mut count = 0;
     for _ in 0..runs {
         let start = Instant::now();
-        let accelerator = Accelerator::build(&scene, &METHODS[0]);
+        let accelerator = Accelerator::build(&scene, &METHODS[0]).with_instructions(instructions);
         build.push(start.elapsed().as_secs_f64() * 1e3);
         let start = Instant::now();
         let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
