@@ -206,6 +206,8 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
         140 => (4, 1),
         142 => (1, 3),
         196 => (0, 1),
+        // The planes that clip a view.
+        410 if entry.form == 0 => (2, 6),
         102 => {
             return file
                 .parameters(index, WHOLE, &mut buffer)?

@@ -22,7 +22,9 @@ pub(super) fn tell(
             None => !entry.dependent && is_geometry(entry),
             Some(owner) => matches!(file.entries[owner].kind, 308 | 402),
         };
-        if types::is_wire(kind) && (tried[index] || !is_free) {
+        // What clips a view is told with that.
+        let clips = owners[index].is_some_and(|owner| file.entries[owner].kind == 410);
+        if clips || types::is_wire(kind) && (tried[index] || !is_free) {
             continue;
         }
         let is_annotation = kind == 106 && !types::is_free_form(kind, form);

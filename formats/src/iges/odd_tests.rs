@@ -51,6 +51,16 @@ fn a_curve_on_a_surface_shows_itself_and_leaves_the_surface() {
 }
 
 #[test]
+fn planes_that_clip_a_view_are_told_with_it() {
+    let plane = part(108, 0, "1.,0.,0.,-3.,0,0.,0.,0.,0.");
+    let (scene, warnings) = read(&[square(0.0), plane, made(410, "1,1.,3,0,0,0,0,0")]);
+    assert_eq!(scene.placement_count(), 1);
+    let text =
+        "line 7, view D5 (type 410): annotation, properties and views are not shown: 1 of type 410";
+    assert_eq!(warnings, [text]);
+}
+
+#[test]
 fn composite_curves_begin_at_zero() {
     // An arc from 90 to 180 degrees and a line from there, as generatrix; the file trims the line.
     let quarter = std::f64::consts::FRAC_PI_2;
