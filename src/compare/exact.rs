@@ -9,7 +9,8 @@ use kernel::{Aabb, Curve, Patch, Scene, Shape, TrimRegion};
 use rayon::prelude::*;
 
 use super::soup::Soup;
-use super::triangles::{BoxTree, Found, TriangleTree, closest, quarters};
+use super::triangles::{Found, TriangleTree, closest, quarters};
+use crate::box_tree::BoxTree;
 use crate::tessellate::pieces::Pieces;
 use crate::tessellate::{Tessellation, stretch};
 

@@ -6,9 +6,11 @@
 
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve, Surface};
+use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::Face;
+use crate::box_tree::BoxTree;
 use crate::segment;
 use crate::sets::Sets;
 
@@ -19,6 +21,9 @@ const CHORDS: [usize; 2] = [16, 64];
 /// How far a border may be from another one that it meets: as a share of how far the curve is from its chord
 /// there, of that chord, and of the size of the face.
 const NEAR: [f64; 3] = [0.01, 3e-4, 1e-5];
+
+/// Chords that are looked at together.
+const RUN: usize = 4;
 
 /// Steps towards the nearest point of an arc.
 const STEPS: usize = 3;
@@ -39,37 +44,17 @@ pub(super) struct Connected<'a> {
 
 /// The faces in sets that hang together, in the order of their first faces.
 pub(super) fn connected<'a>(faces: &[&'a Face]) -> Vec<Connected<'a>> {
-    let borders: Vec<_> = faces.iter().map(|face| Border::of(face)).collect();
-    let mut order: Vec<_> = (0..faces.len()).collect();
-    let least = |k: usize| borders[k].bounds.min.x;
-    order.sort_by(|&a, &b| least(a).total_cmp(&least(b)));
+    let borders = Borders::of(faces);
     let mut sets = Sets::new(faces.len());
-    let mut near: Vec<Vec<usize>> = (0..faces.len()).map(|k| vec![k]).collect();
-    for (position, &a) in order.iter().enumerate() {
-        let after = order[position + 1..].iter();
-        for &b in after.take_while(|&&b| least(b) <= borders[a].bounds.max.x) {
-            if !borders[a].bounds.meets(&borders[b].bounds) {
-                continue;
-            }
-            near[a].push(b);
-            near[b].push(a);
-            // What is closed on its own needs no other, also where it touches one.
-            let is_whole = borders[a].is_whole || borders[b].is_whole;
-            if !is_whole && sets.root(a) != sets.root(b) && borders[a].touches(&borders[b]) {
-                sets.join(a, b);
-            }
-        }
-    }
+    borders.join_touching(&mut sets);
+    let open = (0..faces.len()).into_par_iter();
+    let open: Vec<_> = open.map(|k| borders.open_length(k)).collect();
     let set = |members: Vec<usize>| {
-        let (mut open, mut all) = (0.0, 0.0);
-        for &k in &members {
-            let around: Vec<_> = near[k].iter().map(|&other| &borders[other]).collect();
-            open += borders[k].open_length(&around);
-            all += borders[k].length();
-        }
+        let alone: f64 = members.iter().map(|&k| open[k]).sum();
+        let all: f64 = members.iter().map(|&k| borders.all[k].length()).sum();
         Connected {
             faces: members.iter().map(|&k| faces[k]).collect(),
-            is_closed: open <= all * OPEN,
+            is_closed: alone <= all * OPEN,
         }
     };
     sets.members().into_iter().map(set).collect()
@@ -81,19 +66,34 @@ struct Chord {
     ends: [DVec3; 2],
     /// The point of the curve between them.
     middle: DVec3,
+    /// From end to end.
+    length: f64,
+    /// What leaves no gap is no farther than this from the middle.
+    reach: f64,
 }
 
 impl Chord {
-    fn length(&self) -> f64 {
-        self.ends[0].distance(self.ends[1])
+    fn new(ends: [DVec3; 2], middle: DVec3) -> Self {
+        let length = ends[0].distance(ends[1]);
+        let half = ends.map(|end| end.distance(middle));
+        Self {
+            ends,
+            middle,
+            length,
+            reach: (half[0].max(half[1]) + length * GAP) * (1.0 + 1e-9),
+        }
     }
 
     /// Whether a point leaves no gap to the curve, which passes both ends and the middle.
     fn is_near(&self, point: DVec3, slack: f64) -> bool {
+        let reach = self.reach + slack;
+        if point.distance_squared(self.middle) > reach * reach {
+            return false;
+        }
         let distance = |from: DVec3, to: DVec3| segment::distance(point, from, to);
         let [from, to] = self.ends;
         let near = distance(from, self.middle).min(distance(self.middle, to));
-        near <= self.length() * GAP + slack
+        near <= self.length * GAP + slack
     }
 
     /// Whether a point is on the curve as far as its ends and its middle tell.
@@ -115,7 +115,7 @@ impl Chord {
             }
         }
         let bend = b.length() * 0.25;
-        point.distance(at(t)) <= bend * NEAR[0] + self.length() * NEAR[1] + slack
+        point.distance(at(t)) <= bend * NEAR[0] + self.length * NEAR[1] + slack
     }
 }
 
@@ -124,47 +124,11 @@ struct Stretch {
     chords: Vec<Chord>,
     /// Which curve of the border it is of.
     curve: usize,
-    /// A box around all that is near, but for the slack.
-    bounds: Aabb,
-}
-
-impl Stretch {
-    fn new(chords: Vec<Chord>, curve: usize) -> Self {
-        let longest = chords.iter().map(Chord::length).fold(0.0, f64::max);
-        let points = |chord: &Chord| [chord.ends[0], chord.middle, chord.ends[1]];
-        let around = Aabb::around(chords.iter().flat_map(points));
-        Self {
-            chords,
-            curve,
-            bounds: grown(around, longest * GAP),
-        }
-    }
-
-    /// Whether a chord is, of those whose points may be near.
-    fn has(&self, point: DVec3, slack: f64, is: impl Fn(&Chord, DVec3, f64) -> bool) -> bool {
-        let bounds = grown(self.bounds, slack);
-        let is_inside = point.cmpge(bounds.min).all() && point.cmple(bounds.max).all();
-        is_inside && self.chords.iter().any(|chord| is(chord, point, slack))
-    }
-
-    /// Whether anything of another stretch may be near.
-    fn may_meet(&self, other: &Self, slack: f64) -> bool {
-        grown(self.bounds, slack).meets(&other.bounds)
-    }
-}
-
-fn grown(bounds: Aabb, reach: f64) -> Aabb {
-    Aabb {
-        min: bounds.min - reach,
-        max: bounds.max + reach,
-    }
 }
 
 /// The border of a face.
 struct Border {
     stretches: Vec<Stretch>,
-    /// A box around all that it may meet.
-    bounds: Aabb,
     slack: f64,
     number: u32,
     /// Whether the face is a closed surface as a whole, such as a sphere or a torus.
@@ -180,16 +144,13 @@ impl Border {
             curves.extend(sides(surface));
         }
         let mut stretches = Vec::new();
-        for (number, parts) in curves.into_iter().enumerate() {
-            let own = parts.into_iter().map(|chords| Stretch::new(chords, number));
+        for (curve, parts) in curves.into_iter().enumerate() {
+            let own = parts.into_iter().map(|chords| Stretch { chords, curve });
             stretches.extend(own);
         }
         let slack = face.bounds.diagonal() * NEAR[2];
-        let chords = stretches.iter().flat_map(|stretch| &stretch.chords);
-        let longest = chords.map(Chord::length).fold(0.0, f64::max);
         let mut border = Self {
             stretches,
-            bounds: grown(face.bounds, longest * GAP + slack),
             slack,
             number: face.number,
             is_whole: false,
@@ -206,67 +167,128 @@ impl Border {
 
     /// Whether a chord has a length.
     fn is_long(&self, chord: &Chord) -> bool {
-        chord.length() > self.slack
+        chord.length > self.slack
     }
 
     fn length(&self) -> f64 {
         let chords = self.stretches.iter().flat_map(|stretch| &stretch.chords);
         let long = chords.filter(|chord| self.is_long(chord));
-        long.map(Chord::length).sum()
+        long.map(|chord| chord.length).sum()
+    }
+}
+
+/// A few chords of a stretch.
+struct Run {
+    border: usize,
+    stretch: usize,
+    first: usize,
+}
+
+/// The borders of all faces, and a tree over runs of their chords.
+struct Borders {
+    all: Vec<Border>,
+    runs: Vec<Run>,
+    tree: BoxTree,
+}
+
+impl Borders {
+    fn of(faces: &[&Face]) -> Self {
+        let all: Vec<_> = faces.par_iter().map(|face| Border::of(face)).collect();
+        let (mut runs, mut boxes) = (Vec::new(), Vec::new());
+        for (border, own) in all.iter().enumerate() {
+            for (stretch, Stretch { chords, .. }) in own.stretches.iter().enumerate() {
+                for (k, chords) in chords.chunks(RUN).enumerate() {
+                    let first = k * RUN;
+                    runs.push(Run {
+                        border,
+                        stretch,
+                        first,
+                    });
+                    boxes.push(around(chords, own.slack));
+                }
+            }
+        }
+        let tree = BoxTree::new(&boxes);
+        Self { all, runs, tree }
     }
 
-    /// Whether an end of a chord of one border is near a chord of the other.
-    fn touches(&self, other: &Self) -> bool {
-        let slack = self.slack.min(other.slack);
-        let meets = |a: &Stretch, b: &Stretch| {
-            let mut ends = a.chords.iter().map(|chord| chord.ends[0]);
-            ends.any(|end| b.has(end, slack, Chord::is_on))
-        };
-        self.stretches.iter().any(|a| {
-            let mut near = other.stretches.iter().filter(|b| a.may_meet(b, slack));
-            near.any(|b| meets(a, b) || meets(b, a))
-        })
+    /// Shows chords that may be near a point but for `reach` and the slack of their border, and the numbers
+    /// of the border and of its curve.
+    fn near(&self, point: DVec3, reach: f64, mut show: impl FnMut(usize, usize, &[Chord])) {
+        let square = reach * reach;
+        self.tree.visit(point, square, |found| {
+            let run = &self.runs[found as usize];
+            let stretch = &self.all[run.border].stretches[run.stretch];
+            let end = stretch.chords.len().min(run.first + RUN);
+            show(run.border, stretch.curve, &stretch.chords[run.first..end]);
+            square
+        });
     }
 
-    /// The length of chords that meet no other curve of the borders around, itself among them, and of stretches
-    /// along which not all faces can be paired.
-    fn open_length(&self, around: &[&Self]) -> f64 {
-        let open = |stretch: &Stretch| {
-            let near = around.iter().flat_map(|border| {
-                let is_same = border.number == self.number;
-                let slack = self.slack.max(border.slack);
-                let others = border.stretches.iter();
-                let others = others.filter(move |other| {
-                    !(is_same && other.curve == stretch.curve) && stretch.may_meet(other, slack)
+    /// Joins faces of which an end of a chord is on a chord of the other.
+    fn join_touching(&self, sets: &mut Sets) {
+        for (k, border) in self.all.iter().enumerate() {
+            // What is closed on its own needs no other, also where it touches one.
+            let chords = border.stretches.iter().flat_map(|stretch| &stretch.chords);
+            for chord in chords.filter(|_| !border.is_whole) {
+                let end = chord.ends[0];
+                self.near(end, border.slack, |other, _, chords| {
+                    let that = &self.all[other];
+                    let slack = border.slack.min(that.slack);
+                    if !that.is_whole
+                        && sets.root(k) != sets.root(other)
+                        && chords.iter().any(|chord| chord.is_on(end, slack))
+                    {
+                        sets.join(k, other);
+                    }
                 });
-                others.map(move |other| (other, slack, border.number))
-            });
-            let near: Vec<_> = near.collect();
-            let meets = |chord: &Chord| {
-                let own = chord.length() * GAP;
-                let mut others = near.iter();
-                others.any(|(other, slack, _)| other.has(chord.middle, own + slack, Chord::is_near))
-            };
-            let is_odd = |chord: &Chord| {
-                let on = near
-                    .iter()
-                    .filter(|(other, slack, _)| other.has(chord.middle, *slack, Chord::is_on));
-                let mut faces: SmallVec<[u32; 8]> = on.map(|(_, _, number)| *number).collect();
-                faces.sort_unstable();
-                faces.dedup();
-                faces.len() >= 2 && faces.len().is_multiple_of(2)
-            };
+            }
+        }
+    }
+
+    /// The length of chords of a border that meet no other curve, of its own or of another border, and of
+    /// stretches along which not all faces can be paired.
+    fn open_length(&self, k: usize) -> f64 {
+        let border = &self.all[k];
+        let open = |stretch: &Stretch| {
             let (mut all, mut alone, mut odd) = (0.0, 0.0, 0.0);
-            for chord in stretch.chords.iter().filter(|chord| self.is_long(chord)) {
-                let length = chord.length();
-                all += length;
-                alone += if meets(chord) { 0.0 } else { length };
-                odd += if is_odd(chord) { length } else { 0.0 };
+            for chord in stretch.chords.iter().filter(|chord| border.is_long(chord)) {
+                let (point, own) = (chord.middle, chord.length * GAP);
+                let (mut meets, mut on) = (false, SmallVec::<[u32; 8]>::new());
+                self.near(point, own + border.slack, |other, curve, chords| {
+                    let that = &self.all[other];
+                    if that.number == border.number && curve == stretch.curve {
+                        return;
+                    }
+                    let slack = border.slack.max(that.slack);
+                    meets = meets || chords.iter().any(|chord| chord.is_near(point, own + slack));
+                    if chords.iter().any(|chord| chord.is_on(point, slack)) {
+                        on.push(that.number);
+                    }
+                });
+                on.sort_unstable();
+                on.dedup();
+                let is_odd = on.len() >= 2 && on.len().is_multiple_of(2);
+                all += chord.length;
+                alone += if meets { 0.0 } else { chord.length };
+                odd += if is_odd { chord.length } else { 0.0 };
             }
             // Where others end, a chord meets both of them.
             if odd > 0.5 * all { all } else { alone }
         };
-        self.stretches.iter().map(open).sum()
+        border.stretches.iter().map(open).sum()
+    }
+}
+
+/// A box around all that leaves no gap to chords.
+fn around(chords: &[Chord], slack: f64) -> Aabb {
+    let longest = chords.iter().map(|chord| chord.length).fold(0.0, f64::max);
+    let points = |chord: &Chord| [chord.ends[0], chord.middle, chord.ends[1]];
+    let bounds = Aabb::around(chords.iter().flat_map(points));
+    let reach = longest * GAP + slack;
+    Aabb {
+        min: bounds.min - reach,
+        max: bounds.max + reach,
     }
 }
 
@@ -307,12 +329,12 @@ fn along(curve: &Curve<DVec2>, surface: &Surface) -> Vec<Vec<Chord>> {
 fn chords([from, to]: [f64; 2], count: usize, mut at: impl FnMut(f64) -> DVec3) -> Vec<Chord> {
     let step = (to - from) / count as f64;
     let mut place = |k: f64| at(from + step * k);
+    let mut start = place(0.0);
     let mut chord = |k: usize| {
         let k = k as f64;
-        Chord {
-            ends: [place(k), place(k + 1.0)],
-            middle: place(k + 0.5),
-        }
+        let ends = [start, place(k + 1.0)];
+        start = ends[1];
+        Chord::new(ends, place(k + 0.5))
     };
     (0..count).map(&mut chord).collect()
 }
