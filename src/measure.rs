@@ -250,9 +250,13 @@ pub fn measure(scene: &Scene) -> Measure {
 fn parts<'a>(scene: &Scene, placements: &[Placement], groups: &[Vec<&'a Face>]) -> Vec<Part<'a>> {
     let parts = groups.iter().flat_map(|group| connected(group));
     let (mut parts, open): (Vec<_>, Vec<_>) = parts.partition(|part| part.is_closed);
-    // What is open on its own may be closed by faces of other groups.
-    let open: Vec<&Face> = open.into_iter().flat_map(|part| part.faces).collect();
-    parts.extend(connected(&open));
+    if groups.len() == 1 && parts.is_empty() {
+        parts = open;
+    } else {
+        // What is open on its own may be closed by faces of other groups.
+        let open: Vec<&Face> = open.into_iter().flat_map(|part| part.faces).collect();
+        parts.extend(connected(&open));
+    }
     let accelerator = OnceLock::new();
     let measure = |parts: &[Connected<'a>]| -> Vec<Part<'a>> {
         let is_needed = parts.iter().any(|part| part.is_closed);
