@@ -36,7 +36,8 @@ fn vector(value: &Value) -> Result<DVec3, Failure> {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [folder, name, width, height, runs, set @ ..] = &arguments[..] else {
+    let (arguments, set) = arguments.split_at(arguments.len().min(5));
+    let ([folder, name, width, height, runs], [] | [_]) = (arguments, set) else {
         return Err("usage: peers FOLDER SCENE WIDTH HEIGHT RUNS [INSTRUCTIONS]".into());
     };
     let instructions = match set.first() {

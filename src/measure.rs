@@ -251,6 +251,7 @@ fn parts<'a>(scene: &Scene, placements: &[Placement], groups: &[Vec<&'a Face>]) 
     let parts = groups.iter().flat_map(|group| connected(group));
     let (mut parts, open): (Vec<_>, Vec<_>) = parts.partition(|part| part.is_closed);
     if groups.len() == 1 && parts.is_empty() {
+        // All of it has just been looked at.
         parts = open;
     } else {
         // What is open on its own may be closed by faces of other groups.

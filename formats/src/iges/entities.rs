@@ -262,6 +262,11 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
     if entry.kind == 142 && is_other(pointers[0]) {
         pointers.remove(0);
     }
+    // Nor has a view anything that could be shown.
+    if entry.kind == 410 {
+        let is_endless = |i: usize| (file.entries[i].kind, file.entries[i].form) == (108, 0);
+        pointers.retain(|&plane| file.find(plane).is_some_and(is_endless));
+    }
     Ok(pointers)
 }
 

@@ -58,6 +58,9 @@ fn planes_that_clip_a_view_are_told_with_it() {
     let text =
         "line 7, view D5 (type 410): annotation, properties and views are not shown: 1 of type 410";
     assert_eq!(warnings, [text]);
+    // What is no endless plane clips nothing, and is shown.
+    let (scene, _) = read(&[square(0.0), made(410, "1,1.,1,0,0,0,0,0")]);
+    assert_eq!(scene.placement_count(), 1);
 }
 
 #[test]
