@@ -9,7 +9,7 @@ use common::{SIZE, View, array, sample};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
 use nurbray::kernel::{Ray, Scene};
-use nurbray::{Accelerator, Hit, METHODS, Workspace};
+use nurbray::{Accelerator, Hit, METHODS, Start, Workspace};
 
 const FOREVER: Range<f64> = 0.0..f64::INFINITY;
 
@@ -25,16 +25,19 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-fn trace(accelerator: &Accelerator<'_>, rays: &[Ray]) -> Vec<Option<Hit>> {
+fn trace(accelerator: &Accelerator<'_>, rays: &[Ray], starts: &[Start]) -> Vec<Option<Hit>> {
     let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
     let ranges = vec![FOREVER; rays.len()];
-    accelerator.nearest_many(rays, &ranges, &mut workspace, &mut hits);
+    accelerator.nearest_leaving(rays, &ranges, starts, &mut workspace, &mut hits);
     hits
 }
 
+/// Rays that leave hits, and where they start.
+type Leaving = (Vec<Ray>, Vec<Start>);
+
 /// Rays that leave the hits towards a light, and into pseudo-random directions of the
 /// cosine distribution.
-fn secondary(hits: &[Option<Hit>], rays: &[Ray], diagonal: f64) -> (Vec<Ray>, Vec<Ray>) {
+fn secondary(hits: &[Option<Hit>], rays: &[Ray], diagonal: f64) -> (Leaving, Leaving) {
     let mut state = 1_u64;
     let mut number = || {
         state = state
@@ -49,7 +52,10 @@ fn secondary(hits: &[Option<Hit>], rays: &[Ray], diagonal: f64) -> (Vec<Ray>, Ve
             let normal = hit.normal * -hit.normal.dot(ray.direction).signum();
             let origin = hit.point + normal * diagonal * 1e-9;
             let any = DVec3::new(number(), number(), number()).normalize_or_zero();
-            let towards = |direction| Ray { origin, direction };
+            let towards = |direction| {
+                let ray = Ray { origin, direction };
+                (ray, Start::of(hit, &ray))
+            };
             (towards(light), towards(normal + any * 0.999))
         })
         .unzip()
@@ -65,8 +71,9 @@ fn all(c: &mut Criterion) {
         group.finish();
         let accelerator = Accelerator::build(&scene, &METHODS[0]);
         let rays = View::of(&scene).rays(SIZE, SIZE);
-        let hits = trace(&accelerator, &rays);
-        let (shadow, bounce) = secondary(&hits, &rays, accelerator.bounds().diagonal());
+        let hits = trace(&accelerator, &rays, &[]);
+        let ((shadow, shadow_starts), (bounce, bounce_starts)) =
+            secondary(&hits, &rays, accelerator.bounds().diagonal());
         let mut measure = |kind: &str, rays: &[Ray], run: &mut dyn FnMut(&[Ray])| {
             let mut group = c.benchmark_group(kind);
             group.sample_size(10);
@@ -75,15 +82,16 @@ fn all(c: &mut Criterion) {
             group.finish();
         };
         measure("coherent", &rays, &mut |rays| {
-            black_box(trace(&accelerator, rays));
+            black_box(trace(&accelerator, rays, &[]));
         });
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
         let ranges = vec![FOREVER; shadow.len()];
         measure("shadow", &shadow, &mut |rays| {
-            accelerator.any_many(rays, &ranges, &mut workspace, &mut blocked);
+            let starts = &shadow_starts;
+            accelerator.any_leaving(rays, &ranges, starts, &mut workspace, &mut blocked);
         });
         measure("cosine bounce", &bounce, &mut |rays| {
-            black_box(trace(&accelerator, rays));
+            black_box(trace(&accelerator, rays, &bounce_starts));
         });
         measure("cosine bounce, one by one", &bounce, &mut |rays| {
             for ray in rays {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use kernel::{Camera, Light, LightKind, Material, Ray, Scene};
 
-use crate::accelerator::{Accelerator, Workspace};
+use crate::accelerator::{Accelerator, Start, Workspace};
 use crate::intersect::Hit;
 use crate::look::Look;
 
@@ -151,7 +151,8 @@ impl<'a> Integrator<'a> {
             })
         };
         let mut layers: Vec<_> = hits.iter().enumerate().filter_map(first).collect();
-        let (mut behind, mut ranges, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut behind, mut ranges, mut starts) = (Vec::new(), Vec::new(), Vec::new());
+        let mut found = Vec::new();
         for _ in 0..LAYERS {
             if layers.is_empty() {
                 break;
@@ -173,15 +174,17 @@ impl<'a> Integrator<'a> {
             layers.retain(|layer| layer.share >= LEAST_SHARE);
             behind.clear();
             ranges.clear();
+            starts.clear();
             for layer in layers.iter().filter(|layer| !layer.is_touched()) {
                 let ray = &rays[layer.ray];
                 let (next, range) = self.leave(ray, &layer.hit, ray.direction);
+                starts.push(Start::of(&layer.hit, &next));
                 behind.push(next);
                 ranges.push(range);
             }
             *count += behind.len() as u64;
             self.accelerator
-                .nearest_many(&behind, &ranges, workspace, &mut found);
+                .nearest_leaving(&behind, &ranges, &starts, workspace, &mut found);
             let mut found = found.iter();
             layers.retain_mut(|layer| {
                 let touching = layer.touching.as_mut().and_then(Vec::pop);
@@ -247,10 +250,12 @@ impl<'a> Integrator<'a> {
         let mut colors: Vec<_> = looks.iter().map(|look| self.unlit(look)).collect();
         let facing = |layer: &Layer| Facing::new(&rays[layer.ray], &layer.hit);
         let facings: Vec<_> = layers.iter().map(facing).collect();
-        let (mut shadows, mut ranges, mut pending) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut shadows, mut ranges, mut starts) = (Vec::new(), Vec::new(), Vec::new());
+        let mut pending = Vec::new();
         for active in &self.lights {
             shadows.clear();
             ranges.clear();
+            starts.clear();
             pending.clear();
             for (number, (layer, look)) in layers.iter().zip(looks).enumerate() {
                 let (ray, hit) = (&rays[layer.ray], &layer.hit);
@@ -265,11 +270,14 @@ impl<'a> Integrator<'a> {
                     continue;
                 }
                 let (shadow, range) = self.towards(ray, hit, &lit);
+                starts.push(Start::of(hit, &shadow));
                 shadows.push(shadow);
                 ranges.push(range);
+
                 pending.push((number, lit.color));
             }
-            let shares = self.shares(&mut shadows, &mut ranges, workspace, count);
+            let rays = (&mut shadows, &mut ranges, &mut starts);
+            let shares = self.shares(rays, workspace, count);
             for (&(number, color), &share) in pending.iter().zip(&shares) {
                 if share > 0.0 {
                     colors[number] += color * share;
@@ -283,8 +291,7 @@ impl<'a> Integrator<'a> {
     /// is transparent.
     fn shares(
         &self,
-        shadows: &mut Vec<Ray>,
-        ranges: &mut Vec<Range<f64>>,
+        (shadows, ranges, starts): (&mut Vec<Ray>, &mut Vec<Range<f64>>, &mut Vec<Start>),
         workspace: &mut Workspace,
         count: &mut u64,
     ) -> Vec<f64> {
@@ -292,7 +299,7 @@ impl<'a> Integrator<'a> {
         if !self.transparent {
             let mut blocked = Vec::new();
             self.accelerator
-                .any_many(shadows, ranges, workspace, &mut blocked);
+                .any_leaving(shadows, ranges, starts, workspace, &mut blocked);
             return blocked
                 .iter()
                 .map(|&blocked| if blocked { 0.0 } else { 1.0 })
@@ -303,7 +310,7 @@ impl<'a> Integrator<'a> {
         let mut found = Vec::new();
         for _ in 0..LAYERS {
             self.accelerator
-                .nearest_many(shadows, ranges, workspace, &mut found);
+                .nearest_leaving(shadows, ranges, starts, workspace, &mut found);
             let mut kept = 0;
             for (k, blocker) in found.iter().enumerate() {
                 let Some(blocker) = blocker else { continue };
@@ -320,11 +327,13 @@ impl<'a> Integrator<'a> {
                 }
                 let (next, _) = self.leave(shadow, blocker, shadow.direction);
                 ranges[kept] = ranges[k].start..ranges[k].end - blocker.t;
+                starts[kept] = Start::of(blocker, &next);
                 (shadows[kept], open[kept]) = (next, open[k]);
                 kept += 1;
             }
             shadows.truncate(kept);
             ranges.truncate(kept);
+            starts.truncate(kept);
             open.truncate(kept);
             *count += kept as u64;
             if kept == 0 {

@@ -80,7 +80,7 @@ mod simd;
 mod tessellate;
 mod volume;
 
-pub use accelerator::{Accelerator, Workspace};
+pub use accelerator::{Accelerator, Start, Workspace};
 pub use accuracy::Accuracy;
 pub use certify::{Ambiguity, Certificate, Certifier, CertifyStats, certify_film};
 pub use curves::draw_curves;

@@ -139,6 +139,7 @@ pub(crate) trait Singles: Copy {
     /// The greater; `b` where one is not a number.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     fn abs(self, a: Self::F) -> Self::F;
+    fn sqrt(self, a: Self::F) -> Self::F;
     fn lt(self, a: Self::F, b: Self::F) -> Self::M;
     fn le(self, a: Self::F, b: Self::F) -> Self::M;
     /// One bit for each lane, the first lowest.
@@ -344,6 +345,10 @@ impl Singles for Portable {
     #[inline(always)]
     fn abs(self, a: Self::F) -> Self::F {
         parts!(a => a.abs())
+    }
+    #[inline(always)]
+    fn sqrt(self, a: Self::F) -> Self::F {
+        parts!(a => a.sqrt())
     }
     #[inline(always)]
     fn lt(self, a: Self::F, b: Self::F) -> Self::M {

@@ -3,6 +3,7 @@
 
 use super::beam::{Beam, RAYS, Spread};
 use super::distance::Cells;
+use super::leaving::Starts;
 use super::model::Model;
 use super::windows::{Batch, Company};
 use crate::simd::{LANES, Part, Singles};
@@ -354,6 +355,7 @@ pub(super) struct OneCell<'a> {
     /// The rays, and which of those of the beam they are.
     pub(super) spread: &'a Spread,
     pub(super) lanes: &'a [u8; RAYS],
+    pub(super) starts: &'a Starts,
 }
 
 impl Company for OneCell<'_> {
@@ -374,6 +376,11 @@ impl Company for OneCell<'_> {
         }
         let sight = s.apart(ExactSight { cell: self, group });
         approach::<S, RATIONAL>(s, &self.view, &sight)
+    }
+
+    #[inline(always)]
+    fn starts(&self) -> &Starts {
+        self.starts
     }
 
     #[inline(always)]

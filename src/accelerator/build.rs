@@ -241,6 +241,7 @@ impl Plan {
                     before: base,
                     world_from_cluster,
                     cluster_from_world: world_from_cluster.inverse(),
+                    is_mirrored: matrix.determinant() < 0.0,
                 });
             }
             self.walk(scene, node, |child, place, before| {

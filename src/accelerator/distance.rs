@@ -11,20 +11,23 @@ pub(super) struct Cells<C> {
     pub(super) terms: [[C; 4]; TERMS],
     /// See [`super::expansion::Expansion::second`].
     pub(super) second: [[C; 4]; 3],
+    /// See [`super::leaving`]: how steep rays must be to leave it, and what terms that are not kept add.
+    pub(super) reach: [C; 2],
+    pub(super) higher: C,
     /// A bit for each that is flat: seen from the edge, its parts are seen no better.
     pub(super) flat: u32,
 }
 
 /// What a polynomial of a cell is at a point, and its derivatives.
-struct Jet<F> {
-    value: F,
-    by_x: F,
-    by_y: F,
+pub(super) struct Jet<F> {
+    pub(super) value: F,
+    pub(super) by_x: F,
+    pub(super) by_y: F,
 }
 
 /// Coordinate `r` of the cell at `x`, `y`: Horner's rule for value and derivatives.
 #[inline(always)]
-fn jet<S: Singles, C: PerLane<S, Lanes = S::F>>(
+pub(super) fn jet<S: Singles, C: PerLane<S, Lanes = S::F>>(
     s: S,
     cells: &Cells<C>,
     r: usize,

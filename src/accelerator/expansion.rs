@@ -8,6 +8,7 @@
 use glam::{DVec3, DVec4};
 use kernel::MAX_DEGREE;
 
+use super::leaving::BESIDE;
 use super::powers::{along, powers_of};
 use crate::intersect::net::Degrees;
 use crate::intersect::{PieceNet, Rect};
@@ -56,11 +57,15 @@ pub(super) struct Expansion {
     /// For each of the four: bounds the sum of both derivatives of what is not linear, for `x`
     /// and `y` up to [`WIDE`].
     pub(super) stray: [f64; 4],
+    /// For the [`SOLVER`]: the same of the terms that are kept, up to [`BESIDE`].
+    pub(super) beside: [f64; 4],
     /// For the [`SOLVER`]: bounds on the second derivatives of the four, by `x` twice, by both, by
     /// `y` twice.
     pub(super) second: [[f64; 4]; 3],
     /// For each of the four: bounds what higher powers than those kept contribute.
     pub(super) dropped: [f64; 4],
+    /// What these contribute at most to second derivatives, and to first ones, for the greatest of the four.
+    pub(super) higher: f64,
     /// For the [`HIERARCHY`], and a [`DIVISION`] without a cut: the part lies within this of its
     /// middle along each axis; infinite if unknown.
     pub(super) half_size: DVec3,
@@ -184,8 +189,10 @@ impl Expansion {
             terms,
             half: if sure { half } else { [f64::INFINITY; 3] },
             second: sums.second,
+            beside: sums.beside,
             stray: if sure { sums.stray } else { [f64::INFINITY; 4] },
             dropped,
+            higher: sums.higher,
             half_size: if bounded {
                 DVec3::from_array(sums.half_size) / least
             } else {
@@ -319,6 +326,7 @@ fn excess(stray: &[f64; 4]) -> f64 {
 #[derive(Default)]
 struct Sums {
     stray: [f64; 4],
+    beside: [f64; 4],
     second: [[f64; 4]; 3],
     /// Middle of what even powers can be, and half of what all can span.
     bulge: [f64; 4],
@@ -329,12 +337,15 @@ struct Sums {
     cut: [[f64; 4]; 2],
     weight: f64,
     half_size: [f64; 3],
+    higher: f64,
 }
 
 /// How much a term counts in derivatives, and in these after a cut along u or v.
-struct Counts {
+pub(super) struct Counts {
     derivative: [f64; TERMS],
-    second: [[f64; TERMS]; 3],
+    beside: [f64; TERMS],
+    /// In second derivatives by `x` twice, by both, by `y` twice.
+    pub(super) second: [[f64; TERMS]; 3],
     bulge: [f64; TERMS],
     half: [f64; TERMS],
     cut: [[f64; TERMS]; 2],
@@ -348,21 +359,24 @@ const GROWTH: [[f64; 4]; 2] = [[2.0, 1.0, 4.0 / 3.0, 1.0], [1.0, 2.0, 4.0 / 3.0,
 const LINEAR: f64 = f32::EPSILON as f64;
 
 /// [`Counts`] of the terms that are kept. The linear ones are left out.
-const COUNTS: Counts = {
+pub(super) const COUNTS: Counts = {
     let mut counts = Counts {
         derivative: [0.0; TERMS],
+        beside: [0.0; TERMS],
         second: [[0.0; TERMS]; 3],
         bulge: [0.0; TERMS],
         half: [0.0; TERMS],
         cut: [[0.0; TERMS]; 2],
     };
     let (half, wide) = (powers_of::<ORDER>(0.5), powers_of::<{ 2 * ORDER }>(WIDE));
+    let beside = powers_of::<{ 2 * ORDER }>(BESIDE);
     let mut t = 1;
     while t < TERMS {
         let (k, l) = (t / ORDER, t % ORDER);
         if k + l > 1 {
             let count = (k + l) as f64 * wide[k + l - 1];
             counts.derivative[t] = count;
+            counts.beside[t] = (k + l) as f64 * beside[k + l - 1];
             counts.cut[0][t] = count * half[k];
             counts.cut[1][t] = count * half[l];
             let (power, second) = (wide[k + l], wide[k + l - 2]);
@@ -466,13 +480,14 @@ impl Sums {
             self.half_size = [sizes[0], sizes[1], sizes[2]];
         }
         if FOR == SOLVER {
-            let mut second = [[0.0; 4]; 3];
+            let (mut second, mut beside) = ([[0.0; 4]; 3], self.linear);
             for (t, own) in own.iter().enumerate() {
+                add(&mut beside, own, COUNTS.beside[t]);
                 add(&mut second[0], own, COUNTS.second[0][t]);
                 add(&mut second[1], own, COUNTS.second[1][t]);
                 add(&mut second[2], own, COUNTS.second[2][t]);
             }
-            self.second = second;
+            (self.second, self.beside) = (second, beside);
         }
     }
 
@@ -494,6 +509,9 @@ impl Sums {
             self.half_size[axis] += x[axis].abs();
         }
         self.weight += own[3];
+        let greatest = own.into_iter().fold(0.0, f64::max);
+        let most = (k * k).max(l * l) as f64;
+        self.higher += greatest * most * POWERS[(k + l).saturating_sub(2)];
         for r in 0..4 {
             let count = own[r] * (k + l) as f64 * POWERS[k + l - 1];
             dropped[r] += own[r] * POWERS[k + l];

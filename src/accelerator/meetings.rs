@@ -5,6 +5,7 @@ use super::beam::RAYS;
 use super::cells::Cell;
 use super::distance::Cells;
 use super::expansion::TERMS;
+use super::leaving::Starts;
 use super::model::Model;
 use super::tree::Course;
 use super::windows::{Batch, Company};
@@ -45,6 +46,7 @@ pub(super) struct Meetings {
     weight_stray: [f32; RAYS],
     dropped: [f32; RAYS],
     height: [f32; RAYS],
+    pub(super) starts: Starts,
     groups: [Sixteen; GROUPS],
     /// Those of a batch.
     batch: Sixteen,
@@ -56,6 +58,8 @@ impl Sixteen {
         let mut none = Self {
             terms: [[[0.0; LANES]; 4]; TERMS],
             second: [[[0.0; LANES]; 4]; 3],
+            reach: [[f32::INFINITY; LANES]; 2],
+            higher: [0.0; LANES],
             flat: 0,
         };
         none.terms[0][3] = [1.0; LANES];
@@ -75,6 +79,9 @@ impl Sixteen {
                 to[r][k] = from[r];
             }
         }
+        let [inside, beside] = cell.reach;
+        (self.reach[0][k], self.reach[1][k]) = (inside, beside);
+        self.higher[k] = cell.higher;
         self.flat = self.flat & !(1 << k) | (cell.flat & 1) << k;
     }
 }
@@ -98,6 +105,7 @@ impl Meetings {
         weight_stray: [0.0; RAYS],
         dropped: [0.0; RAYS],
         height: [0.0; RAYS],
+        starts: Starts::NONE,
         groups: [const { Sixteen::NONE }; GROUPS],
         batch: Sixteen::NONE,
     };
@@ -106,6 +114,7 @@ impl Meetings {
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         (self.count, self.frameless, self.is_rational) = (0, 0, false);
+        self.starts.clear();
     }
 
     /// Adds a ray, by its number `lane`, between two lengths from its origin that are still of
@@ -216,6 +225,11 @@ impl Company for Meetings {
             sizes,
         };
         reach::<S, RATIONAL>(s, &sight, &shape)
+    }
+
+    #[inline(always)]
+    fn starts(&self) -> &Starts {
+        &self.starts
     }
 
     #[inline(always)]

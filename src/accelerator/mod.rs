@@ -18,6 +18,7 @@ mod finish;
 mod hits;
 mod hull;
 mod leaf;
+mod leaving;
 mod meetings;
 mod model;
 mod packet;
@@ -42,6 +43,7 @@ use crate::intersect::{Method, Scratch};
 use crate::simd::Instructions;
 use block::Block;
 use cells::Pieces;
+pub use leaving::Start;
 use room::PacketRoom;
 use seal::Seal;
 use tree::Tree;
@@ -136,6 +138,8 @@ struct Instance {
     /// The greatest length that a unit axis takes in the world.
     stretch: f64,
     cluster_from_world: DAffine3,
+    /// Whether it turns what is seen in a mirror.
+    is_mirrored: bool,
 }
 
 /// Memory that one thread reuses from ray to ray.

@@ -6,6 +6,7 @@ use super::Cluster;
 use super::cells::Cell;
 use super::distance::Cells;
 use super::expansion::{Expansion, SOLVER, TERMS};
+use super::leaving;
 use crate::simd::{Part, Simd};
 
 /// Cells that a thread keeps; a power of two.
@@ -42,6 +43,8 @@ impl Model {
         cell: Cells {
             terms: [[0.0; 4]; TERMS],
             second: [[0.0; 4]; 3],
+            reach: [f32::INFINITY; 2],
+            higher: 0.0,
             flat: 0,
         },
         rows: [[0.0; 3]; 3],
@@ -68,6 +71,9 @@ impl Model {
             .to_local(piece.center + local.center * piece.radius);
         self.weight_stray = (local.stray[3] * GROWTH) as f32;
         self.dropped = 0.0;
+        let (reach, higher) = leaving::reach(&local);
+        self.cell.reach = reach.map(|reach| (reach * GROWTH) as f32);
+        self.cell.higher = (higher * GROWTH) as f32;
         for r in 0..4 {
             for (to, from) in self.cell.second.iter_mut().zip(&local.second) {
                 to[r] = (from[r] * GROWTH) as f32;

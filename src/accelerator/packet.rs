@@ -13,6 +13,7 @@ use super::few;
 use super::hits::Shown;
 use super::hull::{BeamBounds, Extent, Hull};
 use super::leaf::Bits;
+use super::leaving::Start;
 use super::room::{PacketRoom, Ready};
 use super::stream::Stream;
 use super::trace::{Nearest, TriangleVisitor};
@@ -36,8 +37,22 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         hits: &mut Vec<Option<Hit>>,
     ) {
+        self.nearest_leaving(rays, ranges, &[], workspace, hits);
+    }
+
+    /// As [`Self::nearest_many`], of rays that leave surfaces, each from where `starts` says, or none of them if it
+    /// is empty: they take less time.
+    pub fn nearest_leaving(
+        &self,
+        rays: &[Ray],
+        ranges: &[Range<f64>],
+        starts: &[Start],
+        workspace: &mut Workspace,
+        hits: &mut Vec<Option<Hit>>,
+    ) {
         workspace.serve(self);
         hits.clear();
+        let mut starts = starts.chunks(RAYS);
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let first = hits.len();
             hits.resize(first + rays.len(), None);
@@ -46,6 +61,7 @@ impl Accelerator<'_> {
                 accelerator: self,
                 rays,
                 ranges,
+                starts: starts.next().unwrap_or_default(),
                 hits: Some(hits),
                 workspace,
             };
@@ -66,13 +82,27 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         blocked: &mut Vec<bool>,
     ) {
+        self.any_leaving(rays, ranges, &[], workspace, blocked);
+    }
+
+    /// As [`Self::any_many`], for rays as those of [`Self::nearest_leaving`].
+    pub fn any_leaving(
+        &self,
+        rays: &[Ray],
+        ranges: &[Range<f64>],
+        starts: &[Start],
+        workspace: &mut Workspace,
+        blocked: &mut Vec<bool>,
+    ) {
         workspace.serve(self);
         blocked.clear();
+        let mut starts = starts.chunks(RAYS);
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let task = Trace {
                 accelerator: self,
                 rays,
                 ranges,
+                starts: starts.next().unwrap_or_default(),
                 hits: None,
                 workspace,
             };
@@ -91,6 +121,7 @@ struct Trace<'a, 'b> {
     accelerator: &'a Accelerator<'a>,
     rays: &'b [Ray],
     ranges: &'b [Range<f64>],
+    starts: &'b [Start],
     /// For the nearest hits, where these are of interest and not only whether there are any.
     hits: Option<&'b mut [Option<Hit>]>,
     workspace: &'b mut Workspace,
@@ -105,6 +136,7 @@ impl Task for Trace<'_, '_> {
             accelerator,
             rays,
             ranges,
+            starts,
             hits,
             workspace,
         } = self;
@@ -122,6 +154,7 @@ impl Task for Trace<'_, '_> {
             accelerator,
             rays,
             ranges,
+            starts,
             any: hits.is_none(),
             packet,
             scratch,
@@ -166,6 +199,8 @@ pub(super) struct Tracer<'a, 'b, S> {
     pub(super) accelerator: &'a Accelerator<'a>,
     pub(super) rays: &'b [Ray],
     ranges: &'b [Range<f64>],
+    /// Where each starts on a surface, if that is known.
+    pub(super) starts: &'b [Start],
     pub(super) any: bool,
     pub(super) packet: &'b mut PacketRoom,
     pub(super) scratch: &'b mut Scratch,
@@ -396,10 +431,12 @@ impl<S: Simd> Tracer<'_, '_, S> {
     /// Looks for the roots of some rays in a cell.
     #[inline(always)]
     fn cell(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) {
-        let number = self.accelerator.instances[self.instance as usize].cluster;
+        let instance = &self.accelerator.instances[self.instance as usize];
+        let number = instance.cluster;
         let PacketRoom {
             models,
             few,
+            starts,
             beam,
             waiting,
             roots,
@@ -412,18 +449,21 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let taken = few.take::<S>(beam, lanes);
         let lanes = taken.unwrap_or(lanes);
         let (spread, own) = if taken.is_some() {
-            (&few.spread, few.lanes)
+            (&few.spread, &few.lanes)
         } else {
-            (&beam.spread, few::ALL)
+            (&beam.spread, &few::ALL)
         };
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let place = (self.instance, instance.is_mirrored);
+        starts.fill(self.starts, (lanes, own), place, (piece, model));
         let mut company = OneCell {
             model,
             view: View::of(model, beam),
             beam,
             spread,
-            lanes: &own,
+            lanes: own,
+            starts,
         };
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
         let mut looked = lanes.count_ones();
         if !model.bulge[0].is_finite() {
             for lane in Bits(lanes) {
@@ -435,6 +475,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             looked = look::<S, _, false>(self.s, &mut company, lanes, (waiting, roots, blurred));
         }
         self.scratch.cells += u64::from(looked);
+        let own = *own;
         if taken.is_some() {
             let count = roots.count;
             for lane in &mut roots.lanes[..count] {

@@ -8,6 +8,7 @@ use super::expansion::TERMS;
 use super::fans::Fans;
 use super::few::Few;
 use super::leaf::Rest;
+use super::leaving::Starts;
 use super::meetings::Meetings;
 use super::model::Models;
 use super::places::Places;
@@ -26,6 +27,7 @@ pub(super) struct PacketRoom {
     pub(super) models: Models,
     pub(super) fans: Fans,
     pub(super) few: Box<Few>,
+    pub(super) starts: Box<Starts>,
     pub(super) waiting: Box<Waiting>,
     pub(super) roots: Box<Met>,
     pub(super) ready: Ready,
@@ -53,6 +55,7 @@ impl Default for PacketRoom {
             models: Models::default(),
             fans: Fans::default(),
             few: Box::new(Few::NONE),
+            starts: Box::new(Starts::NONE),
             waiting: Box::new(Waiting::NONE),
             roots: Box::new(Met::NONE),
             ready: Ready::NONE,

@@ -78,6 +78,13 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                         let is_rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
                         let lengths = [range.start, range.end].map(|t| walker.ray.length(t));
                         let ray = (lane, &walker.course, lengths);
+                        if let Some(start) = self.starts.get(lane) {
+                            let piece = &cluster.pieces.pieces[cell.piece as usize];
+                            let place = (number, instance.is_mirrored);
+                            meetings
+                                .starts
+                                .put((meetings.count, start), place, piece, model);
+                        }
                         meetings.put(ray, (number, cell, is_rational), model);
                         break;
                     }

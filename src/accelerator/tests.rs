@@ -366,7 +366,7 @@ fn rays_that_are_none_meet_nothing() {
 
 /// A scene of all that packets treat in ways of their own: cubic, quadratic and rational
 /// pieces, higher degrees, a trimmed face, triangles, and one shape shown twice.
-fn medley() -> Scene {
+pub(super) fn medley() -> Scene {
     let points = |n: usize, bend: f64| -> Vec<DVec3> {
         let at = |k: usize| k as f64 / (n - 1) as f64 * 2.0 - 1.0;
         let place = |k: usize| {
@@ -416,7 +416,9 @@ fn medley() -> Scene {
         material: None,
     })];
     for (x, turn) in [(-0.9, 0.3), (0.9, 1.8)] {
-        let place = DAffine3::from_translation(DVec3::X * x) * DAffine3::from_rotation_y(turn);
+        let turned =
+            DAffine3::from_rotation_y(turn) * DAffine3::from_scale(DVec3::new(1.0, x, 1.0));
+        let place = DAffine3::from_translation(DVec3::X * x) * turned;
         let node = Node {
             parent_from_node: place,
             children: vec![Child::Node(shared)],
@@ -433,7 +435,7 @@ fn medley() -> Scene {
 }
 
 /// Packets of rays: through the pixels of squares, side by side, and in all directions.
-fn packets() -> Vec<Vec<Ray>> {
+pub(super) fn packets() -> Vec<Vec<Ray>> {
     let mut numbers = Random(11);
     let mut packets = Vec::new();
     for k in 0..120 {

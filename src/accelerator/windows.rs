@@ -8,6 +8,7 @@ use super::approach::Approach;
 use super::beam::RAYS;
 use super::distance::Cells;
 use super::leaf::{self, Bits, Seen, Verdict};
+use super::leaving::Starts;
 use super::room::{Blurred, Met};
 use crate::simd::{LANES, PerLane, Simd, Singles, WIDE_LANES};
 
@@ -229,6 +230,9 @@ pub(super) trait Company {
     /// How the rays of a group come to their cells; those count whose bits are set in `lanes`.
     fn approach<S: Singles, const RATIONAL: bool>(&self, s: S, at: (usize, u32)) -> Approach<S::F>;
 
+    /// Those of the rays that start in their cells.
+    fn starts(&self) -> &Starts;
+
     /// The cells of a group.
     fn cells(&self, group: usize) -> &Cells<Self::Number>;
 
@@ -257,9 +261,11 @@ where
     C: Company<Number: PerLane<S, Lanes = S::F>>,
 {
     let approach = company.approach::<S, RATIONAL>(s, (group, lanes));
-    let lanes = lanes & !approach.beside;
+    let cells = company.cells(group);
+    let mut lanes = lanes & !approach.beside;
+    let tilt = approach.tilt;
+    lanes &= !(company.starts()).leaving::<S, _, RATIONAL>(s, cells, (group, lanes), tilt);
     if lanes != 0 {
-        let cells = company.cells(group);
         leaf::meet::<S, _, RATIONAL>(s, cells, &approach, (group, lanes), waiting, verdict);
     }
     lanes

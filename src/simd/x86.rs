@@ -95,6 +95,10 @@ impl Singles for V4 {
         self.avx512f._mm512_abs_ps(a)
     }
     #[inline(always)]
+    fn sqrt(self, a: __m512) -> __m512 {
+        self.avx512f._mm512_sqrt_ps(a)
+    }
+    #[inline(always)]
     fn lt(self, a: __m512, b: __m512) -> u16 {
         self.avx512f._mm512_cmp_ps_mask::<LESS>(a, b)
     }
@@ -240,6 +244,10 @@ impl Singles for Eight {
         self.0.avx._mm256_andnot_ps(sign, a)
     }
     #[inline(always)]
+    fn sqrt(self, a: __m256) -> __m256 {
+        self.0.avx._mm256_sqrt_ps(a)
+    }
+    #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> __m256 {
         self.0.avx._mm256_cmp_ps::<LESS>(a, b)
     }
@@ -318,6 +326,11 @@ impl Singles for V3 {
     fn abs(self, a: Self::F) -> Self::F {
         let half = self.half();
         [half.abs(a[0]), half.abs(a[1])]
+    }
+    #[inline(always)]
+    fn sqrt(self, a: Self::F) -> Self::F {
+        let half = self.half();
+        [half.sqrt(a[0]), half.sqrt(a[1])]
     }
     #[inline(always)]
     fn lt(self, a: Self::F, b: Self::F) -> Self::M {
