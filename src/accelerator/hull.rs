@@ -289,6 +289,32 @@ impl Extent {
         (near, mask)
     }
 
+    /// Whether a ray may come as near as `radius` to the line between two ends.
+    #[inline(always)]
+    pub(super) fn comes_to(&self, ends: [DVec3; 2], radius: f64) -> bool {
+        let (mut from, mut to, mut room) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        for axis in 0..2 {
+            let [low, high] = [self.low, self.high].map(|of| f64::from(of[axis]));
+            let [fall, rise] = [self.low_slope, self.high_slope].map(|of| f64::from(of[axis]));
+            // What is so near may be as much farther along the beam.
+            let steep = greater(fall.abs(), rise.abs());
+            let way = ends.map(|end| end[self.main] * f64::from(self.sign) - f64::from(self.start));
+            let long = greater(way[0].abs(), way[1].abs());
+            room[axis] = 0.5 * (high - low + (rise - fall) * long) + radius * (1.0 + steep);
+            let off = |k: usize| {
+                let middle = 0.5 * (low + high + (fall + rise) * way[k]);
+                ends[k][self.across[axis]] - middle
+            };
+            (from[axis], to[axis]) = (off(0), off(1));
+        }
+        let beside = |axis: usize| {
+            lesser(from[axis], to[axis]) > room[axis] || greater(from[axis], to[axis]) < -room[axis]
+        };
+        let way = [to[0] - from[0], to[1] - from[1]];
+        let apart = (from[0] * way[1] - from[1] * way[0]).abs();
+        !beside(0) && !beside(1) && apart <= room[0] * way[1].abs() + room[1] * way[0].abs()
+    }
+
     /// No ray is farther at the ray parameter `until`.
     #[inline(always)]
     #[expect(
@@ -389,6 +415,44 @@ mod tests {
             passed > 2 * missed / 3 && passed > 1000,
             "{passed} of {missed}"
         );
+    }
+
+    #[test]
+    fn a_beam_comes_to_all_that_its_rays_come_to() {
+        let mut random = Random(13);
+        let (mut known, mut beside) = (0, 0);
+        for _ in 0..4000 {
+            let spread = random.vector().abs().max_element() * 0.1;
+            let (origin, direction) = (random.vector(), random.vector());
+            let rays: Vec<Ray> = (0..7)
+                .map(|_| Ray {
+                    origin: origin + random.vector() * spread,
+                    direction: direction + random.vector() * spread,
+                })
+                .collect();
+            let ranges = vec![f64::NEG_INFINITY..f64::INFINITY; rays.len()];
+            let hull = Hull::of(Portable, &rays, &ranges);
+            let Some(extent) = hull.extent(&DAffine3::IDENTITY) else {
+                continue;
+            };
+            let ends = [random.vector(), random.vector()];
+            let radius = random.unit() * 0.05;
+            // The distance between two lines, where these are nearest between the ends.
+            let way = ends[1] - ends[0];
+            let meets = rays.iter().any(|ray| {
+                let across = ray.direction.cross(way);
+                let gap = ends[0] - ray.origin;
+                let share = gap.cross(ray.direction).dot(across) / across.length_squared();
+                let point = ends[0] + way * share.clamp(0.0, 1.0);
+                let off = (point - ray.origin).reject_from(ray.direction);
+                off.length() <= radius
+            });
+            let comes = extent.comes_to(ends, radius);
+            assert!(comes || !meets, "{rays:?} {ends:?}");
+            known += 1;
+            beside += u32::from(!comes);
+        }
+        assert!(known > 1000 && beside > known / 2, "{beside} of {known}");
     }
 
     #[test]

@@ -194,10 +194,10 @@ pub(super) fn reach(expansion: &Expansion) -> ([f64; 2], f64) {
 /// As [`reach`], for starts no farther from the middle than `extent`, up to which the derivatives stray so much; and
 /// how much of them does not stray.
 fn reach_within([along, across, _, weight]: [f64; 4], extent: f64) -> (f64, f64) {
+    let (along, weight) = (along.max(across), extent * weight);
     let least = 1.0 - weight;
-    let along = along.max(across);
     // A point may be so far from the middle.
-    let place = (extent + along) / least;
+    let place = extent * (1.0 + along) / least;
     let even = 1.0 - (along + weight * (1.0 + place)) / least;
     let is_even = least > 0.0 && even > 1.0 - STRAY;
     if is_even {

@@ -66,7 +66,9 @@ impl Accelerator<'_> {
                 workspace,
             };
             self.instructions.run(task);
-            if !self.seals.is_empty() {
+            let ends = hits.iter().zip(ranges);
+            let ends = ends.map(|(hit, range)| hit.map_or(range.end, |hit| hit.t));
+            if self.come_to_gaps(rays, ranges, ends, workspace) {
                 for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
                     *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
                 }
@@ -108,11 +110,37 @@ impl Accelerator<'_> {
             };
             self.instructions.run(task);
             let met = workspace.packet.met;
+            let is_met = |lane: usize| met >> lane & 1 == 1;
+            let open = (0..rays.len()).filter(|&lane| !is_met(lane));
+            let ends = open.map(|lane| ranges[lane].end);
+            let has_gaps = self.come_to_gaps(rays, ranges, ends, workspace);
             blocked.extend(rays.iter().enumerate().map(|(lane, ray)| {
-                let is_met = met >> lane & 1 == 1;
-                is_met || self.sealed_any(ray, &ranges[lane], workspace.rooms())
+                let mut passes = || self.sealed_any(ray, &ranges[lane], workspace.rooms());
+                is_met(lane) || has_gaps && passes()
             }));
         }
+    }
+
+    /// Whether rays side by side may pass through gaps before they end.
+    fn come_to_gaps(
+        &self,
+        rays: &[Ray],
+        ranges: &[Range<f64>],
+        ends: impl Iterator<Item = f64>,
+        workspace: &mut Workspace,
+    ) -> bool {
+        if self.seals.is_empty() {
+            return false;
+        }
+        let until = ends.fold(f64::NEG_INFINITY, f64::max);
+        until > f64::NEG_INFINITY
+            && self.instructions.run(Gaps {
+                accelerator: self,
+                rays,
+                ranges,
+                until,
+                stack: &mut workspace.top_stack,
+            })
     }
 }
 
@@ -190,6 +218,26 @@ impl Task for Trace<'_, '_> {
             let hit = shown.hit(packet.until[lane], (uv, touches), place);
             hits[lane] = Some(hit.settled(&rays[lane]));
         }
+    }
+}
+
+/// Whether rays side by side come to gaps, for each set of instructions.
+struct Gaps<'a> {
+    accelerator: &'a Accelerator<'a>,
+    rays: &'a [Ray],
+    ranges: &'a [Range<f64>],
+    until: f64,
+    stack: &'a mut Vec<(u32, f32)>,
+}
+
+impl Task for Gaps<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> bool {
+        let hull = Hull::of(s, self.rays, self.ranges);
+        self.accelerator
+            .comes_to_gaps(&hull, self.until, self.stack)
     }
 }
 

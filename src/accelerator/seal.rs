@@ -19,10 +19,12 @@ use glam::DVec3;
 use kernel::Ray;
 use rayon::prelude::*;
 
-use super::strip::{Across, Crossing, Strip};
+use super::hull::{Extent, Hull};
+use super::leaf::Bits;
+use super::strip::{Across, Crossing, Run, Strip};
 use super::trace::Rooms;
-use super::tree::{Tree, Visitor};
-use super::{Accelerator, Cluster, ItemShape};
+use super::tree::{IS_LEAF, Tree, Visitor};
+use super::{Accelerator, Cluster, Instance, ItemShape};
 use crate::intersect::Hit;
 
 /// Largest gap that is closed where nothing else is said, as a share of the size of what hangs
@@ -38,13 +40,18 @@ const EXACT: f64 = 1e-11;
 /// Rays this many accuracies beside a strip pass through it.
 const MARGIN: f64 = 4.0;
 
-/// Strips in a leaf.
+/// Runs in a leaf.
 const FILL: usize = 2;
+
+/// The largest side of a box around a run, as a share of the size.
+const LENGTH: f64 = 1.0 / 64.0;
 
 /// What closes the gaps of a cluster.
 #[derive(Debug)]
 pub(super) struct Seal {
     strips: Vec<Strip>,
+    /// Parts of the strips, and the hierarchy over them.
+    runs: Vec<Run>,
     tree: Tree,
     margin: f64,
 }
@@ -124,6 +131,49 @@ impl Accelerator<'_> {
             });
         }
         found
+    }
+
+    /// Whether one of the rays of a packet may pass through a gap before `until`, as far as this tells of rays that
+    /// do not run side by side.
+    #[inline(always)]
+    pub(super) fn comes_to_gaps(
+        &self,
+        hull: &Hull,
+        until: f64,
+        stack: &mut Vec<(u32, f32)>,
+    ) -> bool {
+        let passes = |instance: &Instance, stack: &mut Vec<(u32, f32)>| {
+            let seal = &self.seals[instance.cluster as usize];
+            let map = seal.tree.map() * instance.cluster_from_world;
+            !seal.strips.is_empty()
+                && hull
+                    .extent(&map)
+                    .is_none_or(|extent| seal.is_near(&extent, extent.reach(until), stack))
+        };
+        if let [instance] = &self.instances[..] {
+            return passes(instance, stack);
+        }
+        let Some(extent) = hull.extent(&self.top.map()) else {
+            return true;
+        };
+        let far = extent.reach(until);
+        stack.clear();
+        self.top.begin(stack);
+        while let Some((child, _)) = stack.pop() {
+            if child & IS_LEAF == 0 {
+                let node = self.top.node(child);
+                let (near, mask) = extent.slabs(node, far);
+                for k in Bits(u64::from(mask)) {
+                    stack.push((node.child[k], near[k]));
+                }
+                continue;
+            }
+            let mut leaf = self.top.leaf((child & !IS_LEAF) as usize);
+            if leaf.any(|number| passes(&self.instances[number], stack)) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Adds the gaps that a ray passes to its hits, which are sorted and stay so.
@@ -239,7 +289,7 @@ impl<F: FnMut(Fill, &mut Range<f64>)> Visitor for InstanceVisitor<'_, F> {
     }
 }
 
-/// Meets the strips of the leaves that a ray passes.
+/// Meets the runs of the leaves that a ray passes.
 struct StripVisitor<'a, F> {
     seal: &'a Seal,
     across: Across,
@@ -250,8 +300,12 @@ struct StripVisitor<'a, F> {
 
 impl<F: FnMut(Fill, &mut Range<f64>)> Visitor for StripVisitor<'_, F> {
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
-        for strip in &self.seal.strips[self.seal.tree.leaf(number)] {
-            strip.meet(&self.across, self.seal.margin, &mut |crossing| {
+        for run in &self.seal.runs[self.seal.tree.leaf(number)] {
+            if self.across.passes(run) {
+                continue;
+            }
+            let strip = &self.seal.strips[run.strip as usize];
+            strip.meet(run, &self.across, self.seal.margin, &mut |crossing| {
                 let Crossing { t, window, .. } = crossing;
                 let is_open = self.ends.start < t - window && t + window < self.ends.end;
                 if is_open && range.contains(&t) {
@@ -281,17 +335,52 @@ impl Seal {
             strips = joints::strips(cluster, tolerance, exact);
         }
         let margin = MARGIN * exact;
-        let boxes: Vec<_> = strips.iter().map(|strip| strip.bounds(margin)).collect();
+        let mut runs = Vec::new();
+        for (number, strip) in (0..).zip(&strips) {
+            strip.divide(number, (margin, LENGTH * size), &mut runs);
+        }
+        let boxes: Vec<_> = runs.iter().map(|(bounds, _)| *bounds).collect();
         let (tree, order) = Tree::build(&boxes, FILL);
         Self {
-            strips: order.iter().map(|&k| strips[k as usize].clone()).collect(),
+            strips,
+            runs: order.iter().map(|&k| runs[k as usize].1).collect(),
             tree,
             margin,
         }
     }
 
+    /// Whether one of the rays of a packet, bounded in the coordinates of the hierarchy, may pass through a strip
+    /// before `far`.
+    #[inline(always)]
+    fn is_near(&self, extent: &Extent, far: f32, stack: &mut Vec<(u32, f32)>) -> bool {
+        let base = stack.len();
+        self.tree.begin(stack);
+        while stack.len() > base {
+            let Some((child, _)) = stack.pop() else { break };
+            if child & IS_LEAF == 0 {
+                let node = self.tree.node(child);
+                let (near, mask) = extent.slabs(node, far);
+                for k in Bits(u64::from(mask)) {
+                    stack.push((node.child[k], near[k]));
+                }
+                continue;
+            }
+            let runs = &self.runs[self.tree.leaf((child & !IS_LEAF) as usize)];
+            let radius = |run: &Run| run.radius * self.tree.scale();
+            let ends = |run: &Run| run.ends.map(|end| self.tree.to_local(end));
+            if runs
+                .iter()
+                .any(|run| extent.comes_to(ends(run), radius(run)))
+            {
+                stack.truncate(base);
+                return true;
+            }
+        }
+        false
+    }
+
     /// Memory in use.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&self.strips[..]) + self.tree.bytes()
+        size_of_val(&self.strips[..]) + size_of_val(&self.runs[..]) + self.tree.bytes()
     }
 }
