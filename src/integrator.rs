@@ -8,6 +8,7 @@ use kernel::{Camera, Light, LightKind, Material, Ray, Scene};
 use crate::accelerator::{Accelerator, Start, Workspace};
 use crate::intersect::Hit;
 use crate::look::Look;
+use crate::memory::reserve;
 
 /// How surfaces are shaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -118,7 +119,12 @@ impl Layer {
 impl<'a> Integrator<'a> {
     pub(crate) fn new(accelerator: &'a Accelerator<'a>, camera: &Camera, shading: Shading) -> Self {
         let scene = accelerator.scene();
-        let lights = lights(scene, camera);
+        let mut lights = lights(scene, camera);
+        for ActiveLight { light, .. } in &mut lights {
+            if let LightKind::Directional { direction } = &mut light.kind {
+                *direction = direction.normalize_or_zero();
+            }
+        }
         let ambient = lights.iter().map(|l| l.light.ambient).sum::<DVec3>() + AMBIENT;
         Self {
             accelerator,
@@ -150,7 +156,9 @@ impl<'a> Integrator<'a> {
                 touching: None,
             })
         };
-        let mut layers: Vec<_> = hits.iter().enumerate().filter_map(first).collect();
+        let mut layers = Vec::new();
+        reserve(&mut layers, hits.iter().flatten().count());
+        layers.extend(hits.iter().enumerate().filter_map(first));
         let (mut behind, mut ranges, mut starts) = (Vec::new(), Vec::new(), Vec::new());
         let mut found = Vec::new();
         for _ in 0..LAYERS {
@@ -252,6 +260,10 @@ impl<'a> Integrator<'a> {
         let facings: Vec<_> = layers.iter().map(facing).collect();
         let (mut shadows, mut ranges, mut starts) = (Vec::new(), Vec::new(), Vec::new());
         let mut pending = Vec::new();
+        shadows.reserve(layers.len());
+        ranges.reserve(layers.len());
+        starts.reserve(layers.len());
+        pending.reserve(layers.len());
         for active in &self.lights {
             shadows.clear();
             ranges.clear();
@@ -455,7 +467,7 @@ fn is_transparent(scene: &Scene) -> bool {
 fn arrival(light: &Light, point: DVec3) -> Option<(DVec3, f64, f64)> {
     match light.kind {
         LightKind::Directional { direction } => {
-            Some((-direction.try_normalize()?, f64::INFINITY, 1.0))
+            (direction != DVec3::ZERO).then_some((-direction, f64::INFINITY, 1.0))
         }
         LightKind::Point { position, falloff } => {
             let reach = position.distance(point);

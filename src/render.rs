@@ -174,6 +174,8 @@ impl Painter<'_> {
         let started = Instant::now();
         let per_pixel = self.rays_per_pixel();
         let mut rays = Vec::new();
+        let (width, height) = (tile.x.end - tile.x.start, tile.y.end - tile.y.start);
+        rays.reserve((width * height) as usize * per_pixel);
         // Nested iterators are slow to step through from outside.
         pixels(tile)
             .flat_map(|(x, y)| self.places(x, y))

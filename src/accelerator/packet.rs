@@ -41,7 +41,7 @@ impl Accelerator<'_> {
     }
 
     /// As [`Self::nearest_many`], of rays that leave surfaces, each from where `starts` says, or none of them if it
-    /// is empty: they take less time.
+    /// is empty: they take less time. No range may begin before its ray does.
     pub fn nearest_leaving(
         &self,
         rays: &[Ray],
@@ -52,6 +52,7 @@ impl Accelerator<'_> {
     ) {
         workspace.serve(self);
         hits.clear();
+        hits.reserve(rays.len());
         let mut starts = starts.chunks(RAYS);
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let first = hits.len();
@@ -98,6 +99,7 @@ impl Accelerator<'_> {
     ) {
         workspace.serve(self);
         blocked.clear();
+        blocked.reserve(rays.len());
         let mut starts = starts.chunks(RAYS);
         for (rays, ranges) in rays.chunks(RAYS).zip(ranges.chunks(RAYS)) {
             let task = Trace {
