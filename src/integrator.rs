@@ -452,6 +452,9 @@ impl<'a> Integrator<'a> {
 /// The power of a cosine, of what is in front; as precise as the film.
 #[expect(clippy::cast_possible_truncation, reason = "film is single precision")]
 fn power(cosine: f64, exponent: f64) -> f64 {
+    if cosine <= 0.0 && exponent > 0.0 {
+        return 0.0;
+    }
     f64::from((cosine.max(0.0) as f32).powf(exponent as f32))
 }
 
