@@ -5,7 +5,8 @@ use std::ops::Range;
 use glam::{DAffine3, DVec3};
 use kernel::{Aabb, Ray};
 
-use super::tree::{Node, WIDTH};
+use super::leaf::Bits;
+use super::tree::{IS_LEAF, Node, Tree, WIDTH};
 use crate::simd::{Simd, WIDE_LANES};
 
 /// Errors of positions in single precision, many roundings wide.
@@ -287,6 +288,32 @@ impl Extent {
         }
         let mask = (0..WIDTH).fold(0, |bits, k| bits | u32::from(pass[k]) << k);
         (near, mask)
+    }
+
+    /// Whether `tell` says so of one of the leaves of a hierarchy that a ray may come to before `far`. What is on the
+    /// stack stays there.
+    #[inline(always)]
+    pub(super) fn comes_to_leaf(
+        &self,
+        tree: &Tree,
+        far: f32,
+        stack: &mut Vec<(u32, f32)>,
+        mut tell: impl FnMut(usize, &mut Vec<(u32, f32)>) -> bool,
+    ) -> bool {
+        let base = stack.len();
+        tree.begin(stack);
+        while stack.len() > base {
+            let Some((child, _)) = stack.pop() else { break };
+            if child & IS_LEAF == 0 {
+                let node = tree.node(child);
+                let (near, mask) = self.slabs(node, far);
+                stack.extend(Bits(u64::from(mask)).map(|k| (node.child[k], near[k])));
+            } else if tell((child & !IS_LEAF) as usize, stack) {
+                stack.truncate(base);
+                return true;
+            }
+        }
+        false
     }
 
     /// Whether a ray may come as near as `radius` to the line between two ends.

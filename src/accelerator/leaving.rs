@@ -141,8 +141,9 @@ impl Starts {
             return;
         }
         for k in Bits(lanes) {
-            let start = &starts[usize::from(lane_of[k])];
-            self.put((k, start), instance, piece, model);
+            if let Some(start) = starts.get(usize::from(lane_of[k])) {
+                self.put((k, start), instance, piece, model);
+            }
         }
     }
 

@@ -41,7 +41,7 @@ impl Accelerator<'_> {
     }
 
     /// As [`Self::nearest_many`], of rays that leave surfaces, each from where `starts` says, or none of them if it
-    /// is empty: they take less time. No range may begin before its ray does.
+    /// is empty: they take less time. No range may begin before its ray does, at a parameter below zero.
     pub fn nearest_leaving(
         &self,
         rays: &[Ray],
@@ -69,7 +69,7 @@ impl Accelerator<'_> {
             self.instructions.run(task);
             let ends = hits.iter().zip(ranges);
             let ends = ends.map(|(hit, range)| hit.map_or(range.end, |hit| hit.t));
-            if self.come_to_gaps(rays, ranges, ends, workspace) {
+            if self.are_near_gaps(rays, ranges, ends, workspace) {
                 for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
                     *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
                 }
@@ -115,7 +115,7 @@ impl Accelerator<'_> {
             let is_met = |lane: usize| met >> lane & 1 == 1;
             let open = (0..rays.len()).filter(|&lane| !is_met(lane));
             let ends = open.map(|lane| ranges[lane].end);
-            let has_gaps = self.come_to_gaps(rays, ranges, ends, workspace);
+            let has_gaps = self.are_near_gaps(rays, ranges, ends, workspace);
             blocked.extend(rays.iter().enumerate().map(|(lane, ray)| {
                 let mut passes = || self.sealed_any(ray, &ranges[lane], workspace.rooms());
                 is_met(lane) || has_gaps && passes()
@@ -123,8 +123,8 @@ impl Accelerator<'_> {
         }
     }
 
-    /// Whether rays side by side may pass through gaps before they end.
-    fn come_to_gaps(
+    /// Whether rays may pass through gaps before they end.
+    fn are_near_gaps(
         &self,
         rays: &[Ray],
         ranges: &[Range<f64>],

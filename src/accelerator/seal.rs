@@ -20,10 +20,9 @@ use kernel::Ray;
 use rayon::prelude::*;
 
 use super::hull::{Extent, Hull};
-use super::leaf::Bits;
 use super::strip::{Across, Crossing, Run, Strip};
 use super::trace::Rooms;
-use super::tree::{IS_LEAF, Tree, Visitor};
+use super::tree::{Tree, Visitor};
 use super::{Accelerator, Cluster, Instance, ItemShape};
 use crate::intersect::Hit;
 
@@ -43,7 +42,7 @@ const MARGIN: f64 = 4.0;
 /// Runs in a leaf.
 const FILL: usize = 2;
 
-/// The largest side of a box around a run, as a share of the size.
+/// Boxes around runs are no larger, seen from any side, than a square of this share of the size.
 const LENGTH: f64 = 1.0 / 64.0;
 
 /// What closes the gaps of a cluster.
@@ -157,23 +156,10 @@ impl Accelerator<'_> {
             return true;
         };
         let far = extent.reach(until);
-        stack.clear();
-        self.top.begin(stack);
-        while let Some((child, _)) = stack.pop() {
-            if child & IS_LEAF == 0 {
-                let node = self.top.node(child);
-                let (near, mask) = extent.slabs(node, far);
-                for k in Bits(u64::from(mask)) {
-                    stack.push((node.child[k], near[k]));
-                }
-                continue;
-            }
-            let mut leaf = self.top.leaf((child & !IS_LEAF) as usize);
-            if leaf.any(|number| passes(&self.instances[number], stack)) {
-                return true;
-            }
-        }
-        false
+        extent.comes_to_leaf(&self.top, far, stack, |leaf, stack| {
+            let mut instances = self.top.leaf(leaf);
+            instances.any(|number| passes(&self.instances[number], stack))
+        })
     }
 
     /// Adds the gaps that a ray passes to its hits, which are sorted and stay so.
@@ -301,7 +287,7 @@ struct StripVisitor<'a, F> {
 impl<F: FnMut(Fill, &mut Range<f64>)> Visitor for StripVisitor<'_, F> {
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
         for run in &self.seal.runs[self.seal.tree.leaf(number)] {
-            if self.across.passes(run) {
+            if self.across.is_beside(run) {
                 continue;
             }
             let strip = &self.seal.strips[run.strip as usize];
@@ -353,30 +339,13 @@ impl Seal {
     /// before `far`.
     #[inline(always)]
     fn is_near(&self, extent: &Extent, far: f32, stack: &mut Vec<(u32, f32)>) -> bool {
-        let base = stack.len();
-        self.tree.begin(stack);
-        while stack.len() > base {
-            let Some((child, _)) = stack.pop() else { break };
-            if child & IS_LEAF == 0 {
-                let node = self.tree.node(child);
-                let (near, mask) = extent.slabs(node, far);
-                for k in Bits(u64::from(mask)) {
-                    stack.push((node.child[k], near[k]));
-                }
-                continue;
-            }
-            let runs = &self.runs[self.tree.leaf((child & !IS_LEAF) as usize)];
-            let radius = |run: &Run| run.radius * self.tree.scale();
-            let ends = |run: &Run| run.ends.map(|end| self.tree.to_local(end));
-            if runs
-                .iter()
-                .any(|run| extent.comes_to(ends(run), radius(run)))
-            {
-                stack.truncate(base);
-                return true;
-            }
-        }
-        false
+        let tree = &self.tree;
+        extent.comes_to_leaf(tree, far, stack, |leaf, _| {
+            self.runs[tree.leaf(leaf)].iter().any(|run| {
+                let ends = run.ends.map(|end| tree.to_local(end));
+                extent.comes_to(ends, run.radius * tree.scale())
+            })
+        })
     }
 
     /// Memory in use.

@@ -95,7 +95,7 @@ impl Across {
     }
 
     /// Whether the ray passes a run by.
-    pub(super) fn passes(&self, run: &Run) -> bool {
+    pub(super) fn is_beside(&self, run: &Run) -> bool {
         let [e1, e2, _] = self.axes;
         let [a, b] = run.ends.map(|end| {
             let p = end - self.origin;
@@ -393,7 +393,7 @@ mod tests {
         strip.divide(0, (1e-10, length), &mut runs);
         assert_eq!(runs.len() > 8, length < 0.1);
         let across = Across::new(ray, DVec3::ZERO);
-        for (_, run) in runs.iter().filter(|(_, run)| !across.passes(run)) {
+        for (_, run) in runs.iter().filter(|(_, run)| !across.is_beside(run)) {
             strip.meet(run, &across, 1e-10, &mut |c| found.push(c));
         }
         found
