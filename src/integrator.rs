@@ -58,6 +58,7 @@ pub(crate) struct Integrator<'a> {
 
 #[derive(Debug)]
 struct ActiveLight {
+    /// Its direction is of length one, or zero if it has none.
     light: Light,
     /// Light from the camera itself throws no shadow that it could see.
     shadows: bool,

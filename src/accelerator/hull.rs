@@ -402,6 +402,20 @@ mod tests {
     use crate::random::Random;
     use crate::simd::Portable;
 
+    /// So many rays whose origins and directions spread about some.
+    fn bundle(
+        random: &mut Random,
+        [origin, direction]: [DVec3; 2],
+        spread: f64,
+        count: usize,
+    ) -> Vec<Ray> {
+        let ray = |_| Ray {
+            origin: origin + random.vector() * spread,
+            direction: direction + random.vector() * spread,
+        };
+        (0..count).map(ray).collect()
+    }
+
     /// Whether a ray meets a box from its origin on.
     fn meets(ray: &Ray, target: &Aabb) -> bool {
         let (mut near, mut far) = (0.0_f64, f64::INFINITY);
@@ -417,19 +431,13 @@ mod tests {
     #[test]
     fn rays_that_pass_by_a_box_do_not_meet_it() {
         let mut random = Random(7);
-        let mut vector = |size: f64| random.vector() * size;
         let (mut passed, mut missed) = (0, 0);
         for _ in 0..4000 {
-            let corner = vector(1.0);
-            let target = Aabb::around([corner, corner + vector(0.7)]);
-            let (origin, direction) = (vector(4.0), vector(1.0));
-            let spread = vector(0.1).abs().max_element();
-            let rays: Vec<Ray> = (0..RAYS)
-                .map(|_| Ray {
-                    origin: origin + vector(spread),
-                    direction: direction + vector(spread),
-                })
-                .collect();
+            let corner = random.vector();
+            let target = Aabb::around([corner, corner + random.vector() * 0.7]);
+            let (origin, direction) = (random.vector() * 4.0, random.vector());
+            let spread = (random.vector() * 0.1).abs().max_element();
+            let rays = bundle(&mut random, [origin, direction], spread, RAYS);
             let ranges = vec![0.0..f64::INFINITY; rays.len()];
             let met = rays.iter().any(|ray| meets(ray, &target));
             if Hull::of(Portable, &rays, &ranges).passes_by(&target) {
@@ -451,12 +459,7 @@ mod tests {
         for _ in 0..4000 {
             let spread = random.vector().abs().max_element() * 0.1;
             let (origin, direction) = (random.vector(), random.vector());
-            let rays: Vec<Ray> = (0..7)
-                .map(|_| Ray {
-                    origin: origin + random.vector() * spread,
-                    direction: direction + random.vector() * spread,
-                })
-                .collect();
+            let rays = bundle(&mut random, [origin, direction], spread, 7);
             let ranges = vec![f64::NEG_INFINITY..f64::INFINITY; rays.len()];
             let hull = Hull::of(Portable, &rays, &ranges);
             let Some(extent) = hull.extent(&DAffine3::IDENTITY) else {
@@ -489,12 +492,7 @@ mod tests {
         for _ in 0..4000 {
             let spread = random.vector().abs().max_element() * 0.1;
             let (origin, direction) = (random.vector() * 3.0, random.vector());
-            let rays: Vec<Ray> = (0..7)
-                .map(|_| Ray {
-                    origin: origin + random.vector() * spread,
-                    direction: direction + random.vector() * spread,
-                })
-                .collect();
+            let rays = bundle(&mut random, [origin, direction], spread, 7);
             let map = DAffine3 {
                 matrix3: DMat3::from_cols(random.vector(), random.vector(), random.vector()),
                 translation: random.vector(),

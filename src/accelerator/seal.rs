@@ -45,6 +45,10 @@ const FILL: usize = 2;
 /// Boxes around runs are no larger, seen from any side, than a square of this share of the size.
 const LENGTH: f64 = 1.0 / 64.0;
 
+/// Halvings at most of a strip into runs, and of all strips together not into more runs than so many.
+const HALVINGS: u32 = 6;
+const RUNS: usize = 1 << 18;
+
 /// What closes the gaps of a cluster.
 #[derive(Debug)]
 pub(super) struct Seal {
@@ -321,9 +325,11 @@ impl Seal {
             strips = joints::strips(cluster, tolerance, exact);
         }
         let margin = MARGIN * exact;
+        let room = (RUNS / strips.len().max(1)).checked_ilog2();
+        let depth = room.unwrap_or(0).min(HALVINGS);
         let mut runs = Vec::new();
         for (number, strip) in (0..).zip(&strips) {
-            strip.divide(number, (margin, LENGTH * size), &mut runs);
+            strip.divide(number, (margin, LENGTH * size), depth, &mut runs);
         }
         let boxes: Vec<_> = runs.iter().map(|(bounds, _)| *bounds).collect();
         let (tree, order) = Tree::build(&boxes, FILL);

@@ -75,17 +75,16 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                             continue;
                         }
                         let model = models.of(self.s, instance.cluster, cluster, cell);
-                        let is_rational = cluster.pieces.pieces[cell.piece as usize].is_rational;
+                        let piece = &cluster.pieces.pieces[cell.piece as usize];
                         let lengths = [range.start, range.end].map(|t| walker.ray.length(t));
                         let ray = (lane, &walker.course, lengths);
                         if let Some(start) = self.starts.get(lane) {
-                            let piece = &cluster.pieces.pieces[cell.piece as usize];
                             let place = (number, instance.is_mirrored);
                             meetings
                                 .starts
                                 .put((meetings.count, start), place, piece, model);
                         }
-                        meetings.put(ray, (number, cell, is_rational), model);
+                        meetings.put(ray, (number, cell, piece.is_rational), model);
                         break;
                     }
                     Stop::Instance => {

@@ -10,6 +10,8 @@ use std::sync::LazyLock;
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Ray};
 
+use crate::segment;
+
 /// Coefficients of each side.
 pub(super) const ORDER: usize = 8;
 
@@ -27,9 +29,6 @@ pub(super) const NODES: [f64; ORDER] = [
 
 /// Halvings at most of a strip that a ray meets.
 const DEPTH: u32 = 24;
-
-/// Halvings at most of a strip into runs.
-const RUNS: u32 = 6;
 
 /// The strip counts as leaning against a ray by at least this cosine.
 const LEAN: f64 = 0.05;
@@ -96,14 +95,8 @@ impl Across {
 
     /// Whether the ray passes a run by.
     pub(super) fn is_beside(&self, run: &Run) -> bool {
-        let [e1, e2, _] = self.axes;
-        let [a, b] = run.ends.map(|end| {
-            let p = end - self.origin;
-            DVec2::new(e1.dot(p), e2.dot(p))
-        });
-        let way = b - a;
-        let share = bounded(-a.dot(way) / way.length_squared());
-        (a + way * share).length_squared() > run.radius * run.radius
+        let [a, b] = run.ends.map(|end| self.place(end).truncate().extend(0.0));
+        segment::distance(DVec3::ZERO, a, b) > run.radius
     }
 
     /// Two coordinates across the ray and one along it.
@@ -120,16 +113,17 @@ struct Part {
 }
 
 impl Strip {
-    /// Adds its runs and a box around each: as many as make no box larger than `length` seen from any side, if
-    /// these are not too many.
+    /// Adds its runs and a box around each. It is halved up to `depth` times, until no box is larger than a square of
+    /// that length, seen from any side.
     pub(super) fn divide(
         &self,
         number: u32,
         (margin, length): (f64, f64),
+        depth: u32,
         runs: &mut Vec<(Aabb, Run)>,
     ) {
         self.whole(|p| p)
-            .divide(number, (margin, length), RUNS, runs);
+            .divide(number, (margin, length), depth, runs);
     }
 
     /// All of it, with other places for its points.
@@ -192,7 +186,7 @@ impl Part {
         }
         let [[a, .., b], [c, .., d]] = self.sides;
         let ends = [a.midpoint(c), b.midpoint(d)];
-        let off = |p: DVec3| p.distance(nearest(p, ends));
+        let off = |p: DVec3| segment::distance(p, ends[0], ends[1]);
         let bounds = Aabb {
             min: min - margin,
             max: max + margin,
@@ -281,21 +275,6 @@ impl Part {
     }
 }
 
-/// The point between two ends that is nearest to one.
-fn nearest(point: DVec3, [from, to]: [DVec3; 2]) -> DVec3 {
-    let way = to - from;
-    from + way * bounded((point - from).dot(way) / way.length_squared())
-}
-
-/// A share of a way; of none if there is no way.
-fn bounded(share: f64) -> f64 {
-    if share.is_finite() {
-        share.clamp(0.0, 1.0)
-    } else {
-        0.0
-    }
-}
-
 /// The weights of the corners of a triangle for the point next to the origin in the first two
 /// coordinates, if it is no farther than `margin`.
 fn around_origin(corners: &[DVec3; 3], margin: f64) -> Option<[f64; 3]> {
@@ -309,7 +288,7 @@ fn around_origin(corners: &[DVec3; 3], margin: f64) -> Option<[f64; 3]> {
     let sides = [([a, b], [0, 1]), ([b, c], [1, 2]), ([c, a], [2, 0])];
     let near = sides.map(|([from, to], ends)| {
         let way = to - from;
-        let share = bounded(-from.dot(way) / way.length_squared());
+        let share = segment::share(DVec3::ZERO, from.extend(0.0), to.extend(0.0));
         let mut weights = [0.0; 3];
         weights[ends[0]] += 1.0 - share;
         weights[ends[1]] += share;
@@ -390,7 +369,7 @@ mod tests {
     /// What a ray crosses of a strip in runs of a length at most, within 1e-10.
     fn crossings(strip: &Strip, ray: &Ray, length: f64) -> Vec<Crossing> {
         let (mut runs, mut found) = (Vec::new(), Vec::new());
-        strip.divide(0, (1e-10, length), &mut runs);
+        strip.divide(0, (1e-10, length), 6, &mut runs);
         assert_eq!(runs.len() > 8, length < 0.1);
         let across = Across::new(ray, DVec3::ZERO);
         for (_, run) in runs.iter().filter(|(_, run)| !across.is_beside(run)) {

@@ -230,7 +230,7 @@ pub(super) trait Company {
     /// How the rays of a group come to their cells; those count whose bits are set in `lanes`.
     fn approach<S: Singles, const RATIONAL: bool>(&self, s: S, at: (usize, u32)) -> Approach<S::F>;
 
-    /// Those of the rays that start in their cells.
+    /// Where rays start, of those that do so at their cells.
     fn starts(&self) -> &Starts;
 
     /// The cells of a group.
