@@ -117,6 +117,31 @@ impl Layer {
     }
 }
 
+/// Puts together what lies at one depth, apart from the rest by more than the bundle of rays is wide where it
+/// first meets something: rays that leave from there run side by side.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "any order is right"
+)]
+fn sort_by_depth(rays: &[Ray], layers: &mut [Layer]) {
+    let ([first, .., last], [_, ..]) = (rays, &*layers) else {
+        return;
+    };
+    let nearest = layers
+        .iter()
+        .fold(f64::INFINITY, |t, layer| t.min(layer.hit.t));
+    let width = first.at(nearest).distance(last.at(nearest)) / first.direction.length();
+    // A bit for each step in depth where there is something.
+    let bit = |layer: &Layer| 1_u64 << (((layer.hit.t - nearest) / width) as u32).min(63);
+    let taken = layers.iter().fold(0, |taken, layer| taken | bit(layer));
+    let begins = taken & !(taken << 1);
+    if begins.count_ones() > 1 {
+        let up_to = |bit: u64| begins & (bit | (bit - 1));
+        layers.sort_by_key(|layer| up_to(bit(layer)).count_ones());
+    }
+}
+
 impl<'a> Integrator<'a> {
     pub(crate) fn new(accelerator: &'a Accelerator<'a>, camera: &Camera, shading: Shading) -> Self {
         let scene = accelerator.scene();
@@ -160,6 +185,7 @@ impl<'a> Integrator<'a> {
         let mut layers = Vec::new();
         reserve(&mut layers, hits.iter().flatten().count());
         layers.extend(hits.iter().enumerate().filter_map(first));
+        sort_by_depth(rays, &mut layers);
         let (mut behind, mut ranges, mut starts) = (Vec::new(), Vec::new(), Vec::new());
         let mut found = Vec::new();
         for _ in 0..LAYERS {

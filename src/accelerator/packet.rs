@@ -24,6 +24,11 @@ use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Scratch};
 use crate::simd::{Simd, Task, WIDE_LANES};
 
+/// Blocks and cells that a beam may come to before it is asked whether its rays still run side by side, and how many
+/// of them for each ray that comes to a cell tell that they do not.
+const PATIENCE: u32 = 64;
+const SCATTERED: u32 = 8;
+
 impl Accelerator<'_> {
     /// As [`Self::nearest`] for many rays, which should run side by side: their hits replace
     /// `hits`, one for each ray.
@@ -190,6 +195,8 @@ impl Task for Trace<'_, '_> {
             scratch,
             alive: u64::MAX >> (RAYS - rays.len()),
             is_ready: false,
+            looked: 0,
+            taken: 0,
             instance: 0,
         };
         if !tracer.instances(&hull) {
@@ -258,6 +265,9 @@ pub(super) struct Tracer<'a, 'b, S> {
     pub(super) alive: u64,
     /// Whether the rays are side by side in the room.
     is_ready: bool,
+    /// Blocks and cells that the beam came to, and rays that came to cells.
+    looked: u32,
+    taken: u32,
     /// The instance at hand.
     pub(super) instance: u32,
 }
@@ -386,8 +396,17 @@ impl<S: Simd> Tracer<'_, '_, S> {
             if self.alive == 0 {
                 break;
             }
+            if self.is_scattered() {
+                return false;
+            }
         }
         true
+    }
+
+    /// Whether rays turn out to run too far apart to be traced as one: hardly any comes to what their beam
+    /// comes to.
+    fn is_scattered(&self) -> bool {
+        self.looked > PATIENCE && self.taken * SCATTERED < self.looked
     }
 
     /// Sees the rays that are left from a cluster; nothing if they do not run side by side.
@@ -448,9 +467,11 @@ impl<S: Simd> Tracer<'_, '_, S> {
             let mut found = [(0, 0.0); WIDTH];
             let crossings = block.crossings(self.s, bounds, far);
             let count = crossings.sorted(&mut found);
+            self.looked += 1 + crossings.met.count_ones();
             for &(slot, start) in &found[..count] {
                 let cell = block.cells[slot];
                 let lanes = crossings.rays(self.s, slot, &self.packet.beam);
+                self.taken += lanes.count_ones();
                 if lanes != 0 && cell.is_coarse() {
                     coarse[divided] = (cell, start);
                     divided += 1;

@@ -303,3 +303,49 @@ struct Batch {
     start: [[f64; WIDE_LANES]; 2],
     half: [[f64; WIDE_LANES]; 2],
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use kernel::Ray;
+
+    use crate::accelerator::tests::{ball, scene_of};
+    use crate::random::Random;
+    use crate::simd::Instructions;
+    use crate::{Accelerator, METHODS, Workspace};
+
+    #[test]
+    fn rays_that_are_scattered_in_a_crowd_go_their_own_ways() {
+        let mut numbers = Random(3);
+        let balls = (0..1000).map(|_| ball(0.02, numbers.vector() / 0.02));
+        let scene = scene_of(balls.collect());
+        for instructions in Instructions::ALL {
+            let accelerator =
+                Accelerator::build(&scene, &METHODS[0]).with_instructions(instructions);
+            let mut met = 0;
+            for (width, goes_alone) in [(0.01, false), (0.3, true)] {
+                let (mut room, mut other) = (Workspace::default(), Workspace::default());
+                let (mut hits, mut blocked) = (Vec::new(), Vec::new());
+                for _ in 0..40 {
+                    let middle = numbers.vector() * 0.5 - DVec3::Z;
+                    let ray = |_| Ray {
+                        origin: middle + numbers.vector() * 0.5 * width,
+                        direction: DVec3::new(0.3, 0.2, 1.0),
+                    };
+                    let rays: Vec<_> = (0..64).map(ray).collect();
+                    let ranges = vec![0.0..f64::INFINITY; rays.len()];
+                    accelerator.nearest_many(&rays, &ranges, &mut room, &mut hits);
+                    accelerator.any_many(&rays, &ranges, &mut room, &mut blocked);
+                    for (k, ray) in rays.iter().enumerate() {
+                        let alone = accelerator.nearest(ray, ranges[k].clone(), &mut other);
+                        let [one, two] = [&hits[k], &alone].map(|hit| hit.map(|hit| hit.shape));
+                        assert_eq!((one, blocked[k]), (two, one.is_some()), "{ray:?}");
+                        met += u32::from(one.is_some());
+                    }
+                }
+                assert_eq!(!room.packet.walkers.is_empty(), goes_alone, "{width}");
+            }
+            assert!(met > 500, "only {met} hits say nothing");
+        }
+    }
+}
