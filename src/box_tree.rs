@@ -81,6 +81,27 @@ impl BoxTree {
             filled += 2;
         }
     }
+
+    /// Tells the numbers of the boxes that meet another one, and of some beside it.
+    pub(crate) fn near(&self, other: &Aabb, mut tell: impl FnMut(u32)) {
+        let mut stack = [0_u32; LEVELS];
+        let mut filled = usize::from(!self.nodes.is_empty());
+        while filled > 0 {
+            filled -= 1;
+            let index = stack[filled];
+            let node = self.nodes[index as usize];
+            if !node.bounds.meets(other) {
+                continue;
+            }
+            if node.count > 0 {
+                let leaf = node.first as usize..(node.first + node.count) as usize;
+                self.order[leaf].iter().for_each(|&number| tell(number));
+                continue;
+            }
+            (stack[filled], stack[filled + 1]) = (node.first, index + 1);
+            filled += 2;
+        }
+    }
 }
 
 /// Adds the node of these boxes, of which the first is number `first` in the order.

@@ -8,11 +8,11 @@
 
 mod dots;
 mod ends;
-
-use std::collections::BTreeMap;
+mod pairs;
 
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, Curve};
+use rayon::prelude::*;
 
 use self::ends::{End, Ends};
 use super::rim::Face;
@@ -33,6 +33,9 @@ const FEW: usize = 9;
 
 /// Passes in which a face may be sewn to itself in any case: most seams fit well.
 const SEAM_PASSES: usize = 2;
+
+/// Fewer strands, or ends of them, are not worth another thread.
+const OF_A_THREAD: usize = 256;
 
 /// A stretch of boundary on one face.
 #[derive(Clone, Debug)]
@@ -110,8 +113,12 @@ pub(crate) fn sew(
         boxes: Vec::new(),
         joints: Vec::new(),
     };
-    for (face, curve) in rims {
+    let trail = |(face, curve): (usize, Curve<DVec2>)| {
         let trail = Trail::of(&faces[face], &curve);
+        (face, curve, trail)
+    };
+    let rims = rims.into_par_iter().with_min_len(OF_A_THREAD).map(trail);
+    for (face, curve, trail) in rims.collect::<Vec<_>>() {
         let ends =
             [trail.points[0].1, trail.points[trail.points.len() - 1].1].map(|p| sewer.add_node(p));
         sewer.add_strand(face, curve, ends, trail);
@@ -203,43 +210,6 @@ impl Sewer<'_, '_> {
         self.match_strands(reach, false);
     }
 
-    /// Sews what is long and nearly within the tolerance.
-    fn match_long(&mut self) {
-        let reach = WIDE * self.tolerance;
-        let mut long: Vec<(usize, Aabb)> = Vec::new();
-        for (s, strand) in self.strands.iter_mut().enumerate() {
-            if Self::is_open(strand) && strand.trail.length() > LONG * reach {
-                long.push((s, strand.trail.bounds));
-            }
-            strand.awake = false;
-        }
-        long.sort_by(|a, b| a.1.min.x.total_cmp(&b.1.min.x));
-        // No end is moved unless something may come of it.
-        for (k, (a, own)) in long.iter().enumerate() {
-            let room = Aabb {
-                min: own.min - reach,
-                max: own.max + reach,
-            };
-            let near = long[k + 1..]
-                .iter()
-                .take_while(|(_, other)| other.min.x <= room.max.x)
-                .filter(|(_, other)| other.meets(&room));
-            for (b, _) in near {
-                let beside = |a: usize, b: usize| {
-                    let strand = &self.strands[b];
-                    let place = (&self.faces[strand.face], &strand.curve);
-                    let trail = &self.strands[a].trail;
-                    trail.runs_beside(&strand.trail, place, reach) && self.may_meet(a, b, reach)
-                };
-                if beside(*a, *b) || beside(*b, *a) {
-                    self.strands[*a].awake = true;
-                    self.strands[*b].awake = true;
-                }
-            }
-        }
-        self.match_awake(reach);
-    }
-
     /// Sews what lies on the sides of a seam.
     fn close(&mut self, seam: &Named<'_>) {
         let tolerance = self.tolerance;
@@ -296,14 +266,20 @@ impl Sewer<'_, '_> {
     /// Visits the ends of strands without partner that are within `reach` of each other.
     fn for_close_ends(&mut self, reach: f64, mut visit: impl FnMut(&mut Self, usize, usize)) {
         let ends = self.open_ends();
-        for (k, a) in ends.ends.iter().enumerate() {
-            for other in ends.within(a.point - reach, a.point + reach) {
+        let close = |(k, a): (usize, &End)| {
+            let near = ends.within(a.point - reach, a.point + reach).into_iter();
+            let mut found = Vec::new();
+            for other in near.filter(|&other| other > k) {
                 let b = &ends.ends[other];
-                let is_near = other > k && a.point.distance(b.point) <= reach;
-                if is_near && self.is_seen(a.face, b.face) {
-                    visit(self, a.node, b.node);
+                if a.point.distance(b.point) <= reach && self.is_seen(a.face, b.face) {
+                    found.push((a.node, b.node));
                 }
             }
+            found
+        };
+        let all = ends.ends.par_iter().enumerate().with_min_len(OF_A_THREAD);
+        for (a, b) in all.flat_map_iter(close).collect::<Vec<_>>() {
+            visit(self, a, b);
         }
     }
 
@@ -350,10 +326,16 @@ impl Sewer<'_, '_> {
     /// Divides strands where the end of another one lies on them.
     fn split_at_nodes(&mut self, reach: f64, seams: bool) {
         let others = self.open_ends();
+        // What is made here joins no nodes that were there before: where there is none now, there will be none.
+        let is_met = |(s, strand): (usize, &Strand)| {
+            Self::is_open(strand) && self.node_on(s, &others, reach, seams).is_some()
+        };
+        let all = self.strands.par_iter().enumerate();
+        let is_met: Vec<bool> = all.with_min_len(OF_A_THREAD).map(is_met).collect();
         let mut s = 0;
         while s < self.strands.len() {
-            // Parts made here are looked at again: they come later in the list.
-            if Self::is_open(&self.strands[s]) {
+            // Parts made here are looked at, too: they come later in the list.
+            if is_met.get(s).copied().unwrap_or(true) {
                 while let Some((node, at)) = self.node_on(s, &others, reach, seams) {
                     self.split(s, node, at, reach);
                 }
@@ -416,66 +398,6 @@ impl Sewer<'_, '_> {
             self.links[old].push(s);
         }
         self.add_strand(face, after, [middle, end], second);
-    }
-
-    /// Makes edges of strands that stay together.
-    fn match_strands(&mut self, reach: f64, seams: bool) {
-        let mut groups: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
-        for (s, strand) in self.strands.iter().enumerate() {
-            if Self::is_open(strand) {
-                let [a, b] = self.roots(strand);
-                groups.entry([a.min(b), a.max(b)]).or_default().push(s);
-            }
-        }
-        for group in groups.values() {
-            for (k, &s) in group.iter().enumerate() {
-                if self.strands[s].edge.is_some() {
-                    continue;
-                }
-                for &other in &group[k + 1..] {
-                    let free = self.strands[other].edge.is_none();
-                    let faces = [s, other].map(|k| self.strands[k].face);
-                    let allowed = seams || self.may_meet(s, other, reach);
-                    if free
-                        && allowed
-                        && self.is_seen(faces[0], faces[1])
-                        && self.stay_together(s, other, reach)
-                    {
-                        self.join(s, other);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Whether strands that run together may be one edge: of two faces, or of one that goes a long way
-    /// from one to the other.
-    fn may_meet(&self, a: usize, b: usize, reach: f64) -> bool {
-        let (a, b) = (&self.strands[a], &self.strands[b]);
-        if a.face != b.face {
-            return true;
-        }
-        let face = &self.faces[a.face];
-        let (t, point) = a.trail.points[a.trail.points.len() / 2];
-        let from = a.curve.evaluate(t);
-        let to = b.curve.evaluate(b.trail.project(face, &b.curve, point).0);
-        let place = |k: u32| face.point(face.clamped(from.lerp(to, f64::from(k) / 8.0)));
-        let way = (0..8).map(|k| place(k).distance(place(k + 1)));
-        way.sum::<f64>() > LONG * reach
-    }
-
-    /// Whether every point of one strand is near the other; they have the same ends.
-    fn stay_together(&self, a: usize, b: usize, reach: f64) -> bool {
-        let (long, short) = (&self.strands[a], &self.strands[b]);
-        let lengths = [long.trail.length(), short.trail.length()];
-        if (lengths[0] - lengths[1]).abs() > 0.1 * lengths[0] + 4.0 * reach {
-            return false;
-        }
-        let place = (&self.faces[short.face], &short.curve);
-        let count = long.trail.points.len();
-        let inner = (1..count - 1).step_by((count / 24).max(1));
-        let is_near = |k: usize| short.trail.is_near_point(place, (&long.trail, k), reach);
-        inner.len() > 0 && inner.into_iter().all(is_near)
     }
 
     fn join(&mut self, a: usize, b: usize) {

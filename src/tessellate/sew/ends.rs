@@ -4,7 +4,7 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 /// Cells along each axis at most.
-const MOST_CELLS: f64 = 32.0;
+const MOST_CELLS: f64 = 128.0;
 
 /// The end of a strand as others look for it.
 pub(super) struct End {

@@ -1,0 +1,122 @@
+//! Which strands run together.
+
+use kernel::Aabb;
+use rayon::prelude::*;
+
+use super::{LONG, OF_A_THREAD, Sewer, Strand, WIDE};
+use crate::box_tree::BoxTree;
+
+impl Sewer<'_, '_> {
+    /// Makes edges of strands that stay together.
+    pub(super) fn match_strands(&mut self, reach: f64, seams: bool) {
+        let open = self.strands.iter().enumerate();
+        let open = open.filter(|(_, strand)| Self::is_open(strand));
+        let by_ends = |(s, strand): (usize, &Strand)| {
+            let [a, b] = self.roots(strand);
+            ([a.min(b), a.max(b)], s)
+        };
+        let mut open: Vec<_> = open.map(by_ends).collect();
+        open.sort_unstable();
+        let groups: Vec<_> = open.chunk_by(|a, b| a.0 == b.0).collect();
+        let groups = groups.par_iter().with_min_len(OF_A_THREAD);
+        let pairs = groups.flat_map_iter(|group| self.pairs(group, reach, seams));
+        for (first, other) in pairs.collect::<Vec<_>>() {
+            self.join(first, other);
+        }
+    }
+
+    /// Which strands of the same ends stay together: the first of an edge, and another one.
+    fn pairs(&self, group: &[([usize; 2], usize)], reach: f64, seams: bool) -> Vec<(usize, usize)> {
+        let mut pairs: Vec<(usize, usize)> = Vec::new();
+        for (k, &(_, s)) in group.iter().enumerate() {
+            let is_taken = |s: usize, pairs: &[(usize, usize)]| pairs.iter().any(|p| p.1 == s);
+            if is_taken(s, &pairs) {
+                continue;
+            }
+            for &(_, other) in &group[k + 1..] {
+                let [a, b] = [s, other].map(|k| self.strands[k].face);
+                if self.is_seen(a, b)
+                    && !is_taken(other, &pairs)
+                    && (seams || self.may_meet(s, other, reach))
+                    && self.stay_together(s, other, reach)
+                {
+                    pairs.push((s, other));
+                }
+            }
+        }
+        pairs
+    }
+
+    /// Whether strands that run together may be one edge: of two faces, or of one that goes a long way
+    /// from one to the other.
+    fn may_meet(&self, a: usize, b: usize, reach: f64) -> bool {
+        let (a, b) = (&self.strands[a], &self.strands[b]);
+        if a.face != b.face {
+            return true;
+        }
+        let face = &self.faces[a.face];
+        let (t, point) = a.trail.points[a.trail.points.len() / 2];
+        let from = a.curve.evaluate(t);
+        let to = b.curve.evaluate(b.trail.project(face, &b.curve, point).0);
+        let place = |k: u32| face.point(face.clamped(from.lerp(to, f64::from(k) / 8.0)));
+        let way = (0..8).map(|k| place(k).distance(place(k + 1)));
+        way.sum::<f64>() > LONG * reach
+    }
+
+    /// Whether every point of one strand is near the other; they have the same ends.
+    fn stay_together(&self, a: usize, b: usize, reach: f64) -> bool {
+        let (long, short) = (&self.strands[a], &self.strands[b]);
+        let lengths = [long.trail.length(), short.trail.length()];
+        if (lengths[0] - lengths[1]).abs() > 0.1 * lengths[0] + 4.0 * reach {
+            return false;
+        }
+        let place = (&self.faces[short.face], &short.curve);
+        let count = long.trail.points.len();
+        let inner = (1..count - 1).step_by((count / 24).max(1));
+        let is_near = |k: usize| short.trail.is_near_point(place, (&long.trail, k), reach);
+        inner.len() > 0 && inner.into_iter().all(is_near)
+    }
+
+    /// Sews what is long and nearly within the tolerance.
+    pub(super) fn match_long(&mut self) {
+        let reach = WIDE * self.tolerance;
+        let mut long = Vec::new();
+        for (s, strand) in self.strands.iter_mut().enumerate() {
+            if Self::is_open(strand) && strand.trail.length() > LONG * reach {
+                long.push(s);
+            }
+            strand.awake = false;
+        }
+        let bounds = |&s: &usize| self.strands[s].trail.bounds;
+        let tree = BoxTree::new(&long.iter().map(bounds).collect::<Vec<_>>());
+        let runs_beside = |a: usize, b: usize| {
+            let strand = &self.strands[b];
+            let place = (&self.faces[strand.face], &strand.curve);
+            let trail = &self.strands[a].trail;
+            trail.runs_beside(&strand.trail, place, reach) && self.may_meet(a, b, reach)
+        };
+        // No end is moved unless something may come of it.
+        let partners = |(k, &a): (usize, &usize)| {
+            let mut found = Vec::new();
+            let own = self.strands[a].trail.bounds;
+            let room = Aabb {
+                min: own.min - reach,
+                max: own.max + reach,
+            };
+            tree.near(&room, |number| {
+                let other = number as usize;
+                let b = long[other];
+                let is_near = other > k && self.strands[b].trail.bounds.meets(&room);
+                if is_near && (runs_beside(a, b) || runs_beside(b, a)) {
+                    found.extend([a, b]);
+                }
+            });
+            found
+        };
+        let all = long.par_iter().enumerate().with_min_len(OF_A_THREAD);
+        for s in all.flat_map_iter(partners).collect::<Vec<_>>() {
+            self.strands[s].awake = true;
+        }
+        self.match_awake(reach);
+    }
+}
