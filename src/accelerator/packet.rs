@@ -74,10 +74,12 @@ impl Accelerator<'_> {
             self.instructions.run(task);
             let ends = hits.iter().zip(ranges);
             let ends = ends.map(|(hit, range)| hit.map_or(range.end, |hit| hit.t));
-            if self.are_near_gaps(rays, ranges, ends, workspace) {
-                for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
-                    *hit = self.sealed_nearest(ray, range, workspace.rooms(), *hit);
-                }
+            let gaps = self.gaps_near(rays, ranges, ends, workspace);
+            if gaps.is_none() {
+                continue;
+            }
+            for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
+                *hit = self.sealed_nearest(ray, range, (&gaps, workspace.rooms()), *hit);
             }
         }
     }
@@ -120,34 +122,18 @@ impl Accelerator<'_> {
             let is_met = |lane: usize| met >> lane & 1 == 1;
             let open = (0..rays.len()).filter(|&lane| !is_met(lane));
             let ends = open.map(|lane| ranges[lane].end);
-            let has_gaps = self.are_near_gaps(rays, ranges, ends, workspace);
-            blocked.extend(rays.iter().enumerate().map(|(lane, ray)| {
-                let mut passes = || self.sealed_any(ray, &ranges[lane], workspace.rooms());
-                is_met(lane) || has_gaps && passes()
-            }));
+            let gaps = self.gaps_near(rays, ranges, ends, workspace);
+            let has_gaps = !gaps.is_none();
+            blocked.extend(
+                rays.iter()
+                    .zip(ranges)
+                    .enumerate()
+                    .map(|(lane, (ray, range))| {
+                        let mut passes = || self.sealed_any(ray, range, (&gaps, workspace.rooms()));
+                        is_met(lane) || has_gaps && passes()
+                    }),
+            );
         }
-    }
-
-    /// Whether rays may pass through gaps before they end.
-    fn are_near_gaps(
-        &self,
-        rays: &[Ray],
-        ranges: &[Range<f64>],
-        ends: impl Iterator<Item = f64>,
-        workspace: &mut Workspace,
-    ) -> bool {
-        if self.seals.is_empty() {
-            return false;
-        }
-        let until = ends.fold(f64::NEG_INFINITY, f64::max);
-        until > f64::NEG_INFINITY
-            && self.instructions.run(Gaps {
-                accelerator: self,
-                rays,
-                ranges,
-                until,
-                stack: &mut workspace.top_stack,
-            })
     }
 }
 
@@ -227,26 +213,6 @@ impl Task for Trace<'_, '_> {
             let hit = shown.hit(packet.until[lane], (uv, touches), place);
             hits[lane] = Some(hit.settled(&rays[lane]));
         }
-    }
-}
-
-/// Whether rays side by side come to gaps, for each set of instructions.
-struct Gaps<'a> {
-    accelerator: &'a Accelerator<'a>,
-    rays: &'a [Ray],
-    ranges: &'a [Range<f64>],
-    until: f64,
-    stack: &'a mut Vec<(u32, f32)>,
-}
-
-impl Task for Gaps<'_> {
-    type Output = bool;
-
-    #[inline(always)]
-    fn run<S: Simd>(self, s: S) -> bool {
-        let hull = Hull::of(s, self.rays, self.ranges);
-        self.accelerator
-            .comes_to_gaps(&hull, self.until, self.stack)
     }
 }
 

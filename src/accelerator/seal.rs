@@ -18,13 +18,15 @@ use std::ops::Range;
 use glam::DVec3;
 use kernel::Ray;
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 use super::hull::{Extent, Hull};
 use super::strip::{Across, Crossing, Run, Strip};
 use super::trace::Rooms;
 use super::tree::{Tree, Visitor};
-use super::{Accelerator, Cluster, Instance, ItemShape};
+use super::{Accelerator, Cluster, ItemShape, Workspace};
 use crate::intersect::Hit;
+use crate::simd::{Simd, Task};
 
 /// Largest gap that is closed where nothing else is said, as a share of the size of what hangs
 /// together.
@@ -49,6 +51,9 @@ const LENGTH: f64 = 1.0 / 64.0;
 const HALVINGS: u32 = 6;
 const RUNS: usize = 1 << 18;
 
+/// Runs that are looked at one after the other for each ray of a packet, at most.
+const FEW: usize = 16;
+
 /// What closes the gaps of a cluster.
 #[derive(Debug)]
 pub(super) struct Seal {
@@ -65,6 +70,38 @@ pub(super) struct Fill {
     crossing: Crossing,
     instance: u32,
     item: u32,
+}
+
+/// Runs that rays may pass.
+pub(super) enum Near {
+    /// These, with the numbers of their instances, which follow one another.
+    Few(SmallVec<[(u32, u32); FEW]>),
+    /// Any.
+    All,
+}
+
+impl Near {
+    pub(super) fn is_none(&self) -> bool {
+        matches!(self, Self::Few(runs) if runs.is_empty())
+    }
+
+    /// Adds one, and says whether there are too many.
+    fn push(&mut self, instance: u32, run: usize) -> bool {
+        match self {
+            Self::Few(runs) if runs.len() < FEW => {
+                runs.push((instance, index(run)));
+                false
+            }
+            _ => {
+                *self = Self::All;
+                true
+            }
+        }
+    }
+}
+
+fn index(number: usize) -> u32 {
+    u32::try_from(number).expect("fewer instances and runs than fit")
 }
 
 impl Accelerator<'_> {
@@ -101,12 +138,12 @@ impl Accelerator<'_> {
         self.seals.iter().map(|seal| seal.strips.len()).sum()
     }
 
-    /// The nearest hit when gaps are closed, from that without.
+    /// The nearest hit when gaps are closed, those `near` to the ray, from that without.
     pub(super) fn sealed_nearest(
         &self,
         ray: &Ray,
         range: &Range<f64>,
-        rooms: Rooms<'_>,
+        (near, rooms): (&Near, Rooms<'_>),
         hit: Option<Hit>,
     ) -> Option<Hit> {
         if self.seals.is_empty() {
@@ -114,7 +151,7 @@ impl Accelerator<'_> {
         }
         let until = hit.map_or(range.end, |hit| hit.t);
         let mut best: Option<Fill> = None;
-        self.fills(ray, range.start..until, rooms, |fill, range| {
+        self.fills(ray, range.start..until, (near, rooms), |fill, range| {
             range.end = fill.crossing.t;
             best = Some(fill);
         });
@@ -124,11 +161,16 @@ impl Accelerator<'_> {
         }
     }
 
-    /// Whether a ray that meets no face in `range` passes through a gap.
-    pub(super) fn sealed_any(&self, ray: &Ray, range: &Range<f64>, rooms: Rooms<'_>) -> bool {
+    /// Whether a ray that meets no face in `range` passes through a gap `near` to it.
+    pub(super) fn sealed_any(
+        &self,
+        ray: &Ray,
+        range: &Range<f64>,
+        (near, rooms): (&Near, Rooms<'_>),
+    ) -> bool {
         let mut found = false;
         if !self.seals.is_empty() {
-            self.fills(ray, range.clone(), rooms, |_, range| {
+            self.fills(ray, range.clone(), (near, rooms), |_, range| {
                 range.end = range.start;
                 found = true;
             });
@@ -136,34 +178,57 @@ impl Accelerator<'_> {
         found
     }
 
-    /// Whether one of the rays of a packet may pass through a gap before `until`, as far as this tells of rays that
-    /// do not run side by side.
-    #[inline(always)]
-    pub(super) fn comes_to_gaps(
+    /// The gaps that rays may pass before they end.
+    pub(super) fn gaps_near(
         &self,
-        hull: &Hull,
-        until: f64,
-        stack: &mut Vec<(u32, f32)>,
-    ) -> bool {
-        let passes = |instance: &Instance, stack: &mut Vec<(u32, f32)>| {
-            let seal = &self.seals[instance.cluster as usize];
-            let map = seal.tree.map() * instance.cluster_from_world;
-            !seal.strips.is_empty()
-                && hull
-                    .extent(&map)
-                    .is_none_or(|extent| seal.is_near(&extent, extent.reach(until), stack))
-        };
-        if let [instance] = &self.instances[..] {
-            return passes(instance, stack);
+        rays: &[Ray],
+        ranges: &[Range<f64>],
+        ends: impl Iterator<Item = f64>,
+        workspace: &mut Workspace,
+    ) -> Near {
+        let until = ends.fold(f64::NEG_INFINITY, f64::max);
+        if self.seals.is_empty() || until == f64::NEG_INFINITY {
+            return Near::Few(SmallVec::new());
         }
-        let Some(extent) = hull.extent(&self.top.map()) else {
-            return true;
-        };
-        let far = extent.reach(until);
-        extent.comes_to_leaf(&self.top, far, stack, |leaf, stack| {
-            let mut instances = self.top.leaf(leaf);
-            instances.any(|number| passes(&self.instances[number], stack))
+        self.instructions.run(Gaps {
+            accelerator: self,
+            rays,
+            ranges,
+            until,
+            stack: &mut workspace.top_stack,
         })
+    }
+
+    /// The runs that rays of a packet may pass before `until`: all if the rays do not run side by side, as far as
+    /// this tells.
+    #[inline(always)]
+    fn near_gaps(&self, hull: &Hull, until: f64, stack: &mut Vec<(u32, f32)>) -> Near {
+        let mut near = Near::Few(SmallVec::new());
+        let mut look = |number: usize, stack: &mut Vec<(u32, f32)>| {
+            let instance = &self.instances[number];
+            let seal = &self.seals[instance.cluster as usize];
+            if seal.strips.is_empty() {
+                return false;
+            }
+            let map = seal.tree.map() * instance.cluster_from_world;
+            let Some(extent) = hull.extent(&map) else {
+                near = Near::All;
+                return true;
+            };
+            let tell = |run| near.push(index(number), run);
+            seal.near(&extent, extent.reach(until), stack, tell)
+        };
+        if let [_] = self.instances[..] {
+            look(0, stack);
+        } else if let Some(extent) = hull.extent(&self.top.map()) {
+            let far = extent.reach(until);
+            extent.comes_to_leaf(&self.top, far, stack, |leaf, stack| {
+                self.top.leaf(leaf).any(|number| look(number, stack))
+            });
+        } else {
+            near = Near::All;
+        }
+        near
     }
 
     /// Adds the gaps that a ray passes to its hits, which are sorted and stay so.
@@ -178,7 +243,8 @@ impl Accelerator<'_> {
             return;
         }
         let mut fills: Vec<Fill> = Vec::new();
-        self.fills(ray, range.clone(), rooms, |fill, _| fills.push(fill));
+        let tell = |fill, _: &mut _| fills.push(fill);
+        self.fills(ray, range.clone(), (&Near::All, rooms), tell);
         fills.sort_by(|a, b| a.crossing.t.total_cmp(&b.crossing.t));
         for fill in fills {
             let Crossing { t, window, .. } = fill.crossing;
@@ -196,17 +262,29 @@ impl Accelerator<'_> {
         &self,
         ray: &Ray,
         mut range: Range<f64>,
-        (top_stack, stack, _): Rooms<'_>,
-        tell: impl FnMut(Fill, &mut Range<f64>),
+        (near, (top_stack, stack, _)): (&Near, Rooms<'_>),
+        mut tell: impl FnMut(Fill, &mut Range<f64>),
     ) {
         let way = ray.direction.length_squared();
         if !(way > 0.0 && way.is_finite() && ray.origin.is_finite()) {
             return;
         }
+        let ends = range.clone();
+        if let Near::Few(runs) = near {
+            for runs in runs.chunk_by(|a, b| a.0 == b.0) {
+                let instance = &self.instances[runs[0].0 as usize];
+                let ray = ray.transformed(&instance.cluster_from_world);
+                let mut visitor = StripVisitor::new(self, runs[0].0, (&ray, &ends), &mut tell);
+                for &(_, run) in runs {
+                    visitor.meet(run as usize, &mut range);
+                }
+            }
+            return;
+        }
         let mut visitor = InstanceVisitor {
             accelerator: self,
             ray,
-            ends: range.clone(),
+            ends,
             stack,
             tell,
         };
@@ -246,6 +324,25 @@ impl Accelerator<'_> {
     }
 }
 
+/// The gaps that rays side by side come to, for each set of instructions.
+struct Gaps<'a> {
+    accelerator: &'a Accelerator<'a>,
+    rays: &'a [Ray],
+    ranges: &'a [Range<f64>],
+    until: f64,
+    stack: &'a mut Vec<(u32, f32)>,
+}
+
+impl Task for Gaps<'_> {
+    type Output = Near;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> Near {
+        let hull = Hull::of(s, self.rays, self.ranges);
+        self.accelerator.near_gaps(&hull, self.until, self.stack)
+    }
+}
+
 /// Follows a ray into the instances whose gaps it may pass.
 struct InstanceVisitor<'a, F> {
     accelerator: &'a Accelerator<'a>,
@@ -265,13 +362,9 @@ impl<F: FnMut(Fill, &mut Range<f64>)> Visitor for InstanceVisitor<'_, F> {
                 continue;
             }
             let ray = self.ray.transformed(&instance.cluster_from_world);
-            let mut visitor = StripVisitor {
-                seal,
-                across: Across::new(&ray, seal.tree.bounds().center()),
-                ends: &self.ends,
-                instance: u32::try_from(number).expect("fewer instances than fit"),
-                tell: &mut self.tell,
-            };
+            let place = (&ray, &self.ends);
+            let mut visitor =
+                StripVisitor::new(self.accelerator, index(number), place, &mut self.tell);
             let local = seal.tree.local_ray(&ray);
             seal.tree.traverse(&local, range, self.stack, &mut visitor);
         }
@@ -288,25 +381,50 @@ struct StripVisitor<'a, F> {
     tell: &'a mut F,
 }
 
+impl<'a, F: FnMut(Fill, &mut Range<f64>)> StripVisitor<'a, F> {
+    /// For a ray in the coordinates of the cluster.
+    fn new(
+        accelerator: &'a Accelerator<'_>,
+        instance: u32,
+        (ray, ends): (&Ray, &'a Range<f64>),
+        tell: &'a mut F,
+    ) -> Self {
+        let cluster = accelerator.instances[instance as usize].cluster;
+        let seal = &accelerator.seals[cluster as usize];
+        Self {
+            seal,
+            across: Across::new(ray, seal.tree.bounds().center()),
+            ends,
+            instance,
+            tell,
+        }
+    }
+
+    fn meet(&mut self, run: usize, range: &mut Range<f64>) {
+        let run = &self.seal.runs[run];
+        if self.across.is_beside(run) {
+            return;
+        }
+        let strip = &self.seal.strips[run.strip as usize];
+        strip.meet(run, &self.across, self.seal.margin, &mut |crossing| {
+            let Crossing { t, window, .. } = crossing;
+            let is_open = self.ends.start < t - window && t + window < self.ends.end;
+            if is_open && range.contains(&t) {
+                let fill = Fill {
+                    crossing,
+                    instance: self.instance,
+                    item: strip.item,
+                };
+                (self.tell)(fill, range);
+            }
+        });
+    }
+}
+
 impl<F: FnMut(Fill, &mut Range<f64>)> Visitor for StripVisitor<'_, F> {
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
-        for run in &self.seal.runs[self.seal.tree.leaf(number)] {
-            if self.across.is_beside(run) {
-                continue;
-            }
-            let strip = &self.seal.strips[run.strip as usize];
-            strip.meet(run, &self.across, self.seal.margin, &mut |crossing| {
-                let Crossing { t, window, .. } = crossing;
-                let is_open = self.ends.start < t - window && t + window < self.ends.end;
-                if is_open && range.contains(&t) {
-                    let fill = Fill {
-                        crossing,
-                        instance: self.instance,
-                        item: strip.item,
-                    };
-                    (self.tell)(fill, range);
-                }
-            });
+        for run in self.seal.tree.leaf(number) {
+            self.meet(run, range);
         }
         range.start < range.end
     }
@@ -341,15 +459,22 @@ impl Seal {
         }
     }
 
-    /// Whether one of the rays of a packet, bounded in the coordinates of the hierarchy, may pass through a strip
-    /// before `far`.
+    /// Tells the runs that rays of a packet, bounded in the coordinates of the hierarchy, may pass before `far`,
+    /// until it is answered that these are enough; the result says whether it was.
     #[inline(always)]
-    fn is_near(&self, extent: &Extent, far: f32, stack: &mut Vec<(u32, f32)>) -> bool {
+    fn near(
+        &self,
+        extent: &Extent,
+        far: f32,
+        stack: &mut Vec<(u32, f32)>,
+        mut tell: impl FnMut(usize) -> bool,
+    ) -> bool {
         let tree = &self.tree;
         extent.comes_to_leaf(tree, far, stack, |leaf, _| {
-            self.runs[tree.leaf(leaf)].iter().any(|run| {
+            tree.leaf(leaf).any(|number| {
+                let run = &self.runs[number];
                 let ends = run.ends.map(|end| tree.to_local(end));
-                extent.comes_to(ends, run.radius * tree.scale())
+                extent.comes_to(ends, run.radius * tree.scale()) && tell(number)
             })
         })
     }

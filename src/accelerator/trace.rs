@@ -8,6 +8,7 @@ use kernel::Ray;
 
 use super::block::{Block, Encounter};
 use super::cells::Piece;
+use super::seal::Near;
 use super::tree::{LocalRay, Visitor, WIDTH};
 use super::{Accelerator, Cluster, Instance, ItemShape, Workspace};
 use crate::intersect::net::evaluate_at;
@@ -74,7 +75,7 @@ impl Accelerator<'_> {
         let hit = best
             .found
             .map(|candidate| self.work_out(ray, &candidate).settled(ray));
-        self.sealed_nearest(ray, &range, workspace.rooms(), hit)
+        self.sealed_nearest(ray, &range, (&Near::All, workspace.rooms()), hit)
     }
 
     pub(crate) fn any_with<I: Intersector>(
@@ -85,7 +86,7 @@ impl Accelerator<'_> {
     ) -> bool {
         let mut first = Nearest::or_first(true);
         self.search::<I>(ray, range.clone(), workspace.rooms(), &mut first);
-        first.found.is_some() || self.sealed_any(ray, &range, workspace.rooms())
+        first.found.is_some() || self.sealed_any(ray, &range, (&Near::All, workspace.rooms()))
     }
 
     pub(crate) fn all_with<I: Intersector>(
