@@ -8,7 +8,6 @@
 )]
 
 use std::collections::HashSet;
-use std::f64::consts::FRAC_PI_4;
 use std::fs;
 use std::path::Path;
 use std::time::Instant;
@@ -21,10 +20,6 @@ use rayon::prelude::*;
 /// Rays around that of a pixel, within a quarter of the pixel, that tell a gap from a view.
 const AROUND: u32 = 32;
 
-/// By how much of the size faces may jut out over the boundaries of their neighbours: gaps of that
-/// width are closed.
-const RIM: f64 = 1e-4;
-
 /// What a sweep over pictures found.
 #[derive(Debug, Default)]
 struct Found {
@@ -34,11 +29,9 @@ struct Found {
     filled: u64,
     /// Pixels that show the background, while no ray around does.
     leaks: Vec<String>,
-    /// Pixels that show a back side, while no ray around does.
+    /// Pixels that show a back side, while no ray around does: of a face, say, that juts out over
+    /// the boundary of its neighbour.
     behind: Vec<String>,
-    /// Pixels like these whose back side is as near as the outside beside it: that of a face which
-    /// juts out over the boundary of its neighbour.
-    rims: u64,
     /// Pixels that show a back side, and rays around do also: more than a gap.
     open: u64,
 }
@@ -101,16 +94,6 @@ fn picture(
         .map_init(Workspace::default, shoot)
         .flatten()
         .collect()
-}
-
-/// Rays beside another, so far away, around it.
-fn aside(ray: &Ray, distance: f64) -> [Ray; 8] {
-    let (x, y) = ray.direction.normalize().any_orthonormal_pair();
-    std::array::from_fn(|k| {
-        let across = DVec2::from_angle(k as f64 * FRAC_PI_4) * distance;
-        let origin = ray.origin + x * across.x + y * across.y;
-        Ray { origin, ..*ray }
-    })
 }
 
 /// The pixel of a place on a film.
@@ -178,29 +161,17 @@ fn sweep(name: &str, accelerator: &Accelerator<'_>, size: [u32; 2], found: &mut 
                 let hit = accelerator.nearest(&ray, 0.0..f64::INFINITY, &mut workspace);
                 seen += u32::from(!shows(camera, place, &hit));
             }
-            if seen > 0 {
-                found.open += u64::from(hit.is_some());
-                continue;
+            if seen == 0 {
+                let what = hit.map(|hit| (hit.t, hit.shape, hit.uv, hit.normal));
+                let ray = ray(camera, size, *place);
+                let list = match hit {
+                    None => &mut found.leaks,
+                    Some(_) => &mut found.behind,
+                };
+                list.push(format!("{name} {place} {ray:?}: {what:?}"));
+            } else if hit.is_some() {
+                found.open += 1;
             }
-            let own = ray(camera, size, *place);
-            let width = RIM * accelerator.bounds().diagonal();
-            let mut is_rim = |t: f64| {
-                aside(&own, width).into_iter().any(|ray| {
-                    let hit = accelerator.nearest(&ray, 0.0..f64::INFINITY, &mut workspace);
-                    let depth = hit.map_or(f64::INFINITY, |hit| (hit.t - t).abs());
-                    depth * own.direction.length() <= width && shows(camera, *place, &hit)
-                })
-            };
-            let what = hit.map(|hit| (hit.t, hit.shape, hit.uv, hit.normal));
-            let list = match hit {
-                None => &mut found.leaks,
-                Some(hit) if is_rim(hit.t) => {
-                    found.rims += 1;
-                    continue;
-                }
-                Some(_) => &mut found.behind,
-            };
-            list.push(format!("{name} {place} {own:?}: {what:?}"));
         }
     }
 }
@@ -241,7 +212,7 @@ fn look(choose: impl Fn(&str) -> bool, size: [u32; 2], seal: bool) -> Option<Fou
         sweep(&name, &accelerator, size, &mut found);
         println!(
             "{name}: {} faces, {} bodies, {} strips in {sealing:?}, {} hits, {} filled, {} leaks, {} \
-             behind, {} rims, {} open",
+             behind, {} open",
             accelerator.patch_count(),
             measured.bodies.len(),
             accelerator.strip_count(),
@@ -249,7 +220,6 @@ fn look(choose: impl Fn(&str) -> bool, size: [u32; 2], seal: bool) -> Option<Fou
             found.filled,
             found.leaks.len(),
             found.behind.len(),
-            found.rims,
             found.open
         );
         for leak in found.leaks.iter().chain(&found.behind).take(3) {
@@ -257,7 +227,6 @@ fn look(choose: impl Fn(&str) -> bool, size: [u32; 2], seal: bool) -> Option<Fou
         }
         all.hits += found.hits;
         all.filled += found.filled;
-        all.rims += found.rims;
         all.open += found.open;
         all.leaks.append(&mut found.leaks);
         all.behind.append(&mut found.behind);
@@ -282,12 +251,11 @@ fn nothing_is_seen_through_any_closed_body() {
         return;
     };
     println!(
-        "{} hits, {} filled, {} leaks, {} behind, {} rims, {} open",
+        "{} hits, {} filled, {} leaks, {} behind, {} open",
         found.hits,
         found.filled,
         found.leaks.len(),
         found.behind.len(),
-        found.rims,
         found.open
     );
     found.check();
