@@ -75,7 +75,7 @@ impl Accelerator<'_> {
             let ends = hits.iter().zip(ranges);
             let ends = ends.map(|(hit, range)| hit.map_or(range.end, |hit| hit.t));
             let gaps = self.gaps_near(rays, ranges, ends, workspace);
-            if gaps.is_none() {
+            if gaps.is_empty() {
                 continue;
             }
             for ((hit, ray), range) in hits.iter_mut().zip(rays).zip(ranges) {
@@ -123,16 +123,10 @@ impl Accelerator<'_> {
             let open = (0..rays.len()).filter(|&lane| !is_met(lane));
             let ends = open.map(|lane| ranges[lane].end);
             let gaps = self.gaps_near(rays, ranges, ends, workspace);
-            let has_gaps = !gaps.is_none();
-            blocked.extend(
-                rays.iter()
-                    .zip(ranges)
-                    .enumerate()
-                    .map(|(lane, (ray, range))| {
-                        let mut passes = || self.sealed_any(ray, range, (&gaps, workspace.rooms()));
-                        is_met(lane) || has_gaps && passes()
-                    }),
-            );
+            for (lane, (ray, range)) in rays.iter().zip(ranges).enumerate() {
+                let mut passes = || self.sealed_any(ray, range, (&gaps, workspace.rooms()));
+                blocked.push(is_met(lane) || !gaps.is_empty() && passes());
+            }
         }
     }
 }

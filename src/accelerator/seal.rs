@@ -81,7 +81,7 @@ pub(super) enum Near {
 }
 
 impl Near {
-    pub(super) fn is_none(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         matches!(self, Self::Few(runs) if runs.is_empty())
     }
 
@@ -178,7 +178,7 @@ impl Accelerator<'_> {
         found
     }
 
-    /// The gaps that rays may pass before they end.
+    /// The runs that rays may pass before they end: all if they do not run side by side, as far as this tells.
     pub(super) fn gaps_near(
         &self,
         rays: &[Ray],
@@ -197,38 +197,6 @@ impl Accelerator<'_> {
             until,
             stack: &mut workspace.top_stack,
         })
-    }
-
-    /// The runs that rays of a packet may pass before `until`: all if the rays do not run side by side, as far as
-    /// this tells.
-    #[inline(always)]
-    fn near_gaps(&self, hull: &Hull, until: f64, stack: &mut Vec<(u32, f32)>) -> Near {
-        let mut near = Near::Few(SmallVec::new());
-        let mut look = |number: usize, stack: &mut Vec<(u32, f32)>| {
-            let instance = &self.instances[number];
-            let seal = &self.seals[instance.cluster as usize];
-            if seal.strips.is_empty() {
-                return false;
-            }
-            let map = seal.tree.map() * instance.cluster_from_world;
-            let Some(extent) = hull.extent(&map) else {
-                near = Near::All;
-                return true;
-            };
-            let tell = |run| near.push(index(number), run);
-            seal.near(&extent, extent.reach(until), stack, tell)
-        };
-        if let [_] = self.instances[..] {
-            look(0, stack);
-        } else if let Some(extent) = hull.extent(&self.top.map()) {
-            let far = extent.reach(until);
-            extent.comes_to_leaf(&self.top, far, stack, |leaf, stack| {
-                self.top.leaf(leaf).any(|number| look(number, stack))
-            });
-        } else {
-            near = Near::All;
-        }
-        near
     }
 
     /// Adds the gaps that a ray passes to its hits, which are sorted and stay so.
@@ -324,7 +292,7 @@ impl Accelerator<'_> {
     }
 }
 
-/// The gaps that rays side by side come to, for each set of instructions.
+/// See [`Accelerator::gaps_near`], for each set of instructions.
 struct Gaps<'a> {
     accelerator: &'a Accelerator<'a>,
     rays: &'a [Ray],
@@ -338,8 +306,40 @@ impl Task for Gaps<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) -> Near {
-        let hull = Hull::of(s, self.rays, self.ranges);
-        self.accelerator.near_gaps(&hull, self.until, self.stack)
+        let Self {
+            accelerator,
+            rays,
+            ranges,
+            until,
+            stack,
+        } = self;
+        let hull = Hull::of(s, rays, ranges);
+        let mut near = Near::Few(SmallVec::new());
+        let mut look = |number: usize, stack: &mut Vec<(u32, f32)>| {
+            let instance = &accelerator.instances[number];
+            let seal = &accelerator.seals[instance.cluster as usize];
+            if seal.strips.is_empty() {
+                return false;
+            }
+            let map = seal.tree.map() * instance.cluster_from_world;
+            let Some(extent) = hull.extent(&map) else {
+                near = Near::All;
+                return true;
+            };
+            let tell = |run| near.push(index(number), run);
+            seal.near(&extent, extent.reach(until), stack, tell)
+        };
+        if let [_] = accelerator.instances[..] {
+            look(0, stack);
+        } else if let Some(extent) = hull.extent(&accelerator.top.map()) {
+            let far = extent.reach(until);
+            extent.comes_to_leaf(&accelerator.top, far, stack, |leaf, stack| {
+                accelerator.top.leaf(leaf).any(|number| look(number, stack))
+            });
+        } else {
+            near = Near::All;
+        }
+        near
     }
 }
 

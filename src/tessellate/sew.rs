@@ -21,9 +21,6 @@ use super::trail::Trail;
 /// Reaches of the passes, as shares of the tolerance.
 const REACHES: [f64; 4] = [1e-3, 1e-2, 0.1, 0.5];
 
-/// Reach of the last pass, for what is long.
-const WIDE: f64 = 0.9;
-
 /// What is so many times the reach is long: such a strand may become a ring, and a face that goes such
 /// a way from one strand to another may have its seam there.
 const LONG: f64 = 10.0;

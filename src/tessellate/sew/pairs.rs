@@ -3,8 +3,11 @@
 use kernel::Aabb;
 use rayon::prelude::*;
 
-use super::{LONG, OF_A_THREAD, Sewer, Strand, WIDE};
+use super::{LONG, OF_A_THREAD, Sewer, Strand};
 use crate::box_tree::BoxTree;
+
+/// Reach of the last pass, for what is long.
+const WIDE: f64 = 0.9;
 
 impl Sewer<'_, '_> {
     /// Makes edges of strands that stay together.
