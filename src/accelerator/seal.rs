@@ -186,9 +186,13 @@ impl Accelerator<'_> {
         ends: impl Iterator<Item = f64>,
         workspace: &mut Workspace,
     ) -> Near {
+        let none = || Near::Few(SmallVec::new());
+        if self.seals.is_empty() {
+            return none();
+        }
         let until = ends.fold(f64::NEG_INFINITY, f64::max);
-        if self.seals.is_empty() || until == f64::NEG_INFINITY {
-            return Near::Few(SmallVec::new());
+        if until == f64::NEG_INFINITY {
+            return none();
         }
         self.instructions.run(Gaps {
             accelerator: self,
