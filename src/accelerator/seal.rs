@@ -146,9 +146,6 @@ impl Accelerator<'_> {
         (near, rooms): (&Near, Rooms<'_>),
         hit: Option<Hit>,
     ) -> Option<Hit> {
-        if self.seals.is_empty() {
-            return hit;
-        }
         let until = hit.map_or(range.end, |hit| hit.t);
         let mut best: Option<Fill> = None;
         self.fills(ray, range.start..until, (near, rooms), |fill, range| {
@@ -169,12 +166,10 @@ impl Accelerator<'_> {
         (near, rooms): (&Near, Rooms<'_>),
     ) -> bool {
         let mut found = false;
-        if !self.seals.is_empty() {
-            self.fills(ray, range.clone(), (near, rooms), |_, range| {
-                range.end = range.start;
-                found = true;
-            });
-        }
+        self.fills(ray, range.clone(), (near, rooms), |_, range| {
+            range.end = range.start;
+            found = true;
+        });
         found
     }
 
@@ -186,13 +181,14 @@ impl Accelerator<'_> {
         ends: impl Iterator<Item = f64>,
         workspace: &mut Workspace,
     ) -> Near {
-        let none = || Near::Few(SmallVec::new());
-        if self.seals.is_empty() {
-            return none();
-        }
-        let until = ends.fold(f64::NEG_INFINITY, f64::max);
+        // Where nothing is sealed the ends are not looked at.
+        let until = if self.seals.is_empty() {
+            f64::NEG_INFINITY
+        } else {
+            ends.fold(f64::NEG_INFINITY, f64::max)
+        };
         if until == f64::NEG_INFINITY {
-            return none();
+            return Near::Few(SmallVec::new());
         }
         self.instructions.run(Gaps {
             accelerator: self,
@@ -211,9 +207,6 @@ impl Accelerator<'_> {
         rooms: Rooms<'_>,
         hits: &mut Vec<Hit>,
     ) {
-        if self.seals.is_empty() {
-            return;
-        }
         let mut fills: Vec<Fill> = Vec::new();
         let tell = |fill, _: &mut _| fills.push(fill);
         self.fills(ray, range.clone(), (&Near::All, rooms), tell);
@@ -237,6 +230,9 @@ impl Accelerator<'_> {
         (near, (top_stack, stack, _)): (&Near, Rooms<'_>),
         mut tell: impl FnMut(Fill, &mut Range<f64>),
     ) {
+        if self.seals.is_empty() {
+            return;
+        }
         let way = ray.direction.length_squared();
         if !(way > 0.0 && way.is_finite() && ray.origin.is_finite()) {
             return;
