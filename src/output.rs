@@ -267,7 +267,7 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
     let opaque = film.colors().iter().all(|c| c[3] >= 1.0);
     let channels = if opaque { 3 } else { 4 };
     // PNG wants colours that are not multiplied by the coverage.
-    let values = film.colors().iter().flat_map(|&[r, g, b, a]| {
+    let values = film.colors().par_iter().flat_map_iter(|&[r, g, b, a]| {
         let scale = if a > 0.0 { a.recip() } else { 0.0 };
         let srgb = encoded(Vec3::new(r, g, b) * scale);
         [srgb.x, srgb.y, srgb.z, a.clamp(0.0, 1.0)]
@@ -287,7 +287,7 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
         ),
         PngDepth::Sixteen => (
             values
-                .flat_map(|v| quantize(v, 65535.0).to_ne_bytes())
+                .flat_map_iter(|v| quantize(v, 65535.0).to_ne_bytes())
                 .collect(),
             if opaque {
                 ExtendedColorType::Rgb16

@@ -114,10 +114,11 @@ fn paint_all(
             camera,
             DVec2::new(options.width.into(), options.height.into()),
         ),
+        places: places(options),
         options,
         found,
     };
-    let side = (TILE / painter.side()).max(LEAST_TILE);
+    let side = (TILE / samples(options)).max(LEAST_TILE);
     let mut film = options.film();
     let stats = film
         .tiles_mut(1 << side.ilog2())
@@ -154,6 +155,33 @@ fn pixels(tile: &FilmTile<'_>) -> impl Iterator<Item = (u32, u32)> + use<> {
     parts.flat_map(|(y, x)| y.flat_map(move |y| x.clone().map(move |x| (x, y))))
 }
 
+/// Colour samples along one side of a pixel.
+fn samples(options: &RenderOptions) -> u32 {
+    match options.shading {
+        Shading::None => 1,
+        _ => options.samples.max(1),
+    }
+}
+
+/// Where the rays of a pixel pass, in pixels from its upper left corner: on a grid that is turned so far that no two
+/// lie above or beside one another. So borders that are nearly upright or level have as many steps as a pixel has
+/// samples. The last is the middle, from which data channels come.
+fn places(options: &RenderOptions) -> Vec<DVec2> {
+    let n = samples(options);
+    let mut places: Vec<_> = (0..n * n)
+        .map(|k| {
+            let (column, row) = (k % n, k / n);
+            let cell = DVec2::new(f64::from(column), f64::from(row));
+            let within = DVec2::new(f64::from(n - 1 - row), f64::from(column)) + 0.5;
+            (cell + within / f64::from(n)) / f64::from(n)
+        })
+        .collect();
+    if options.data && n > 1 {
+        places.push(DVec2::splat(0.5));
+    }
+    places
+}
+
 type Pixel = ([f32; 4], PixelData);
 
 struct Painter<'a> {
@@ -161,6 +189,8 @@ struct Painter<'a> {
     integrator: Integrator<'a>,
     camera: &'a Camera,
     rays: FilmRays,
+    /// Of each pixel's rays, from its corner.
+    places: Vec<DVec2>,
     options: &'a RenderOptions,
     /// What the rays through the middles of all pixels meet, if that is known.
     found: Option<&'a [Option<Hit>]>,
@@ -172,14 +202,15 @@ impl Painter<'_> {
         let mut stats = RenderStats::default();
         let cells_before = workspace.cells_examined();
         let started = Instant::now();
-        let per_pixel = self.rays_per_pixel();
+        let per_pixel = self.places.len();
         let mut rays = Vec::new();
         let (width, height) = (tile.x.end - tile.x.start, tile.y.end - tile.y.start);
         rays.reserve((width * height) as usize * per_pixel);
         // Nested iterators are slow to step through from outside.
-        pixels(tile)
-            .flat_map(|(x, y)| self.places(x, y))
-            .for_each(|place| rays.push(self.rays.through(place)));
+        pixels(tile).for_each(|(x, y)| {
+            let corner = DVec2::new(f64::from(x), f64::from(y));
+            rays.extend(self.places.iter().map(|&place| self.rays.through(corner + place)));
+        });
         let mut hits = Vec::new();
         if let Some(found) = self.found {
             let row = self.options.width as usize;
@@ -211,48 +242,15 @@ impl Painter<'_> {
         stats
     }
 
-    /// Whether data channels need a ray of their own through the middle of the pixel.
-    fn central_ray(&self) -> bool {
-        self.options.data && self.options.samples > 1 && self.options.shading != Shading::None
-    }
-
-    /// Colour samples along one side of a pixel.
-    fn side(&self) -> u32 {
-        if self.options.shading == Shading::None {
-            1
-        } else {
-            self.options.samples.max(1)
-        }
-    }
-
-    fn rays_per_pixel(&self) -> usize {
-        (self.side() * self.side()) as usize + usize::from(self.central_ray())
-    }
-
-    /// Where the rays of a pixel pass, in pixels from the upper left corner of the film: on a
-    /// grid that is turned so far that no two lie above or beside one another. So borders that
-    /// are nearly upright or level have as many steps as a pixel has samples.
-    fn places(&self, x: u32, y: u32) -> impl Iterator<Item = DVec2> + use<> {
-        let n = self.side();
-        let corner = DVec2::new(f64::from(x), f64::from(y));
-        let samples = (0..n * n).map(move |k| {
-            let (column, row) = (k % n, k / n);
-            let cell = DVec2::new(f64::from(column), f64::from(row));
-            let within = DVec2::new(f64::from(n - 1 - row), f64::from(column)) + 0.5;
-            corner + (cell + within / f64::from(n)) / f64::from(n)
-        });
-        samples.chain(self.central_ray().then_some(corner + 0.5))
-    }
-
     /// Colour and data of a pixel from the hits of its rays and the light along them.
     fn develop(&self, hits: &[Option<Hit>], light: &[Radiance]) -> Pixel {
         let mut sum = Radiance::default();
-        let samples = (self.side() * self.side()) as usize;
-        for radiance in light.iter().take(samples) {
+        let samples = samples(self.options).pow(2);
+        for radiance in light.iter().take(samples as usize) {
             sum.color += radiance.color;
             sum.coverage += radiance.coverage;
         }
-        let mean = 1.0 / samples as f64;
+        let mean = f64::from(samples).recip();
         let color = (sum.color * mean)
             .extend(sum.coverage * mean)
             .as_vec4()
