@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use kernel::{Camera, Light, LightKind, Material, Ray, Scene};
+use kernel::{Camera, Child, Light, LightKind, Material, Ray, Scene};
 
 use crate::accelerator::{Accelerator, Start, Workspace};
 use crate::intersect::Hit;
@@ -52,6 +52,8 @@ pub(crate) struct Integrator<'a> {
     shading: Shading,
     /// Whether some material lets light through.
     transparent: bool,
+    /// Whether shapes have different materials.
+    mixed: bool,
     fallback: Material,
     size: f64,
 }
@@ -158,6 +160,7 @@ impl<'a> Integrator<'a> {
             ambient,
             shading,
             transparent: is_transparent(scene),
+            mixed: is_mixed(scene),
             fallback: Material::default(),
             size: accelerator.bounds().diagonal(),
         }
@@ -258,6 +261,10 @@ impl<'a> Integrator<'a> {
     /// What lies between a hit and where a ray goes on behind it, as it is nearer than rays leave a surface:
     /// other surfaces of other materials, from the ray's side on. Faces that meet at an edge are one layer there.
     fn touching(&self, ray: &Ray, hit: &Hit, workspace: &mut Workspace) -> Vec<Hit> {
+        let mut found = Vec::new();
+        if !self.mixed {
+            return found;
+        }
         let (next, _) = self.leave(ray, hit, ray.direction);
         let way = next.origin - hit.point;
         let length = way.length();
@@ -265,11 +272,11 @@ impl<'a> Integrator<'a> {
             origin: hit.point,
             direction: way / length,
         };
-        let mut found = Vec::new();
         let range = -COINCIDENT * hit.error..length;
-        self.accelerator.all(&across, range, workspace, &mut found);
+        self.accelerator
+            .others(hit, (&across, range), workspace, &mut found);
         let material = |hit: &Hit| self.accelerator.material(hit);
-        found.retain(|other| other.shape != hit.shape && material(other) != material(hit));
+        found.retain(|other| material(other) != material(hit));
         found
     }
 
@@ -491,6 +498,17 @@ fn is_transparent(scene: &Scene) -> bool {
     let mut materials = scene.materials().iter().chain(backs);
     let mut colors = scene.meshes().iter().flat_map(|mesh| mesh.colors());
     materials.any(|m| m.opacity < 1.0 || m.maps.opacity.is_some()) || colors.any(|c| c.w < 1.0)
+}
+
+/// Whether shapes have different materials.
+fn is_mixed(scene: &Scene) -> bool {
+    let children = scene.nodes().iter().flat_map(|node| &node.children);
+    let mut materials = children.filter_map(|child| match child {
+        Child::Item(item) => Some(scene.item_material(item)),
+        Child::Node(_) => None,
+    });
+    let first = materials.next();
+    materials.any(|material| Some(material) != first)
 }
 
 /// Direction to a light, distance, and the share of its colour that reaches `point`.

@@ -209,7 +209,11 @@ impl Painter<'_> {
         // Nested iterators are slow to step through from outside.
         pixels(tile).for_each(|(x, y)| {
             let corner = DVec2::new(f64::from(x), f64::from(y));
-            rays.extend(self.places.iter().map(|&place| self.rays.through(corner + place)));
+            rays.extend(
+                self.places
+                    .iter()
+                    .map(|&place| self.rays.through(corner + place)),
+            );
         });
         let mut hits = Vec::new();
         if let Some(found) = self.found {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DAffine3;
-use kernel::{Aabb, Child, KnotVector, NodeId, Patch, Scene, TrimRegion};
+use kernel::{Aabb, BezierSurface, Child, KnotVector, NodeId, Patch, Scene, TrimRegion};
 
 use rayon::prelude::*;
 
@@ -17,6 +17,9 @@ use crate::simd::Instructions;
 
 /// Shapes that one thread divides in one go.
 const ITEMS_OF_A_TASK: usize = 64;
+
+/// Pieces of a shape that one thread divides in one go.
+const PIECES_OF_A_TASK: usize = 256;
 
 /// Tasks of a thread of which the results wait to be put together.
 const TASKS_AT_ONCE: usize = 16;
@@ -281,9 +284,23 @@ fn divided(
             let map = &maps[item.map as usize];
             let moved = (*map != DAffine3::IDENTITY).then(|| patch.surface.transformed(map));
             let surface = moved.as_ref().unwrap_or(&patch.surface);
-            for piece in surface.bezier_pieces() {
-                parts.add(&piece, (number, halvings), trims);
+            let divide = |pieces: &[BezierSurface], parts: &mut Parts| {
+                for piece in pieces {
+                    parts.add(piece, (number, halvings), trims);
+                }
+            };
+            let pieces = surface.bezier_pieces();
+            if pieces.len() <= PIECES_OF_A_TASK {
+                divide(&pieces, &mut parts);
+                continue;
             }
+            let some = pieces.par_chunks(PIECES_OF_A_TASK).map(|pieces| {
+                let mut parts = Parts::default();
+                divide(pieces, &mut parts);
+                parts
+            });
+            let done: Vec<_> = some.collect();
+            done.into_iter().for_each(|some| parts.append(some));
         }
         parts
     };

@@ -137,7 +137,7 @@ impl Accelerator<'_> {
         places
     }
 
-    fn item(&self, hit: &Hit) -> &ClusterItem<'_> {
+    pub(super) fn item(&self, hit: &Hit) -> &ClusterItem<'_> {
         let (instance, item) = hit.place;
         let cluster = self.instances[instance as usize].cluster;
         &self.clusters[cluster as usize].items[item as usize]

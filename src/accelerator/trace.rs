@@ -4,15 +4,15 @@ use std::marker::PhantomData;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
-use kernel::Ray;
+use kernel::{MaterialId, Ray};
 
 use super::block::{Block, Encounter};
 use super::cells::Piece;
 use super::seal::Near;
 use super::tree::{LocalRay, Visitor, WIDTH};
-use super::{Accelerator, Cluster, Instance, ItemShape, Workspace};
+use super::{Accelerator, Cluster, ClusterItem, Instance, ItemShape, Workspace};
 use crate::intersect::net::evaluate_at;
-use crate::intersect::newton::UNIQUE;
+use crate::intersect::newton::{Newton, UNIQUE};
 use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Intersector, Line, Root, Scratch, Target, Touch};
 use crate::simd::Portable;
@@ -96,10 +96,37 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         hits: &mut Vec<Hit>,
     ) {
-        let mut found = All(std::mem::take(&mut workspace.candidates));
-        found.0.clear();
-        self.search::<I>(ray, range.clone(), workspace.rooms(), &mut found);
-        let candidates = found.0;
+        self.gather::<I>(ray, range.clone(), (None, workspace), hits);
+        self.sealed_all(ray, &range, workspace.rooms(), hits);
+    }
+
+    /// Replaces `hits` by those on shapes of other materials than that of `hit`, from near to far; gaps are none.
+    pub(crate) fn others(
+        &self,
+        hit: &Hit,
+        (ray, range): (&Ray, Range<f64>),
+        workspace: &mut Workspace,
+        hits: &mut Vec<Hit>,
+    ) {
+        let but = Some(self.item(hit).material);
+        self.gather::<Newton>(ray, range, (but, workspace), hits);
+    }
+
+    /// Replaces `hits` by those on shapes, of all materials `but` one, from near to far.
+    fn gather<I: Intersector>(
+        &self,
+        ray: &Ray,
+        range: Range<f64>,
+        (but, workspace): (Option<Option<MaterialId>>, &mut Workspace),
+        hits: &mut Vec<Hit>,
+    ) {
+        let mut found = All {
+            candidates: std::mem::take(&mut workspace.candidates),
+            but,
+        };
+        found.candidates.clear();
+        self.search::<I>(ray, range, workspace.rooms(), &mut found);
+        let candidates = found.candidates;
         hits.clear();
         hits.extend(
             candidates
@@ -117,7 +144,6 @@ impl Accelerator<'_> {
         for hit in hits.iter_mut() {
             *hit = hit.settled(ray);
         }
-        self.sealed_all(ray, &range, workspace.rooms(), hits);
     }
 
     /// Offers every candidate in `range` to `collector`.
@@ -198,6 +224,12 @@ pub(super) fn settle(
 pub(super) trait Collector {
     /// Takes a candidate in `range`; may lower its end, and says whether to go on.
     fn take(&mut self, candidate: Candidate, range: &mut Range<f64>) -> bool;
+
+    /// Whether candidates of a shape are looked for.
+    #[inline(always)]
+    fn wants(&self, _: &ClusterItem<'_>) -> bool {
+        true
+    }
 }
 
 /// Keeps the nearest, or stops at the first.
@@ -224,13 +256,20 @@ impl Collector for Nearest {
     }
 }
 
-/// Keeps all.
-struct All(Vec<Candidate>);
+/// Keeps all, of all materials but one.
+struct All {
+    candidates: Vec<Candidate>,
+    but: Option<Option<MaterialId>>,
+}
 
 impl Collector for All {
     fn take(&mut self, candidate: Candidate, _: &mut Range<f64>) -> bool {
-        self.0.push(candidate);
+        self.candidates.push(candidate);
         true
+    }
+
+    fn wants(&self, item: &ClusterItem<'_>) -> bool {
+        self.but != Some(item.material)
     }
 }
 
@@ -334,6 +373,9 @@ impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
         let Self { cluster, ray, .. } = self;
         let cell = &block.cells[encounter.slot];
         let piece = &cluster.pieces.pieces[cell.piece as usize];
+        if !self.collector.wants(&cluster.items[piece.item as usize]) {
+            return true;
+        }
         let (rect, stray) = (cell.rect(), f64::from(encounter.stray));
         let target = Target {
             piece: cluster.pieces.net(piece),
@@ -395,7 +437,14 @@ impl<C: Collector> Visitor for TriangleVisitor<'_, C> {
     #[inline(always)]
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
         for number in self.cluster.triangle_tree.leaf(number) {
-            let hit = self.ray.meet(&self.cluster.triangles[number].corners);
+            let triangle = &self.cluster.triangles[number];
+            if !self
+                .collector
+                .wants(&self.cluster.items[triangle.item as usize])
+            {
+                continue;
+            }
+            let hit = self.ray.meet(&triangle.corners);
             let Some((t, barycentric)) = hit.filter(|(t, _)| range.contains(t)) else {
                 continue;
             };
