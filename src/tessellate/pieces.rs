@@ -298,9 +298,17 @@ impl<'a> Pieces<'a> {
         [rows, columns]: [Range<usize>; 2],
         each: impl Fn(usize, usize) -> Spread,
     ) -> Spread {
-        let all = rows.flat_map(|i| columns.clone().map(move |j| (i, j)));
-        let spreads = all.map(|(i, j)| each(i, j));
-        spreads.reduce(Spread::union).unwrap_or_default()
+        let mut joint: Option<Spread> = None;
+        for i in rows {
+            for j in columns.clone() {
+                let spread = each(i, j);
+                match &mut joint {
+                    Some(joint) => joint.include(&spread),
+                    none => *none = Some(spread),
+                }
+            }
+        }
+        joint.unwrap_or_default()
     }
 
     fn piece(&self, i: usize, j: usize) -> &Piece {

@@ -15,24 +15,20 @@ impl Ball {
         self.center.length() + self.radius
     }
 
-    /// The least ball around two.
-    pub(super) fn union(self, other: Self) -> Self {
-        let (way, distance) = (
-            other.center - self.center,
-            other.center.distance(self.center),
-        );
+    /// Becomes the least ball around itself and another.
+    fn include(&mut self, other: &Self) {
+        let way = other.center - self.center;
+        let distance = way.length();
         if distance + other.radius <= self.radius {
-            return self;
+            return;
         }
         if distance + self.radius <= other.radius {
-            return other;
+            *self = *other;
+            return;
         }
         let radius = 0.5 * (distance + self.radius + other.radius);
-        let share = (radius - self.radius) / distance;
-        Self {
-            center: self.center + way * share,
-            radius,
-        }
+        self.center += way * ((radius - self.radius) / distance);
+        self.radius = radius;
     }
 }
 
@@ -47,14 +43,13 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    pub(super) fn union(self, other: Self) -> Self {
-        Self {
-            du: self.du.union(other.du),
-            dv: self.dv.union(other.dv),
-            duu: self.duu.union(other.duu),
-            duv: self.duv.union(other.duv),
-            dvv: self.dvv.union(other.dvv),
-        }
+    /// Becomes where the derivatives are over two rectangles.
+    pub(super) fn include(&mut self, other: &Self) {
+        self.du.include(&other.du);
+        self.dv.include(&other.dv);
+        self.duu.include(&other.duu);
+        self.duv.include(&other.duv);
+        self.dvv.include(&other.dvv);
     }
 
     /// The second directional derivative along `d`, which is a parameter step within a rectangle
