@@ -3,7 +3,7 @@
 //! Files say little about bodies, so they are found: faces of one group whose borders meet belong
 //! together, and they are a body if every border meets another one and rays cross them an even
 //! number of times; of what is left, those that are a closed shell of triangles and pass the same
-//! test. The same rays tell for each face which side is outside, whatever way its parameters run. What lies in a body is another one, unless the file says that it is a void.
+//! test; and of what then is left, those of which the file says that they bound a solid. The same rays tell for each face which side is outside, whatever way its parameters run. What lies in a body is another one, unless the file says that it is a void.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::OnceLock;
@@ -22,8 +22,9 @@ mod voids;
 use contact::{Connected, connected};
 use voids::Place;
 
-/// What gaps between the faces of a body may let out, as a share of its area.
-const LEAK: f64 = 1e-4;
+/// What gaps between the faces of a body may let out, as a share of its area; and where the file says that they
+/// are closed.
+const LEAK: [f64; 2] = [1e-4, 1e-2];
 
 /// What has been measured, in the unit of the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -148,7 +149,7 @@ struct Face {
     placement: usize,
     /// The innermost group around it.
     group: Option<NodeId>,
-    /// Where in a solid with voids it is.
+    /// Where in a solid of the file it is.
     place: Option<Place>,
     /// The name of a body that it belongs to.
     name: String,
@@ -271,22 +272,30 @@ fn parts<'a>(scene: &Scene, placements: &[Placement], groups: &[Vec<&'a Face>]) 
     let mut measured = measure(&parts);
     let loose = parts.iter().zip(&measured);
     let loose = loose.filter(|(_, part)| part.body.is_none());
-    let loose: Vec<&Face> = loose.flat_map(|(part, _)| part.faces.clone()).collect();
-    if !loose.is_empty() {
-        let shells = shells::closed(scene, placements, &loose);
-        let found = measure(&shells).into_iter().zip(&shells);
+    let mut loose: Vec<&Face> = loose.flat_map(|(part, _)| part.faces.clone()).collect();
+    // The bodies among shells of loose faces, which then are none.
+    let bodies = |shells: &[Connected<'a>], loose: &mut Vec<&Face>| {
+        let found = measure(shells).into_iter().zip(shells);
         let (bodies, used): (Vec<_>, Vec<_>) =
             found.filter(|(part, _)| part.body.is_some()).unzip();
-        if !bodies.is_empty() {
-            let used = used.iter().flat_map(|shell| &shell.faces);
-            let used: HashSet<u32> = used.map(|face| face.number).collect();
-            let rest = loose
-                .into_iter()
-                .filter(|face| !used.contains(&face.number));
-            measured.retain(|part| part.body.is_some());
-            measured.extend(bodies);
-            measured.extend(measure(&connected(&rest.collect::<Vec<_>>())));
-        }
+        let used = used.iter().flat_map(|shell| &shell.faces);
+        let used: HashSet<u32> = used.map(|face| face.number).collect();
+        loose.retain(|face| !used.contains(&face.number));
+        bodies
+    };
+    let before = loose.len();
+    let mut found = Vec::new();
+    if !loose.is_empty() {
+        found.extend(bodies(
+            &shells::closed(scene, placements, &loose),
+            &mut loose,
+        ));
+        found.extend(bodies(&voids::declared(groups, &loose), &mut loose));
+    }
+    if loose.len() < before {
+        measured.retain(|part| part.body.is_some());
+        measured.extend(found);
+        measured.extend(measure(&connected(&loose)));
     }
     measured.sort_by_key(|part| part.first);
     measured
@@ -297,7 +306,7 @@ struct Part<'a> {
     /// Number of the first one.
     first: u32,
     faces: usize,
-    /// Where in a solid with voids all of them are.
+    /// Where in a solid of the file all of them are.
     place: Option<&'a Place>,
     bounds: Aabb,
     sum: Integrals,
@@ -333,7 +342,9 @@ impl<'a> Part<'a> {
             sum.plus(face, *sign)
         });
         let leak = sum.normal().length();
-        let is_body = sides.is_some() && leak <= LEAK * sum.area() && sum.volume() > 0.0;
+        let most_leak = LEAK[usize::from(part.is_declared)] * sum.area();
+        let is_body = sides.is_some() && leak <= most_leak && sum.volume() > 0.0;
+        let uneven = (sum.volumes() - sum.volume()).abs().max_element();
         let turned = signs.iter().filter(|sign| **sign < 0.0).count();
         let body = is_body.then(|| Body {
             name: faces[0].name.clone(),
@@ -351,7 +362,7 @@ impl<'a> Part<'a> {
             area: sum.area(),
             area_error: sum.area_error(),
             volume: sum.volume(),
-            volume_error: sum.volume_error() + leak * bounds.diagonal() * 0.5,
+            volume_error: sum.volume_error() + leak * bounds.diagonal() * 0.5 + uneven,
             centroid: origin + sum.moment() / sum.volume(),
             inertia: inertia(&sum),
         });
@@ -359,7 +370,11 @@ impl<'a> Part<'a> {
         Self {
             first: faces[0].number,
             faces: faces.len(),
-            place: place.filter(|_| faces.iter().all(|face| face.place.as_ref() == place)),
+            place: place.filter(|place| {
+                faces
+                    .iter()
+                    .all(|face| place.is_beside(face.place.as_ref()))
+            }),
             bounds,
             sum,
             body,

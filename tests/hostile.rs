@@ -130,6 +130,19 @@ fn try_all(folders: &[&str], count: usize) {
 }
 
 #[test]
+fn pointers_to_files_elsewhere_are_told() {
+    let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a21\nsize 12345\n";
+    let options = ReadOptions {
+        limits: &Limits::default(),
+        resolver: &NoFiles,
+    };
+    for ending in ["igs", "obj", "wrl", "x3d"] {
+        let error = read(pointer.as_bytes(), Some(ending), &options).unwrap_err();
+        assert!(error.to_string().contains("git lfs pull"), "{error}");
+    }
+}
+
+#[test]
 fn solids_with_pictures_are_read_at_once_however_many() {
     let mut text = "#X3D V3.3 utf8\nPROFILE Immersive\nShape { geometry Box { } appearance \
         DEF A Appearance { texture PixelTexture { image 1 1 1 0x80 } } }\n"

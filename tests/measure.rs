@@ -111,6 +111,57 @@ fn voids_of_a_solid_are_not_of_its_body() {
     assert_eq!(found.total().map(|all| all.volume), Some(body.volume));
 }
 
+#[test]
+fn shells_that_the_file_calls_closed_are_bodies_in_spite_of_gaps() {
+    // A cube of which the lid is too high by this.
+    let gap = 0.01;
+    let lid = DVec3::Z * (1.0 + gap);
+    let [x, y, z] = DVec3::AXES;
+    let sides = [
+        (DVec3::ZERO, y, x),
+        (lid, x, y),
+        (DVec3::ZERO, x, z),
+        (y, z, x),
+        (DVec3::ZERO, z, y),
+        (x, y, z),
+    ];
+    for is_solid in [false, true] {
+        let mut scene = Scene::default();
+        let patches = sides.map(|(corner, u, v)| {
+            let plane = modelling::plane(corner, u, v, 0.0..1.0, 0.0..1.0);
+            scene.add_patch(plane.expect("a plane").into())
+        });
+        let item = |id: Result<_, _>| {
+            Child::Item(Item {
+                shape: Shape::Patch(id.expect("few patches")),
+                material: None,
+            })
+        };
+        let shell = Node {
+            children: patches.map(item).to_vec(),
+            ..Node::default()
+        };
+        let shell = scene.add_node(shell).expect("its patches are there");
+        let solid = Node {
+            children: vec![Child::Node(shell)],
+            is_solid,
+            ..Node::default()
+        };
+        let solid = scene.add_node(solid).expect("its shell is there");
+        scene.set_root(solid).expect("it is there");
+        let found = measure(&scene);
+        assert_eq!(found.open_faces, if is_solid { 0 } else { 6 });
+        for body in &found.bodies {
+            assert_eq!((body.faces, body.turned), (6, 0));
+            let off = (body.volume - (1.0 + 0.5 * gap)).abs();
+            assert!(
+                off <= body.volume_error && body.volume_error < 0.1,
+                "{body:?}"
+            );
+        }
+    }
+}
+
 /// A square face, the outline of which is a curve of many short pieces.
 fn tile(corner: DVec3, u: DVec3, v: DVec3) -> Patch {
     let corners = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];

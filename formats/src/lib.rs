@@ -193,6 +193,9 @@ pub fn read(
 const GROWTH: usize = 100;
 const GROWTH_FREE: usize = 16 << 20;
 
+/// How files begin that Git LFS leaves in place of large ones.
+const LFS: &[u8] = b"version https://git-lfs.github.com/spec/";
+
 /// The content of a file, of no more than so many bytes, with gzip compression undone, if there
 /// is one.
 fn plain(bytes: &[u8], limit: usize) -> Result<Cow<'_, [u8]>, Problem> {
@@ -228,6 +231,10 @@ fn read_plain(
 ) -> Result<Import, Error> {
     if bytes.is_empty() {
         return Err(unknown(Problem::Invalid("it is empty".to_owned())));
+    }
+    if bytes.starts_with(LFS) {
+        let text = "it only points to a file in Git LFS; \"git lfs pull\" fetches that";
+        return Err(unknown(Problem::Invalid(text.to_owned())));
     }
     let by_content = FORMATS.iter().find(|format| (format.sniff)(bytes));
     let by_name = || {

@@ -78,6 +78,11 @@ impl Integrals {
         self.errors.number(1)
     }
 
+    /// The volume of a closed body three times, by what of its normals is along each axis; gaps make them differ.
+    pub fn volumes(&self) -> DVec3 {
+        self.sums.vector(17)
+    }
+
     /// The integral of the normal; it vanishes for closed bodies.
     pub fn normal(&self) -> DVec3 {
         self.sums.vector(2)

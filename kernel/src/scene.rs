@@ -118,6 +118,8 @@ pub struct Node {
     pub children: Vec<Child>,
     /// Curves and points inside.
     pub wires: Vec<WireId>,
+    /// Whether the file says that each child is a closed shell of a solid.
+    pub is_solid: bool,
     /// How many of the last children are shells of voids in the solid that the others bound.
     pub voids: usize,
 }
@@ -129,6 +131,7 @@ impl Default for Node {
             parent_from_node: DAffine3::IDENTITY,
             children: Vec::new(),
             wires: Vec::new(),
+            is_solid: false,
             voids: 0,
         }
     }

@@ -174,7 +174,12 @@ impl MeshArgs {
                 ("--quantize".to_owned(), "leave it out or allow more")
             } else {
                 let what = format!("the 32-bit precision of {format}");
-                (what, "allow more, or write .obj with --triangles")
+                let advice = if scene.patches().is_empty() {
+                    "allow more, or write .obj"
+                } else {
+                    "allow more, or write .obj with --triangles"
+                };
+                (what, advice)
             };
             bail!(
                 "{what} moves points by up to {rounding:.3e}, too much for a tolerance of \

@@ -40,6 +40,8 @@ pub(super) struct Connected<'a> {
     pub(super) faces: Vec<&'a Face>,
     /// Whether every border meets another one.
     pub(super) is_closed: bool,
+    /// Whether the file says so, and nothing else.
+    pub(super) is_declared: bool,
 }
 
 /// The faces in sets that hang together, in the order of their first faces.
@@ -55,6 +57,7 @@ pub(super) fn connected<'a>(faces: &[&'a Face]) -> Vec<Connected<'a>> {
         Connected {
             faces: members.iter().map(|&k| faces[k]).collect(),
             is_closed: alone <= all * OPEN,
+            is_declared: false,
         }
     };
     sets.members().into_iter().map(set).collect()

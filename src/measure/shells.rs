@@ -48,6 +48,7 @@ pub(super) fn closed<'a>(
         result.extend((0..count).map(|place| Connected {
             faces: lists.iter().map(|list| list[place]).collect(),
             is_closed: true,
+            is_declared: false,
         }));
     }
     result

@@ -1,26 +1,36 @@
-//! Voids of solids, where the file says that shells bound them.
+//! Solids of which the file says that shells bound them, and their voids.
+
+use std::collections::HashMap;
 
 use kernel::{Aabb, Child, NodeId, Placement, Scene};
 
-use super::{Body, Part};
+use super::contact::Connected;
+use super::{Body, Face, Part};
 
 /// How far the box of a void may be outside of that of its body, as a share of the size.
 const OUTSIDE: f64 = 1e-6;
 
-/// Where in a solid with voids a face is.
-#[derive(Clone, Debug, PartialEq)]
+/// Where in a solid of the file a face is.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Place {
     /// The nodes from the root down to the solid.
     solid: Vec<NodeId>,
-    /// Whether the face bounds a void.
+    /// Which of its shells the face belongs to.
+    shell: usize,
+    /// Whether that bounds a void.
     is_void: bool,
 }
 
 impl Place {
-    /// In the innermost solid with voids around a shape; `None` if there is none.
+    /// Whether another one is in the same solid, or in a void of it as this one is.
+    pub(super) fn is_beside(&self, other: Option<&Self>) -> bool {
+        other.is_some_and(|other| (&self.solid, self.is_void) == (&other.solid, other.is_void))
+    }
+
+    /// In the innermost solid around a shape; `None` if there is none.
     pub(super) fn of(scene: &Scene, placement: &Placement) -> Option<Self> {
         let path = &placement.path;
-        let at = path.iter().rposition(|&id| scene.node(id).voids > 0)?;
+        let at = path.iter().rposition(|&id| scene.node(id).is_solid)?;
         let node = scene.node(path[at]);
         let is_way = |child: &Child| match (child, path.get(at + 1)) {
             (Child::Node(id), Some(next)) => id == next,
@@ -30,9 +40,38 @@ impl Place {
         let way = node.children.iter().position(is_way)?;
         Some(Self {
             solid: path[..=at].to_vec(),
+            shell: way,
             is_void: node.is_void(way),
         })
     }
+}
+
+/// The shells of solids of which all faces are `loose` ones: their faces meet at gaps, and the file says that they
+/// are closed.
+pub(super) fn declared<'a>(all: &[Vec<&'a Face>], loose: &[&'a Face]) -> Vec<Connected<'a>> {
+    let mut counts: HashMap<&Place, usize> = HashMap::new();
+    for place in all.iter().flatten().filter_map(|face| face.place.as_ref()) {
+        *counts.entry(place).or_default() += 1;
+    }
+    let mut shells: Vec<(&Place, Vec<&Face>)> = Vec::new();
+    let mut numbers: HashMap<&Place, usize> = HashMap::new();
+    for &face in loose {
+        let Some(place) = &face.place else { continue };
+        let number = *numbers.entry(place).or_insert(shells.len());
+        if number == shells.len() {
+            shells.push((place, Vec::new()));
+        }
+        shells[number].1.push(face);
+    }
+    let whole = shells
+        .into_iter()
+        .filter(|(place, faces)| counts[place] == faces.len());
+    let shell = |(_, faces)| Connected {
+        faces,
+        is_closed: true,
+        is_declared: true,
+    };
+    whole.map(shell).collect()
 }
 
 /// The bodies, each without its voids: a void belongs to the smallest body of its solid that is

@@ -7,6 +7,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Mesh, Patch, PatchId, Scene, Seam, Shape};
 use rayon::prelude::*;
 
+use super::calm::calmed;
 use super::chains::Chains;
 use super::face::Triangles;
 use super::rim::Face;
@@ -147,11 +148,26 @@ impl Group {
                 .map_or(f64::INFINITY, |most| most / self.scale),
             room,
         };
-        let patches: Vec<&Patch> = self.members.iter().map(|&id| scene.patch(id)).collect();
+        let members = self.members.par_iter();
+        let calm: Vec<_> = members
+            .map(|&id| calmed(scene.patch(id), tolerances[id.index()] / self.scale))
+            .collect();
+        let pairs = self.members.iter().zip(&calm);
+        let patches: Vec<&Patch> = pairs
+            .map(|(&id, calm)| calm.as_ref().map_or(scene.patch(id), |calm| &calm.0))
+            .collect();
+        let moved: Vec<f64> = calm
+            .iter()
+            .map(|calm| calm.as_ref().map_or(0.0, |calm| calm.1))
+            .collect();
         let faces: Vec<Face<'_>> = self
             .members
             .par_iter()
-            .map(|&id| Face::new(scene.patch(id), tolerances[id.index()] / self.scale))
+            .zip(&patches)
+            .zip(&moved)
+            .map(|((id, patch), moved)| {
+                Face::new(patch, tolerances[id.index()] / self.scale - moved)
+            })
             .collect();
         let rims: Vec<_> = faces
             .par_iter()
@@ -173,7 +189,13 @@ impl Group {
         };
         if gone.is_empty() {
             let proven = chains.edge_bounds();
-            return Some(self.finish(&patches, &faces, &parts, &proven, crossings));
+            let mut done = self.finish(&patches, &faces, &parts, &proven, crossings);
+            for (face, moved) in done.faces.iter_mut().zip(moved) {
+                face.tolerance += moved;
+                face.proven += moved;
+                face.sampled += moved;
+            }
+            return Some(done);
         }
         let is_gone = |k: &usize| gone.binary_search(k).is_ok();
         let rest: Vec<usize> = (0..faces.len()).filter(|k| !is_gone(k)).collect();

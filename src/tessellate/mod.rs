@@ -9,6 +9,7 @@
 //! the parameters that belong to it, and every point of a face is within `proven` of a triangle.
 
 mod bounds;
+mod calm;
 mod chains;
 mod cone;
 pub(crate) mod deviation;

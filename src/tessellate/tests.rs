@@ -10,7 +10,7 @@ use super::trail::Trail;
 use super::*;
 
 /// A scene that shows patches as they are.
-fn scene(patches: Vec<Patch>) -> Scene {
+pub(super) fn scene(patches: Vec<Patch>) -> Scene {
     let count = patches.len();
     shown(patches, &[(DVec3::ZERO, count)])
 }

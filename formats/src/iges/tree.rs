@@ -265,10 +265,10 @@ impl<'a, 'b> Tree<'a, 'b> {
                 node.children = self.members(index, members, color, depth);
             }
             Content::Solid(shell, voids) => {
-                node.children = self.members(index, &[*shell], color, depth);
+                let shell = self.members(index, &[*shell], color, depth);
                 let voids = self.members(index, voids, color, depth);
-                node.voids = voids.len();
-                node.children.extend(voids);
+                (node.is_solid, node.voids) = (true, voids.len());
+                node.children = [shell, voids].concat();
             }
             Content::Placed(members) => {
                 for &(member, matrix) in members {

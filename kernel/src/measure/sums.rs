@@ -5,13 +5,14 @@ use std::ops::{Add, AddAssign, Mul, Sub};
 use glam::DVec3;
 
 /// How many integrals there are.
-const COUNT: usize = 17;
+const COUNT: usize = 20;
 
 /// Integrals over a part of a surface.
 ///
 /// 0: area. 1: volume of the cone to the origin. 2 to 4: the normal. 5 to 7: the place.
 /// 8 to 10: first, 11 to 16: second moments of the volume (xx, yy, zz, xy, yz, zx), each as the
-/// flux of a field with that divergence, so that they hold for whole bodies.
+/// flux of a field with that divergence, so that they hold for whole bodies. 17 to 19: the volume, as the flux along
+/// each axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sums([f64; COUNT]);
 
@@ -41,6 +42,9 @@ impl Sums {
             x * x * y * n.x * 0.5,
             y * y * z * n.y * 0.5,
             z * z * x * n.z * 0.5,
+            x * n.x,
+            y * n.y,
+            z * n.z,
         ])
     }
 
@@ -48,7 +52,7 @@ impl Sums {
     pub(super) fn tolerance(size: f64, share: f64) -> Self {
         let power = |k: usize| match k {
             0 | 2..=4 => size.powi(2),
-            1 | 5..=7 => size.powi(3),
+            1 | 5..=7 | 17.. => size.powi(3),
             8..=10 => size.powi(4),
             _ => size.powi(5),
         };
