@@ -144,7 +144,7 @@ fn shells_that_the_file_calls_closed_are_bodies_in_spite_of_gaps() {
         let shell = scene.add_node(shell).expect("its patches are there");
         let solid = Node {
             children: vec![Child::Node(shell)],
-            is_solid,
+            voids: is_solid.then_some(0),
             ..Node::default()
         };
         let solid = scene.add_node(solid).expect("its shell is there");

@@ -97,7 +97,8 @@ impl Import {
 
 /// Notes the solids of which some shells bound voids.
 pub(crate) fn tell_voids(scene: &Scene, warnings: &mut Warnings) {
-    for node in scene.nodes().iter().filter(|node| node.voids > 0) {
+    let has_voids = |node: &&Node| node.voids.is_some_and(|count| count > 0);
+    for node in scene.nodes().iter().filter(has_voids) {
         let place = Place::item(0, format!("node \"{}\"", node.name));
         let text = "that shells bound voids of a solid is not written; they are shells like others";
         warnings.unsupported(place, text);

@@ -118,10 +118,9 @@ pub struct Node {
     pub children: Vec<Child>,
     /// Curves and points inside.
     pub wires: Vec<WireId>,
-    /// Whether the file says that each child is a closed shell of a solid.
-    pub is_solid: bool,
-    /// How many of the last children are shells of voids in the solid that the others bound.
-    pub voids: usize,
+    /// How many of the last children are closed shells of voids in a solid that the others bound; `None` if the file
+    /// does not call the node a solid.
+    pub voids: Option<usize>,
 }
 
 impl Default for Node {
@@ -131,8 +130,7 @@ impl Default for Node {
             parent_from_node: DAffine3::IDENTITY,
             children: Vec::new(),
             wires: Vec::new(),
-            is_solid: false,
-            voids: 0,
+            voids: None,
         }
     }
 }
@@ -140,7 +138,8 @@ impl Default for Node {
 impl Node {
     /// Whether child number `k` is the shell of a void.
     pub fn is_void(&self, k: usize) -> bool {
-        k + self.voids >= self.children.len()
+        self.voids
+            .is_some_and(|count| k + count >= self.children.len())
     }
 }
 

@@ -30,7 +30,9 @@ impl Place {
     /// In the innermost solid around a shape; `None` if there is none.
     pub(super) fn of(scene: &Scene, placement: &Placement) -> Option<Self> {
         let path = &placement.path;
-        let at = path.iter().rposition(|&id| scene.node(id).is_solid)?;
+        let at = path
+            .iter()
+            .rposition(|&id| scene.node(id).voids.is_some())?;
         let node = scene.node(path[at]);
         let is_way = |child: &Child| match (child, path.get(at + 1)) {
             (Child::Node(id), Some(next)) => id == next,

@@ -267,7 +267,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             Content::Solid(shell, voids) => {
                 let shell = self.members(index, &[*shell], color, depth);
                 let voids = self.members(index, voids, color, depth);
-                (node.is_solid, node.voids) = (true, voids.len());
+                node.voids = Some(voids.len());
                 node.children = [shell, voids].concat();
             }
             Content::Placed(members) => {

@@ -296,8 +296,7 @@ impl<'a> Converter<'a> {
             parent_from_node: self.parent_from_node(index),
             children,
             wires,
-            is_solid: false,
-            voids: 0,
+            voids: None,
         });
         match made {
             Ok(id) => Made::Node(id),

@@ -270,9 +270,10 @@ impl TrimRegion {
         room: &mut usize,
     ) {
         let best = if members.len() > FEW && levels > 0 {
-            let cuts = [0, 1].map(|axis| self.cut(&cell, &members, axis));
-            let size = |c: &Cut| c.halves[0].len() + c.halves[1].len();
-            cuts.into_iter().flatten().min_by_key(size)
+            let mut places = [0, 1].map(|axis| self.place(&cell, &members, axis));
+            places.sort_by_key(|place| place.size);
+            let cuts = places.iter().map(|place| self.cut(&cell, &members, place));
+            cuts.flatten().next()
         } else {
             None
         };
@@ -315,12 +316,25 @@ impl TrimRegion {
         }
     }
 
-    /// The cut of a cell across `axis` between its members, if it helps.
-    fn cut(&self, cell: &Rect, members: &[u32], axis: usize) -> Option<Cut> {
-        let list = &self.segments.list;
-        let middle = |&k: &u32| list[k as usize].bounds().clipped(cell).center()[axis];
-        let mut middles: Vec<f64> = members.iter().map(middle).collect();
+    /// Where to cut a cell across `axis` between its members.
+    fn place(&self, cell: &Rect, members: &[u32], axis: usize) -> Place {
+        let bounds = |&k: &u32| self.segments.list[k as usize].bounds().clipped(cell);
+        let mut middles: Vec<f64> = members.iter().map(|k| bounds(k).center()[axis]).collect();
         let (_, &mut at, _) = middles.select_nth_unstable_by(members.len() / 2, f64::total_cmp);
+        let sides = members.iter().map(|k| {
+            let Rect { min, max } = bounds(k);
+            usize::from(min[axis] <= at) + usize::from(max[axis] >= at)
+        });
+        Place {
+            axis,
+            at,
+            size: sides.sum(),
+        }
+    }
+
+    /// The cut of a cell there, if it helps.
+    fn cut(&self, cell: &Rect, members: &[u32], place: &Place) -> Option<Cut> {
+        let Place { axis, at, .. } = *place;
         let margin = self.margin();
         let is_inside = cell.min[axis] + margin[axis] < at && at < cell.max[axis] - margin[axis];
         if !is_inside {
@@ -332,13 +346,21 @@ impl TrimRegion {
         let coefficients = self.segments.coefficients();
         let halves = parts.map(|part| -> Vec<u32> {
             let wide = part.grown(margin);
-            let touches = |k: &&u32| list[**k as usize].touches(coefficients, &wide);
-            members.iter().filter(touches).copied().collect()
+            let touches = |&k: &u32| self.segments.list[k as usize].touches(coefficients, &wide);
+            members.iter().copied().filter(touches).collect()
         });
         let helps = halves.iter().all(|h| h.len() < members.len());
         let axis = u8::from(axis == 1);
         helps.then_some(Cut { axis, at, halves })
     }
+}
+
+/// Where a cell may be cut.
+struct Place {
+    axis: usize,
+    at: f64,
+    /// How many members both halves have by their boxes.
+    size: usize,
 }
 
 /// A cut through a cell, and the members of both parts.

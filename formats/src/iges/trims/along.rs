@@ -1,5 +1,6 @@
 //! Whether curves of the parameter domain run along curves of space.
 
+use std::cell::OnceCell;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
@@ -62,15 +63,31 @@ impl Trimmer<'_> {
 
     /// Whether a curve runs between its ends farther than that beside a curve of space.
     pub(super) fn is_beside(&self, curve: &kernel::Curve<DVec2>, rail: &Rail, most: f64) -> bool {
-        let breaks = [rail.curve.knots().breaks()];
-        let space = Path::new(breaks.into_iter(), |_, t| rail.curve.evaluate(t));
         let breaks = curve.knots().breaks();
         let spans = breaks.windows(2).step_by(breaks.len().div_ceil(SPANS));
-        let mut points = spans
-            .flat_map(|span| places(span[0]..span[1]).skip(1))
-            .map(|t| curve.evaluate(t))
-            .filter(|uv| !self.is_on_seam(*uv));
-        points.any(|uv| !self.meets(&space, self.point(uv), most) && self.left.get() > 0)
+        let mut places = spans.flat_map(|span| places(span[0]..span[1]).skip(1));
+        let (own, other) = (curve.domain(), rail.curve.domain());
+        let path = OnceCell::new();
+        let path = || {
+            let breaks = || [rail.curve.knots().breaks()].into_iter();
+            path.get_or_init(|| Path::new(breaks(), |_, t| rail.curve.evaluate(t)))
+        };
+        places.any(|t| {
+            let uv = curve.evaluate(t);
+            if self.is_on_seam(uv) {
+                return false;
+            }
+            self.spend(POINT);
+            let point = self.point(uv);
+            // Most are at the same share of both curves, or of one of them turned.
+            let share = (t - own.start) / (own.end - own.start);
+            let mut shares = [share, 1.0 - share].into_iter();
+            let is_near = |share: f64| {
+                let t = other.start + (other.end - other.start) * share;
+                rail.curve.evaluate(t).distance(point) <= most
+            };
+            !shares.any(is_near) && !self.meets(path(), point, most) && self.left.get() > 0
+        })
     }
 
     /// Whether a path comes so near to a point, as long as there is work left to find out.
@@ -91,8 +108,7 @@ impl Trimmer<'_> {
             let turns = (uv[axis] - start) / (end - start);
             self.closed[axis] && (turns - turns.round()).abs() <= ACCURACY
         };
-        let point = self.point(uv);
-        let at_pole = |pole: &DVec3| pole.distance(point) <= self.accuracy;
+        let at_pole = |pole: &DVec3| pole.distance(self.point(uv)) <= self.accuracy;
         at_seam(0) || at_seam(1) || self.poles.iter().any(at_pole)
     }
 }
