@@ -1,12 +1,13 @@
 //! Options of `nurbray convert` for formats of triangles.
 
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use nurbray::convert::{Amount, MeshWriter};
 use nurbray::formats::{Place, Warnings};
 use nurbray::gltf::{Packing, Source};
-use nurbray::kernel::{Camera, Scene};
+use nurbray::kernel::{Camera, Child, Patch, PatchId, Scene, Shape};
 use nurbray::{Accuracy, Screen, TessellateOptions, Tessellation, Tolerance};
 use serde_json::{Value, json};
 
@@ -256,7 +257,8 @@ pub(super) fn report(triangles: &Tessellation, count: u64, rounding: f64) -> Val
     })
 }
 
-/// Names the faces of which no triangle is left, and those that may be farther away than asked for.
+/// Names the faces of which no triangle is left, those that may be farther away than asked for, and solids that are
+/// open.
 pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut Warnings) {
     for (patch, face) in scene.patches().iter().zip(&triangles.faces) {
         let Some(face) = face else { continue };
@@ -289,29 +291,86 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
             warnings.unsupported(place(), text);
         }
     }
+    for patch in open_solids(scene, triangles) {
+        let Patch { name, source, .. } = scene.patch(patch);
+        let place = Place::item(0, format!("the solid of {name} {source}"));
+        let text = "the file calls it closed, but sides of its triangles have no neighbour: faces are missing, or \
+                    farther apart than the tolerance; a larger --tolerance may close it";
+        warnings.unsupported(place, text);
+    }
+}
+
+/// The solids of the file of which triangles have sides without a neighbour, each by one of its faces.
+fn open_solids(scene: &Scene, triangles: &Tessellation) -> Vec<PatchId> {
+    let open = triangles.shells.iter().filter(|shell| shell.naked > 0);
+    let open: HashSet<_> = open.flat_map(|shell| &shell.patches).collect();
+    let nodes = scene.nodes();
+    // The solid that each node is in.
+    let mut inside: Vec<Option<usize>> = vec![None; nodes.len()];
+    let mut found = BTreeMap::new();
+    for (index, node) in nodes.iter().enumerate().rev() {
+        let solid = node.voids.map(|_| index).or(inside[index]);
+        for child in &node.children {
+            match (child, solid) {
+                (Child::Node(id), _) => inside[id.index()] = solid.or(inside[id.index()]),
+                (Child::Item(item), Some(solid)) => {
+                    if let Shape::Patch(id) = item.shape
+                        && open.contains(&id)
+                    {
+                        found.entry(solid).or_insert(id);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+    found.into_values().collect()
 }
 
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
     use nurbray::FaceMesh;
-    use nurbray::kernel::{Child, Item, Node, Shape, modelling};
+    use nurbray::kernel::{Item, Node, modelling};
 
     use super::*;
 
-    #[test]
-    fn faces_that_are_not_proven_are_named() {
+    /// A square, as a face of a solid if there is a count of its voids.
+    fn square(voids: Option<usize>) -> Scene {
         let mut scene = Scene::default();
         let (x, y) = (DVec3::X, DVec3::Y);
         let square = modelling::plane(DVec3::ZERO, x, y, 0.0..1.0, 0.0..1.0).unwrap();
         let shape = Shape::Patch(scene.add_patch(square.into()).unwrap());
-        let mut root = Node::default();
-        root.children.push(Child::Item(Item {
+        let item = Item {
             shape,
             material: None,
-        }));
+        };
+        let root = Node {
+            children: vec![Child::Item(item)],
+            voids,
+            ..Node::default()
+        };
         let root = scene.add_node(root).unwrap();
         scene.set_root(root).unwrap();
+        scene
+    }
+
+    #[test]
+    fn solids_with_open_triangles_are_named() {
+        for voids in [None, Some(0)] {
+            let scene = square(voids);
+            let made = nurbray::tessellate(&scene, &TessellateOptions::default()).unwrap();
+            let mut warnings = Warnings::default();
+            note_flaws(&scene, &made, &mut warnings);
+            let said = warnings.as_slice().first().map(ToString::to_string);
+            let is_named = said.is_some_and(|said| said.contains("the file calls it closed"));
+            assert_eq!(is_named, voids.is_some());
+        }
+    }
+
+    #[test]
+    fn faces_that_are_not_proven_are_named() {
+        let scene = square(None);
         let made = nurbray::tessellate(&scene, &TessellateOptions::default()).unwrap();
         let said = |change: fn(&mut FaceMesh)| {
             let mut made = made.clone();

@@ -36,19 +36,18 @@ pub(super) fn calmed(patch: &Patch, tolerance: f64) -> Option<(Patch, f64)> {
 /// Knots of which those inside that are almost one are one; `None` if there are none such.
 fn merged(knots: &KnotVector) -> Option<KnotVector> {
     let breaks = knots.breaks();
-    let mut list = knots.as_slice().to_vec();
-    let mut is_same = true;
+    let mut list = None;
     for w in breaks.windows(4) {
         let gaps = [w[1] - w[0], w[2] - w[1], w[3] - w[2]];
         let count = knots.multiplicity(w[1]) + knots.multiplicity(w[2]);
         if gaps[1] <= CLOSE * gaps[0].min(gaps[2]) && count <= knots.degree() {
-            list.iter_mut()
+            list.get_or_insert_with(|| knots.as_slice().to_vec())
+                .iter_mut()
                 .filter(|t| w[1] < **t && **t <= w[2])
                 .for_each(|t| *t = w[1]);
-            is_same = false;
         }
     }
-    (!is_same).then(|| KnotVector::new(knots.degree(), list).ok())?
+    KnotVector::new(knots.degree(), list?).ok()
 }
 
 /// The surface of the same control points over other knots along u, and how far it is from the old one at most: both
