@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use kernel::{Camera, Child, Light, LightKind, Material, Ray, Scene};
+use kernel::{Camera, Child, Light, Material, Ray, Scene};
 
 use crate::accelerator::{Accelerator, Start, Workspace};
 use crate::intersect::Hit;
+use crate::lights::{self, ActiveLight, arrival};
 use crate::look::Look;
 use crate::memory::reserve;
 
@@ -56,14 +57,6 @@ pub(crate) struct Integrator<'a> {
     mixed: bool,
     fallback: Material,
     size: f64,
-}
-
-#[derive(Debug)]
-struct ActiveLight {
-    /// Its direction is of length one, or zero if it has none.
-    light: Light,
-    /// Light from the camera itself throws no shadow that it could see.
-    shadows: bool,
 }
 
 /// What a light adds to the colour of a hit, and where it stands.
@@ -147,13 +140,9 @@ fn sort_by_depth(rays: &[Ray], layers: &mut [Layer]) {
 impl<'a> Integrator<'a> {
     pub(crate) fn new(accelerator: &'a Accelerator<'a>, camera: &Camera, shading: Shading) -> Self {
         let scene = accelerator.scene();
-        let mut lights = lights(scene, camera);
-        for ActiveLight { light, .. } in &mut lights {
-            if let LightKind::Directional { direction } = &mut light.kind {
-                *direction = direction.normalize_or_zero();
-            }
-        }
-        let ambient = lights.iter().map(|l| l.light.ambient).sum::<DVec3>() + AMBIENT;
+        let lights = lights::active(scene, camera);
+        let everywhere = lights.iter().filter(|active| active.scope.is_none());
+        let ambient = everywhere.map(|l| l.light.ambient).sum::<DVec3>() + AMBIENT;
         Self {
             accelerator,
             lights,
@@ -305,8 +294,11 @@ impl<'a> Integrator<'a> {
             pending.clear();
             for (number, (layer, look)) in layers.iter().zip(looks).enumerate() {
                 let (ray, hit) = (&rays[layer.ray], &layer.hit);
-                if self.opacity(look) <= 0.0 {
+                if self.opacity(look) <= 0.0 || !active.shines_on(hit.shape) {
                     continue;
+                }
+                if active.scope.is_some() {
+                    colors[number] += look.ambient * active.light.ambient;
                 }
                 let Some(lit) = self.lit(&facings[number], hit, look, &active.light) else {
                     continue;
@@ -509,77 +501,4 @@ fn is_mixed(scene: &Scene) -> bool {
     });
     let first = materials.next();
     materials.any(|material| Some(material) != first)
-}
-
-/// Direction to a light, distance, and the share of its colour that reaches `point`.
-fn arrival(light: &Light, point: DVec3) -> Option<(DVec3, f64, f64)> {
-    match light.kind {
-        LightKind::Directional { direction } => {
-            (direction != DVec3::ZERO).then_some((-direction, f64::INFINITY, 1.0))
-        }
-        LightKind::Point { position, falloff } => {
-            let reach = position.distance(point);
-            Some((
-                (position - point).try_normalize()?,
-                reach,
-                falloff.at(reach),
-            ))
-        }
-        LightKind::Spot {
-            position,
-            direction,
-            inner,
-            outer,
-            falloff,
-        } => {
-            let reach = position.distance(point);
-            let towards = (position - point).try_normalize()?;
-            let angle = direction
-                .try_normalize()?
-                .dot(-towards)
-                .clamp(-1.0, 1.0)
-                .acos();
-            let cone = if angle <= inner {
-                1.0
-            } else if angle >= outer {
-                0.0
-            } else {
-                (outer - angle) / (outer - inner)
-            };
-            Some((towards, reach, cone * falloff.at(reach)))
-        }
-    }
-}
-
-/// The scene's lights, or three good ones placed relative to the camera; and the headlight.
-fn lights(scene: &Scene, camera: &Camera) -> Vec<ActiveLight> {
-    let (right, up, forward) = (camera.right(), camera.up(), camera.forward());
-    let parallel = |direction: DVec3, brightness: f64, shadows| ActiveLight {
-        light: Light {
-            kind: LightKind::Directional { direction },
-            color: DVec3::splat(brightness),
-            ambient: DVec3::ZERO,
-        },
-        shadows,
-    };
-    if scene.lights.is_empty() {
-        return vec![
-            parallel(right * 0.7 - up * 0.9 + forward * 0.8, 0.80, true),
-            parallel(-right * 0.9 - up * 0.3 + forward * 0.6, 0.22, true),
-            parallel(-right * 0.3 - up * 0.7 - forward * 0.8, 0.25, true),
-            parallel(forward, 0.18, false),
-        ];
-    }
-    let mut lights: Vec<_> = scene
-        .lights
-        .iter()
-        .map(|&light| ActiveLight {
-            light,
-            shadows: true,
-        })
-        .collect();
-    if scene.headlight {
-        lights.push(parallel(forward, 1.0, false));
-    }
-    lights
 }

@@ -64,6 +64,7 @@ pub mod gltf;
 pub mod html;
 mod integrator;
 mod intersect;
+mod lights;
 mod look;
 mod losses;
 mod measure;

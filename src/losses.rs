@@ -32,6 +32,7 @@ pub(crate) const LACKED_BY_GLTF: &[Part] = &[
     BACKS,
     ATTENUATIONS,
     WIDE_CONES,
+    SCOPES,
     BACKGROUND,
 ];
 
@@ -114,6 +115,15 @@ const WIDE_CONES: Part = Part {
             _ => false,
         };
         lights.filter(is_wide).map(|_| "light".to_owned()).collect()
+    },
+};
+
+const SCOPES: Part = Part {
+    what: "bounds of lights that shine in one group only",
+    list: |scene| {
+        let lights = scene.lights.iter();
+        let local = lights.filter(|light| !light.scope.is_empty());
+        local.map(|_| "light".to_owned()).collect()
     },
 };
 

@@ -239,6 +239,7 @@ fn ambient_light_alone_gives_one_colour() {
         },
         color: DVec3::ZERO,
         ambient: added,
+        scope: Vec::new(),
     });
     let accelerator = Accelerator::build(&scene, &METHODS[0]);
     let eye = DVec3::new(3.0, -2.0, 5.0);

@@ -105,3 +105,41 @@ fn no_light_passes_what_is_opaque_behind_many_layers() {
         assert!((lit(panes, true) - dark).abs() < 1e-9, "{panes}");
     }
 }
+
+#[test]
+fn a_light_of_a_group_shines_on_what_is_in_it_and_nothing_else() {
+    let ball = |at: &str| {
+        format!(
+            "Transform {{ translation {at} children Shape {{ geometry Sphere {{ radius 0.4 }}\n\
+             appearance Appearance {{ material Material {{ ambientIntensity 0.5 }} }} }} }}\n"
+        )
+    };
+    // Two above in the group with the light, which stands there twice; one of polygons below.
+    let [left, right] = ["-0.45 0.45 0", "0.45 0.45 0"].map(ball);
+    let box_below = "Transform { translation 0 -0.45 0 children Shape { geometry Box { size 1 0.4 0.4 }\n\
+                     appearance Appearance { material Material { } } } }\n";
+    let light = "DirectionalLight { direction 0 0 -1 ambientIntensity 0.5 }";
+    let at = |pixels: &[[f32; 4]], x: usize, y: usize| pixels[24 * y + x][0];
+    let look = |text: &str| {
+        let pixels = picture(text);
+        [at(&pixels, 6, 6), at(&pixels, 18, 6), at(&pixels, 12, 18)]
+    };
+    let bits = |values: [f32; 3]| values.map(f32::to_bits);
+    let [none, _, none_below] = look(&format!("{left}{right}{box_below}"));
+    let all = look(&format!("{light}{left}{right}{box_below}"));
+    assert!(all[0] > none + 0.5 && all[2] > none_below + 0.5, "{all:?}");
+    let one = look(&format!(
+        "{right}Group {{ children [ {light} {left} ] }}{box_below}"
+    ));
+    assert_eq!(bits(one), bits([all[0], none, none_below]));
+    let below = look(&format!(
+        "{right}Group {{ children [ {light} {box_below} ] }}{left}"
+    ));
+    assert_eq!(bits(below), bits([none, none, all[2]]));
+    // The same group at two places, each with its own light.
+    let both = look(&format!(
+        "DEF G Group {{ children [ Group {{ children [ {light} {left} ] }} ] }}\n\
+         Transform {{ translation 0.9 0 0 children USE G }}{box_below}"
+    ));
+    assert_eq!(bits(both), bits([all[0], all[1], none_below]));
+}

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::Maps;
+use crate::{Maps, NodeId};
 
 /// A linear colour from the sRGB values that files and people write, 0 to 1 each.
 pub fn linear_from_srgb(color: DVec3) -> DVec3 {
@@ -126,7 +126,7 @@ impl Material {
 }
 
 /// A source of light in world coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// Kind and place.
     pub kind: LightKind,
@@ -134,6 +134,8 @@ pub struct Light {
     pub color: DVec3,
     /// What the light adds to the ambient light, as a colour.
     pub ambient: DVec3,
+    /// The nodes from the root down to the one in which alone it shines; none if it shines everywhere.
+    pub scope: Vec<NodeId>,
 }
 
 /// Kind and place of a light.

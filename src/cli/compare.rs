@@ -92,8 +92,11 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     let started = Instant::now();
     let bytes = args.read.bytes(&args.cad)?;
     let source = mesh::source(&args.cad, input::sha256(&bytes));
-    let loaded = args.read.understand(&args.cad, &bytes)?;
+    let mut loaded = args.read.understand(&args.cad, &bytes)?;
     drop(bytes);
+    // Triangles tell no groups: lights of one shine everywhere in all pictures.
+    let lights = loaded.import.scene.lights.iter_mut();
+    lights.for_each(|light| light.scope.clear());
     let import = &loaded.import;
     input::report_warnings(&args.cad, import.format, &import.warnings);
     let scene = &import.scene;

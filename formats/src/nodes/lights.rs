@@ -27,6 +27,13 @@ const AIMLESS: &str = "a light without a direction; it is left out";
 /// How many surfaces take as long as a light: every point of a picture asks every light.
 const SURFACES_OF_LIGHT: u64 = 1000;
 
+/// A light in the coordinates of the node around it.
+pub(super) struct Lamp {
+    light: Light,
+    /// Whether it shines in that node only.
+    is_local: bool,
+}
+
 impl Converter<'_> {
     /// A light in the coordinates of the node around it.
     pub(super) fn light(&mut self, node: &Node) -> Made {
@@ -35,10 +42,6 @@ impl Converter<'_> {
         }
         let directional = &*node.kind == "DirectionalLight";
         let global = node.flag("global", !directional, &mut self.warnings);
-        if !global && node.parent != self.tree.root {
-            let text = "a light of one group lights the whole scene";
-            self.warnings.unsupported(node.place(), text);
-        }
         let Some(kind) = self.light_kind(node) else {
             self.warnings.invalid(node.place(), AIMLESS);
             return Made::Nothing;
@@ -47,10 +50,15 @@ impl Converter<'_> {
         // Since X3D 4.0 intensities may be above one.
         let intensity = node.size("intensity", 1.0, &mut self.warnings);
         let ambient = node.size("ambientIntensity", 0.0, &mut self.warnings);
-        self.lights.push(Light {
+        let light = Light {
             kind,
             color: color * intensity,
             ambient: color * ambient,
+            scope: Vec::new(),
+        };
+        self.lights.push(Lamp {
+            light,
+            is_local: !global,
         });
         Made::Light(self.lights.len() - 1)
     }
@@ -113,29 +121,45 @@ impl Converter<'_> {
         }
         let most = self.options.limits.placements / SURFACES_OF_LIGHT;
         let most = usize::try_from(most).unwrap_or(usize::MAX);
+        let mut count = 0;
         // An explicit stack: files may nest deeper than ours reaches.
         let mut open = Vec::new();
         let inside = |index: usize| lit.get(&index).map(|list| list.iter());
-        open.extend(inside(root).map(|list| (self.parent_from_node(root), list)));
-        while let Some((world, list)) = open.last_mut() {
+        open.extend(inside(root).map(|list| (root, self.parent_from_node(root), list)));
+        while let Some((_, world, list)) = open.last_mut() {
             let (world, next) = (*world, list.next());
             match next.map(|&child| (child, self.made[child])) {
                 None => {
                     open.pop();
                 }
-                Some((child, Made::Light(_))) if self.scene.lights.len() >= most => {
+                Some((child, Made::Light(_))) if count >= most => {
                     let text =
                         format!("more than {most} places of lights; the others do not shine");
                     let problem = Problem::TooLarge(text);
                     return self.warnings.add(tree.nodes[child].place(), problem);
                 }
-                Some((child, Made::Light(light))) => match placed(&self.lights[light], &world) {
-                    Some(light) => self.scene.lights.push(light),
-                    None => self.warnings.invalid(tree.nodes[child].place(), AIMLESS),
-                },
+                Some((child, Made::Light(lamp))) => {
+                    count += 1;
+                    let Lamp { light, is_local } = &self.lights[lamp];
+                    let path = if *is_local && open.len() > 1 {
+                        let group = |&(index, ..): &(usize, _, _)| match self.made[index] {
+                            Made::Node(id) => Some(id),
+                            _ => None,
+                        };
+                        open.iter().map(group).collect()
+                    } else {
+                        Some(Vec::new())
+                    };
+                    // Else nothing is in its group.
+                    let Some(scope) = path else { continue };
+                    match placed(light, &world) {
+                        Some(light) => self.scene.lights.push(Light { scope, ..light }),
+                        None => self.warnings.invalid(tree.nodes[child].place(), AIMLESS),
+                    }
+                }
                 Some((child, _)) => {
-                    let list = inside(child);
-                    open.extend(list.map(|list| (world * self.parent_from_node(child), list)));
+                    let world = world * self.parent_from_node(child);
+                    open.extend(inside(child).map(|list| (child, world, list)));
                 }
             }
         }
@@ -167,7 +191,10 @@ fn placed(light: &Light, world: &DAffine3) -> Option<Light> {
             falloff: stretched(falloff, scale(world)),
         },
     };
-    Some(Light { kind, ..*light })
+    Some(Light {
+        kind,
+        ..light.clone()
+    })
 }
 
 /// How light weakens where all is larger by a factor.

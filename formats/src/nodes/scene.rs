@@ -8,11 +8,12 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::{DAffine3, DQuat, DVec3};
-use kernel::{Child, Item, Light, MaterialId, NodeId, Patch, Scene, Shape, Surface, Wire, WireId};
+use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape, Surface, Wire, WireId};
 
 use super::animate::is_driver;
 use super::curve::is_parameter_curve;
 use super::kinds::{MESHES, SILENT, TRANSFORMS, is_geometry, is_group, is_material};
+use super::lights::Lamp;
 use super::texture::{self, is_texture};
 use super::wires::is_wire;
 use super::write::NAME;
@@ -92,7 +93,7 @@ pub(super) struct Converter<'a> {
     /// For materials of meshes with colours: those that leave the colour to them.
     pub(super) whitened: HashMap<Option<MaterialId>, MaterialId>,
     /// Lights in the coordinates of the node around them.
-    pub(super) lights: Vec<Light>,
+    pub(super) lights: Vec<Lamp>,
     pub(super) bound: Bound,
 }
 

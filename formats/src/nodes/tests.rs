@@ -404,12 +404,37 @@ fn lights_shine_at_every_place_where_they_stand() {
 }
 
 #[test]
+fn lights_of_groups_shine_there_at_every_place() {
+    let import = read_scene(
+        "DEF G Group { children [ PointLight { global FALSE } DirectionalLight { } \
+         DirectionalLight { global TRUE } Shape { geometry Sphere { } } ] } \
+         Transform { translation 0 4 0 children USE G } Group { children DirectionalLight { } } \
+         DirectionalLight { }",
+    );
+    let scene = &import.scene;
+    let lights = scene.lights.iter();
+    let scopes: Vec<_> = lights.map(|light| light.scope.as_slice()).collect();
+    let placements = scene.placements();
+    let [first, second] = [0, placements.len() - 1].map(|k| placements[k].path.as_slice());
+    assert_ne!(first, second);
+    // That of an empty group shines nowhere.
+    let all: &[kernel::NodeId] = &[];
+    assert_eq!(scopes, [first, first, all, second, second, all, all]);
+    assert!(import.warnings.as_slice().is_empty());
+}
+
+#[test]
 fn lights_in_ever_more_places_end_at_a_limit() {
-    let mut text = "DEF G0 Group { children PointLight { } }\n".to_owned();
+    let mut text = "DEF G0 Group { children PointLight { global FALSE } }\n".to_owned();
     for k in 0..60 {
         let next = k + 1;
         text += &format!("DEF G{next} Group {{ children [ USE G{k} USE G{k} ] }}\n");
     }
+    let import = read_scene(&text);
+    assert!(import.scene.lights.is_empty());
+    let told = import.warnings.as_slice()[0].to_string();
+    assert!(told.ends_with("the others do not shine"), "{told}");
+    let text = text.replace("global FALSE", "");
     let import = read_scene(&text);
     assert_eq!(import.scene.lights.len(), 3000);
     let told = import.warnings.as_slice()[0].to_string();

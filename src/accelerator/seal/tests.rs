@@ -172,6 +172,7 @@ fn a_gap_is_in_the_shadow_that_its_faces_are_in() {
         kind: LightKind::Directional { direction },
         color: DVec3::ONE,
         ambient: DVec3::ZERO,
+        scope: Vec::new(),
     });
     let accelerator = Accelerator::build(&scene, &METHODS[0]).sealed(Some(2.0 * gap));
     // From under the roof.
