@@ -323,19 +323,23 @@ impl Sewer<'_, '_> {
     /// Divides strands where the end of another one lies on them.
     fn split_at_nodes(&mut self, reach: f64, seams: bool) {
         let others = self.open_ends();
-        // What is made here joins no nodes that were there before: where there is none now, there will be none.
-        let is_met = |(s, strand): (usize, &Strand)| {
-            Self::is_open(strand) && self.node_on(s, &others, reach, seams).is_some()
+        // What is made here joins no nodes that were there before, so that what is found now stays true.
+        let first = |(s, strand): (usize, &Strand)| {
+            let is_open = Self::is_open(strand);
+            is_open
+                .then(|| self.node_on(s, &others, reach, seams))
+                .flatten()
         };
         let all = self.strands.par_iter().enumerate();
-        let is_met: Vec<bool> = all.with_min_len(OF_A_THREAD).map(is_met).collect();
+        let first: Vec<Option<(usize, f64)>> = all.with_min_len(OF_A_THREAD).map(first).collect();
         let mut s = 0;
         while s < self.strands.len() {
             // Parts made here are looked at, too: they come later in the list.
-            if is_met.get(s).copied().unwrap_or(true) {
-                while let Some((node, at)) = self.node_on(s, &others, reach, seams) {
-                    self.split(s, node, at, reach);
-                }
+            let known = first.get(s).copied();
+            let mut found = known.unwrap_or_else(|| self.node_on(s, &others, reach, seams));
+            while let Some((node, at)) = found {
+                self.split(s, node, at, reach);
+                found = self.node_on(s, &others, reach, seams);
             }
             s += 1;
         }
