@@ -293,7 +293,8 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
     }
     for patch in open_solids(scene, triangles) {
         let Patch { name, source, .. } = scene.patch(patch);
-        let place = Place::item(0, format!("the solid of {name} {source}"));
+        let face = format!("{name} {source}");
+        let place = Place::item(0, format!("the solid of {}", face.trim()));
         let text = "the file calls it closed, but sides of its triangles have no neighbour: faces are missing, or \
                     farther apart than the tolerance; a larger --tolerance may close it";
         warnings.unsupported(place, text);
