@@ -28,17 +28,25 @@ impl ActiveLight {
 /// The scene's lights, or three good ones placed relative to the camera; and the headlight.
 pub(crate) fn active(scene: &Scene, camera: &Camera) -> Vec<ActiveLight> {
     let (right, up, forward) = (camera.right(), camera.up(), camera.forward());
-    let parallel = |direction: DVec3, brightness: f64, shadows| ActiveLight {
-        light: Light {
-            kind: LightKind::Directional {
-                direction: direction.normalize_or_zero(),
-            },
+    let scopes = scopes(scene);
+    let on = |mut light: Light, shadows| {
+        if let LightKind::Directional { direction } = &mut light.kind {
+            *direction = direction.normalize_or_zero();
+        }
+        ActiveLight {
+            scope: scopes.get(light.scope.as_slice()).cloned(),
+            light,
+            shadows,
+        }
+    };
+    let parallel = |direction: DVec3, brightness: f64, shadows| {
+        let light = Light {
+            kind: LightKind::Directional { direction },
             color: DVec3::splat(brightness),
             ambient: DVec3::ZERO,
             scope: Vec::new(),
-        },
-        shadows,
-        scope: None,
+        };
+        on(light, shadows)
     };
     if scene.lights.is_empty() {
         return vec![
@@ -48,19 +56,7 @@ pub(crate) fn active(scene: &Scene, camera: &Camera) -> Vec<ActiveLight> {
             parallel(forward, 0.18, false),
         ];
     }
-    let scopes = scopes(scene);
-    let of_scene = |light: &Light| {
-        let mut light = light.clone();
-        if let LightKind::Directional { direction } = &mut light.kind {
-            *direction = direction.normalize_or_zero();
-        }
-        ActiveLight {
-            scope: scopes.get(light.scope.as_slice()).cloned(),
-            light,
-            shadows: true,
-        }
-    };
-    let mut lights: Vec<_> = scene.lights.iter().map(of_scene).collect();
+    let mut lights: Vec<_> = scene.lights.iter().map(|l| on(l.clone(), true)).collect();
     if scene.headlight {
         lights.push(parallel(forward, 1.0, false));
     }
@@ -78,14 +74,10 @@ fn scopes(scene: &Scene) -> HashMap<&[NodeId], Vec<Range<u32>>> {
         return scopes;
     }
     let depths: BTreeSet<usize> = scopes.keys().map(|path| path.len()).collect();
-    let placements = scene.placements();
-    let is_patch = |shape: Shape| matches!(shape, Shape::Patch(_));
-    let of_kind = |patches: bool| {
-        let kind = placements.iter();
-        kind.filter(move |at| is_patch(at.shape) == patches)
-    };
+    let mut placements = scene.placements();
     // Meshes are numbered after patches.
-    for (number, at) in (0..).zip(of_kind(true).chain(of_kind(false))) {
+    placements.sort_by_key(|at| matches!(at.shape, Shape::Mesh(_)));
+    for (number, at) in (0..).zip(&placements) {
         for &depth in depths.range(..=at.path.len()) {
             let Some(list) = scopes.get_mut(&at.path[..depth]) else {
                 continue;

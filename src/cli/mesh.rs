@@ -1,6 +1,6 @@
 //! Options of `nurbray convert` for formats of triangles.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
@@ -305,27 +305,22 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
 fn open_solids(scene: &Scene, triangles: &Tessellation) -> Vec<PatchId> {
     let open = triangles.shells.iter().filter(|shell| shell.naked > 0);
     let open: HashSet<_> = open.flat_map(|shell| &shell.patches).collect();
-    let nodes = scene.nodes();
-    // The solid that each node is in.
-    let mut inside: Vec<Option<usize>> = vec![None; nodes.len()];
-    let mut found = BTreeMap::new();
-    for (index, node) in nodes.iter().enumerate().rev() {
-        let solid = node.voids.map(|_| index).or(inside[index]);
-        for child in &node.children {
-            match (child, solid) {
-                (Child::Node(id), _) => inside[id.index()] = solid.or(inside[id.index()]),
-                (Child::Item(item), Some(solid)) => {
-                    if let Shape::Patch(id) = item.shape
-                        && open.contains(&id)
-                    {
-                        found.entry(solid).or_insert(id);
-                    }
-                }
-                _ => {}
-            }
-        }
+    // An open face below each node; children stand before what they are in.
+    let mut below: Vec<Option<PatchId>> = Vec::new();
+    for node in scene.nodes() {
+        let found = node.children.iter().find_map(|child| match child {
+            Child::Node(id) => below[id.index()],
+            Child::Item(item) => match item.shape {
+                Shape::Patch(id) => open.contains(&id).then_some(id),
+                Shape::Mesh(_) => None,
+            },
+        });
+        below.push(found);
     }
-    found.into_values().collect()
+    let solids = scene.nodes().iter().zip(below);
+    solids
+        .filter_map(|(node, face)| node.voids.and(face))
+        .collect()
 }
 
 #[cfg(test)]

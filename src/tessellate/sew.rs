@@ -325,10 +325,11 @@ impl Sewer<'_, '_> {
         let others = self.open_ends();
         // What is made here joins no nodes that were there before, so that what is found now stays true.
         let first = |(s, strand): (usize, &Strand)| {
-            let is_open = Self::is_open(strand);
-            is_open
-                .then(|| self.node_on(s, &others, reach, seams))
-                .flatten()
+            if Self::is_open(strand) {
+                self.node_on(s, &others, reach, seams)
+            } else {
+                None
+            }
         };
         let all = self.strands.par_iter().enumerate();
         let first: Vec<Option<(usize, f64)>> = all.with_min_len(OF_A_THREAD).map(first).collect();
