@@ -193,7 +193,8 @@ impl Plan {
                 origin: item.shape,
             });
         });
-        let all = divided(scene, &items, &maps, &regions);
+        let halvings = self.halvings(scene, &items);
+        let all = divided(halvings, &items, &maps, &regions);
         let groups = &all.groups;
         let (tree, order) = Tree::pack(&all.boxes(), |group| groups[group].len(), GROUP);
         let block = |leaf: usize| {
@@ -219,6 +220,19 @@ impl Plan {
             maps,
             regions,
         }
+    }
+
+    /// How often the pieces of a cluster are halved.
+    fn halvings(&self, scene: &Scene, items: &[ClusterItem<'_>]) -> Halvings {
+        let spans = |knots: &KnotVector| knots.breaks().len() - 1;
+        let pieces = items.iter().map(|item| match item.shape {
+            ItemShape::Patch(Patch { surface, .. }) => {
+                spans(surface.knots_u()) * spans(surface.knots_v())
+            }
+            ItemShape::Mesh(_) => 0,
+        });
+        let shown = (scene.root()).map_or(0, |root| self.counts[root.index()].patches);
+        Halvings::of((scene.patches().len(), shown as usize), pieces)
     }
 
     /// Appends every place of every cluster, and counts what they show.
@@ -259,19 +273,11 @@ impl Plan {
 
 /// The pieces and cells of all patches of a cluster.
 fn divided(
-    scene: &Scene,
+    halvings: Halvings,
     items: &[ClusterItem<'_>],
     maps: &[DAffine3],
     regions: &[TrimRegion],
 ) -> Parts {
-    let spans = |knots: &KnotVector| knots.breaks().len() - 1;
-    let pieces = items.iter().map(|item| match item.shape {
-        ItemShape::Patch(Patch { surface, .. }) => {
-            spans(surface.knots_u()) * spans(surface.knots_v())
-        }
-        ItemShape::Mesh(_) => 0,
-    });
-    let halvings = Halvings::of(scene.patches().len(), pieces);
     // Many items at a time, so that little memory is asked for often.
     let task = |(k, items): (usize, &[ClusterItem<'_>])| {
         let mut parts = Parts::default();

@@ -34,9 +34,12 @@ impl Halvings {
         later: 3,
     };
 
-    /// In a scene of so many patches, in a cluster of patches with so many pieces each.
-    pub(crate) fn of(patches: usize, pieces: impl Iterator<Item = usize>) -> Self {
-        if patches > MANY {
+    /// In a scene that stores and shows so many patches, in a cluster of patches with so many pieces each.
+    pub(crate) fn of(
+        (stored, shown): (usize, usize),
+        pieces: impl Iterator<Item = usize>,
+    ) -> Self {
+        if stored > MANY {
             return Self::MANY;
         }
         // What pieces of high degree want, unless cells could become too many.
@@ -44,7 +47,8 @@ impl Halvings {
         let room = room.checked_div(pieces.sum()).unwrap_or(0);
         let doubled = room.checked_ilog2().unwrap_or(0);
         Self {
-            first: FIRST,
+            // Few rays come to each of many.
+            first: if shown > MANY { FIRST - 1 } else { FIRST },
             further: u8::try_from(doubled).map_or(FIRST, |most| most.min(FIRST)),
             later: 0,
         }

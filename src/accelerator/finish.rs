@@ -128,7 +128,7 @@ const LAST_INSIDE: f64 = 1e-6;
 
 /// Where the surface runs along the ray, the step squares an error that grows with the reciprocal of
 /// the determinant of the derivatives: up to this it does not count.
-const STEEP: f64 = 100.0;
+const STEEP: f64 = 10.0;
 
 /// The last step moves the point along the tangent plane. By the square of the step times twice
 /// `p (p - 1)` the surface may turn away from there, in sizes of the piece; times half of that this

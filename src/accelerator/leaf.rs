@@ -169,7 +169,8 @@ fn contraction<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     (unique, s.fma(across, rest, share))
 }
 
-/// The part of a cell in which the roots of a ray are.
+/// The part of a cell in which the roots of a ray are, and how far it reaches from where it is looked at.
+#[derive(Clone, Copy)]
 struct Window<F> {
     low: [F; 2],
     high: [F; 2],
@@ -222,8 +223,8 @@ fn over<S: Singles>(s: S, change: [S::F; 2], half: [S::F; 2]) -> S::F {
 }
 
 /// What is left of windows after a step of Krawczyk's: roots differ from where Newton's step
-/// from the middle leads by what the derivatives can change in between. The bits are those of
-/// the windows in which roots may be.
+/// from the middle leads by what the derivatives can change in between. The middle stays where it
+/// is. The bits are those of the windows in which roots may be.
 #[inline(always)]
 fn narrowed<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     s: S,
@@ -232,7 +233,7 @@ fn narrowed<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     window: &Window<S::F>,
     middle: &Middle<S::F>,
     rest: &mut Rest,
-) -> u32 {
+) -> (Window<S::F>, u32) {
     let half = window.half;
     let [ax, ay] = change(s, cells, 0, half);
     let [bx, by] = change(s, cells, 1, half);
@@ -251,11 +252,12 @@ fn narrowed<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     // The step and what it inverts are rounded, too.
     let [any, along] = seen.error;
     let any = s.fma(any, s.add(half[0], half[1]), any);
-    let (mut left, mut sizes) = (u32::MAX, [half[0]; 2]);
+    let (mut left, mut sizes, mut narrow) = (u32::MAX, [half[0]; 2], *window);
     for (k, [p, q]) in [[p1, q1], [p2, q2]].into_iter().enumerate() {
         let known = s.fma(p, s.add(a, any), s.mul(q, s.add(b, any)));
         let radius = s.fma(tilts[k], s.add(c, along), known);
-        let center = s.sub(window.middle[k], steps[k]);
+        let middle = window.middle[k];
+        let center = s.sub(middle, steps[k]);
         // What is not a number leaves the window as it is.
         let low = s.max(s.sub(center, radius), window.low[k]);
         let high = s.min(s.add(center, radius), window.high[k]);
@@ -263,6 +265,8 @@ fn narrowed<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
         s.store(low, &mut rest.low[k]);
         s.store(high, &mut rest.high[k]);
         sizes[k] = s.sub(high, low);
+        (narrow.low[k], narrow.high[k]) = (low, high);
+        narrow.half[k] = s.max(s.sub(high, middle), s.sub(middle, low));
     }
     let area = s.mul(sizes[0], sizes[1]);
     let before = s.mul(half[0], half[1]);
@@ -272,7 +276,7 @@ fn narrowed<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     let along_x = s.mul(sizes[0], s.fma(tilts[0], xx, s.mul(tilts[1], xy)));
     let along_y = s.mul(sizes[1], s.fma(tilts[0], xy, s.mul(tilts[1], yy)));
     rest.along_y = s.bits(s.lt(along_x, along_y));
-    left
+    (narrow, left)
 }
 
 /// Tests rays `16 group ..` whose bits are set in `lanes`, and which do not pass by, against
@@ -348,7 +352,7 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
             cells,
             seen,
             window,
-            lanes,
+            mut lanes,
             verdict,
         } = self;
         let &Seen { place, tilt, error } = seen;
@@ -361,9 +365,20 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         let [g1, g2] = inverse.times(s, tilt);
         let tilted = s.mul(along, s.max(s.abs(g1), s.abs(g2)));
         let grown = s.fma(any, s.max(s.add(a, b), s.add(c, d)), tilted);
-        let middle = (&inverse, grown);
-        let (unique, contraction) =
-            contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, middle);
+        let middle = Middle { distance, inverse };
+        let test = |window: &Window<S::F>| {
+            let middle = (&middle.inverse, grown);
+            contraction::<S, C, RATIONAL>(s, cells, place, tilt, window.half, middle)
+        };
+        let (mut unique, mut contraction) = test(window);
+        let mut narrow = None;
+        if lanes & !unique != 0 {
+            let (window, left) =
+                narrowed::<S, C, RATIONAL>(s, cells, seen, window, &middle, &mut verdict.rest);
+            lanes &= left;
+            (unique, contraction) = test(&window);
+            narrow = Some(window);
+        }
         let amplified = s.mul(grown, s.add(s.splat(1.0), contraction));
         let known = s.bits(s.lt(amplified, s.splat(BLURRED)));
         // Of a flat cell seen from its edge the parts are seen no better.
@@ -371,20 +386,19 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         let sharp = s.bits(s.lt(total, s.splat(SHARP)));
         verdict.blurred = lanes & (unique & !known | cells.flat & !sharp);
         let active = lanes & unique & known;
-        let middle = Middle { distance, inverse };
         verdict.open = lanes & !active & !verdict.blurred;
         if active != 0 {
             verdict.open |= iterate::<S, C, RATIONAL>(
                 s,
                 (cells, seen),
-                (window, &middle),
+                (narrow.as_ref().unwrap_or(window), &middle),
                 (contraction, amplified),
                 active,
                 verdict,
             );
         }
-        if verdict.open | verdict.blurred != 0 {
-            let left =
+        if narrow.is_none() && verdict.open | verdict.blurred != 0 {
+            let (_, left) =
                 narrowed::<S, C, RATIONAL>(s, cells, seen, window, &middle, &mut verdict.rest);
             verdict.open &= left;
             verdict.blurred &= left;
