@@ -105,14 +105,6 @@ pub(crate) fn tell_voids(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
-/// Notes the lights that shine in one group only.
-pub(crate) fn tell_scopes(scene: &Scene, warnings: &mut Warnings) {
-    for _ in scene.lights.iter().filter(|light| !light.scope.is_empty()) {
-        let text = "that it shines in one group only is not written";
-        warnings.unsupported(Place::item(0, "light".to_owned()), text);
-    }
-}
-
 /// Notes the meshes with colours of vertices that let something through.
 pub(crate) fn tell_clear_vertices(scene: &Scene, warnings: &mut Warnings) {
     let is_clear = |mesh: &&Mesh| mesh.colors().iter().any(|color| color.w < 1.0);

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3};
-use kernel::{Curve, Material, Patch, Scene, Shape, TrimLoop, UpAxis, nesting};
+use kernel::{Curve, LightKind, Material, Patch, Scene, Shape, TrimLoop, UpAxis, nesting};
 use nurbray_formats::{Export, Limits, ReadOptions, Resolver, WRITERS, Writer, open, read};
 
 /// How far numbers may be off, relative to the size of the scene.
@@ -499,6 +499,71 @@ fn curves_and_points_come_back_from_iges() {
         scene.wires().iter().filter_map(curve).collect()
     };
     assert_eq!((curves(&again).len(), curves(&again)), (2, curves(&scene)));
+}
+
+#[test]
+fn lights_of_groups_come_back_to_their_groups() {
+    let text = "#X3D V3.3 utf8\nPROFILE Immersive\n\
+        Transform { translation 1 2 3 rotation 0 0 1 1 scale 2 2 2 children [ \
+          PointLight { global FALSE location 1 0 2 radius 5 attenuation 1 2 0 } \
+          DirectionalLight { direction 0 -3 4 } Shape { geometry Sphere { } } ] } \
+        Group { children [ SpotLight { location 0 0 9 } Shape { geometry Box { } } ] }";
+    let (limits, resolver) = (Limits::default(), Beside(&Export::default()));
+    let options = ReadOptions {
+        limits: &limits,
+        resolver: &resolver,
+    };
+    let scene = read(text.as_bytes(), Some("x3dv"), &options)
+        .expect("a scene")
+        .scene;
+    // How many shapes each shines on, in the order of their kinds, and what it is.
+    let lights = |scene: &Scene| {
+        let placements = scene.placements();
+        let mut lights: Vec<_> = (scene.lights.iter())
+            .map(|light| {
+                let is_lit = |path: &[_]| path.starts_with(&light.scope);
+                let lit = placements.iter().filter(|at| is_lit(&at.path)).count();
+                let (place, order) = match light.kind {
+                    LightKind::Directional { direction } => (vec![direction], 0),
+                    LightKind::Point { position, falloff } => {
+                        let reach = DVec3::splat(falloff.radius);
+                        (vec![position, falloff.attenuation, reach], 1)
+                    }
+                    LightKind::Spot { position, .. } => (vec![position], 2),
+                };
+                (order, lit, place)
+            })
+            .collect();
+        lights.sort_by_key(|light| light.0);
+        lights
+    };
+    let expected = lights(&scene);
+    let lit: Vec<_> = expected.iter().map(|light| light.1).collect();
+    let all = scene.placements().len();
+    assert!(lit[0] == lit[1] && lit[0] < all && lit[2] == all, "{lit:?}");
+    let is_lit = |writer: &&Writer| writer.name.starts_with("X3D") || writer.name == "VRML 97";
+    let writers: Vec<_> = WRITERS.iter().filter(is_lit).collect();
+    assert_eq!(writers.len(), 3);
+    for writer in writers {
+        let again = lights(&through(&scene, writer, writer.name));
+        assert_eq!(again.len(), expected.len(), "{}", writer.name);
+        for (new, old) in again.iter().zip(&expected) {
+            let is_bounded = writer.name != "VRML 97" || old.0 == 0;
+            let lit = if is_bounded { old.1 } else { all };
+            assert_eq!(new.1, lit, "{}", writer.name);
+            for (new, old) in new.2.iter().zip(&old.2) {
+                assert!(new.distance(*old) < 1e-12, "{}: {new} {old}", writer.name);
+            }
+        }
+        let export = (writer.write)(&scene, "again").expect("a file");
+        let told = export.warnings.as_slice().len();
+        assert_eq!(
+            told,
+            usize::from(writer.name == "VRML 97"),
+            "{}",
+            writer.name
+        );
+    }
 }
 
 #[test]

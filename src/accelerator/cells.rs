@@ -35,10 +35,7 @@ impl Halvings {
     };
 
     /// In a scene that stores and shows so many patches, in a cluster of patches with so many pieces each.
-    pub(crate) fn of(
-        (stored, shown): (usize, usize),
-        pieces: impl Iterator<Item = usize>,
-    ) -> Self {
+    pub(crate) fn of((stored, shown): (usize, usize), pieces: impl Iterator<Item = usize>) -> Self {
         if stored > MANY {
             return Self::MANY;
         }

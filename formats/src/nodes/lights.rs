@@ -167,7 +167,7 @@ impl Converter<'_> {
 }
 
 /// A light where a map brings it; nothing if it has no direction there.
-fn placed(light: &Light, world: &DAffine3) -> Option<Light> {
+pub(super) fn placed(light: &Light, world: &DAffine3) -> Option<Light> {
     let direction = |direction| world.transform_vector3(direction).try_normalize();
     let kind = match light.kind {
         LightKind::Directional { direction: along } => LightKind::Directional {

@@ -1,15 +1,18 @@
 //! Materials, lights, viewpoints, background.
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use kernel::{
-    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, Projection, srgb_from_linear,
+    Camera, Falloff, Light, LightKind, Material, MetallicRoughness, NodeId, Projection,
+    srgb_from_linear,
 };
 
 use super::Dialect;
 use super::spell::{Out, Value};
 use super::tree::{Tree, rotation};
 use crate::Place;
+use crate::nodes::lights::placed;
 use crate::nodes::look::SHININESS;
+use crate::write::outermost;
 
 /// The material of X3D 4 that reflects nothing.
 pub(super) const UNLIT: &str = "UnlitMaterial";
@@ -29,8 +32,52 @@ impl Tree<'_> {
         }
         out.extend(self.background());
         out.extend(scene.cameras.iter().filter_map(|c| self.viewpoint(c)));
-        out.extend(scene.lights.iter().map(|light| self.light(light)));
+        out.extend(self.lights());
         out
+    }
+
+    /// The lights that shine on all there is; those of groups wait for these.
+    fn lights(&mut self) -> Vec<Out> {
+        let scene = self.scene;
+        let whole = outermost(scene, DMat3::IDENTITY).map(|(_, id, _)| id);
+        let mut out = Vec::new();
+        for light in &scene.lights {
+            let everywhere = || Light {
+                scope: Vec::new(),
+                ..light.clone()
+            };
+            let [inner @ .., last] = &light.scope[..] else {
+                out.push(self.light(light));
+                continue;
+            };
+            if !inner.iter().any(|id| Some(*id) == whole) {
+                // All hangs below that node.
+                out.push(self.light(&everywhere()));
+            } else if let Some(own) = self.in_its_group(light) {
+                let own = self.light(&own);
+                self.lamps.entry(*last).or_default().push(own);
+            } else {
+                let text = "that it shines in one group only is not written: the group stands in \
+                            several places, or the format knows only parallel light of groups";
+                (self.warnings).unsupported(Place::item(0, "light".to_owned()), text);
+                out.push(self.light(&everywhere()));
+            }
+        }
+        out
+    }
+
+    /// A light in the coordinates of the group in which it shines, if that is written once.
+    fn in_its_group(&self, light: &Light) -> Option<Light> {
+        let is_parallel = matches!(light.kind, LightKind::Directional { .. });
+        let is_one = |id: &NodeId| self.uses.nodes.get(id).is_none_or(|&uses| uses < 2);
+        if self.dialect == Dialect::Vrml97 && !is_parallel || !light.scope.iter().all(is_one) {
+            return None;
+        }
+        let maps = light.scope.iter();
+        let maps = maps.map(|id| &self.scene.node(*id).parent_from_node);
+        let group_from_world = maps.product::<DAffine3>().inverse();
+        let own = placed(light, &group_from_world);
+        own.filter(|_| group_from_world.is_finite())
     }
 
     /// The background: one colour, or those of the sky and the ground.
@@ -136,7 +183,7 @@ impl Tree<'_> {
             out.field("ambientIntensity", Value::number(ambient));
         }
         if self.dialect != Dialect::Vrml97 {
-            out.field("global", Value::Flag(true));
+            out.field("global", Value::Flag(light.scope.is_empty()));
         }
         if let Some(position) = position {
             out.field("location", Value::tuple(&position.to_array()));

@@ -19,7 +19,9 @@ pub(super) struct Tree<'a> {
     pub(super) warnings: Warnings,
     /// Whether there is a material that only X3D 4.0 has.
     pub(super) is_physical: bool,
-    uses: Uses,
+    pub(super) uses: Uses,
+    /// Lights that shine in a group only, until it is written.
+    pub(super) lamps: HashMap<NodeId, Vec<Out>>,
     names: Distinct,
     /// What has been written and has a name: its type and name.
     nodes: HashMap<NodeId, (&'static str, String)>,
@@ -44,6 +46,7 @@ impl<'a> Tree<'a> {
             warnings: Warnings::default(),
             is_physical: false,
             uses: Uses::of(scene),
+            lamps: HashMap::new(),
             names: Distinct::default(),
             nodes: HashMap::new(),
             shapes: HashMap::new(),
@@ -119,6 +122,9 @@ impl<'a> Tree<'a> {
         let is_used = self.uses.nodes.get(&id).copied() > Some(1);
         if let Some(def) = self.define(&mut out, &node.name, is_used.then_some("node")) {
             self.nodes.insert(id, (kind, def));
+        }
+        for lamp in self.lamps.remove(&id).unwrap_or_default() {
+            out.child("children", lamp);
         }
         for child in &node.children {
             if let Some(child) = self.child(child, depth + 1)? {
