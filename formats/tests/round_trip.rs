@@ -541,8 +541,8 @@ fn lights_of_groups_come_back_to_their_groups() {
     let lit: Vec<_> = expected.iter().map(|light| light.1).collect();
     let all = scene.placements().len();
     assert!(lit[0] == lit[1] && lit[0] < all && lit[2] == all, "{lit:?}");
-    let is_lit = |writer: &&Writer| writer.name.starts_with("X3D") || writer.name == "VRML 97";
-    let writers: Vec<_> = WRITERS.iter().filter(is_lit).collect();
+    let has_lights = |w: &&Writer| w.name.starts_with("X3D") || w.name == "VRML 97";
+    let writers: Vec<_> = WRITERS.iter().filter(has_lights).collect();
     assert_eq!(writers.len(), 3);
     for writer in writers {
         let again = lights(&through(&scene, writer, writer.name));

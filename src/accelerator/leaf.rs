@@ -373,6 +373,7 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         let (mut unique, mut contraction) = test(window);
         let mut narrow = None;
         if lanes & !unique != 0 {
+            // Only what is left of the windows counts.
             let (window, left) =
                 narrowed::<S, C, RATIONAL>(s, cells, seen, window, &middle, &mut verdict.rest);
             lanes &= left;

@@ -42,31 +42,30 @@ impl Tree<'_> {
         let whole = outermost(scene, DMat3::IDENTITY).map(|(_, id, _)| id);
         let mut out = Vec::new();
         for light in &scene.lights {
-            let everywhere = || Light {
+            // All hangs below a node that is not inside of the whole.
+            let group = (light.scope.split_last())
+                .filter(|(_, around)| whole.is_some_and(|id| around.contains(&id)));
+            if let Some((group, _)) = group {
+                if let Some(own) = self.in_its_group(light) {
+                    let own = self.light(&own);
+                    self.lamps.entry(*group).or_default().push(own);
+                    continue;
+                }
+                let text = "that it shines in one group only is not written: the group stands in \
+                            several places or is flattened, or the format knows only parallel \
+                            light of groups";
+                (self.warnings).unsupported(Place::item(0, "light".to_owned()), text);
+            }
+            let everywhere = Light {
                 scope: Vec::new(),
                 ..light.clone()
             };
-            let [inner @ .., last] = &light.scope[..] else {
-                out.push(self.light(light));
-                continue;
-            };
-            if !inner.iter().any(|id| Some(*id) == whole) {
-                // All hangs below that node.
-                out.push(self.light(&everywhere()));
-            } else if let Some(own) = self.in_its_group(light) {
-                let own = self.light(&own);
-                self.lamps.entry(*last).or_default().push(own);
-            } else {
-                let text = "that it shines in one group only is not written: the group stands in \
-                            several places, or the format knows only parallel light of groups";
-                (self.warnings).unsupported(Place::item(0, "light".to_owned()), text);
-                out.push(self.light(&everywhere()));
-            }
+            out.push(self.light(&everywhere));
         }
         out
     }
 
-    /// A light in the coordinates of the group in which it shines, if that is written once.
+    /// A light in the coordinates of the group in which it shines, if that is written once and has such.
     fn in_its_group(&self, light: &Light) -> Option<Light> {
         let is_parallel = matches!(light.kind, LightKind::Directional { .. });
         let is_one = |id: &NodeId| self.uses.nodes.get(id).is_none_or(|&uses| uses < 2);
