@@ -158,6 +158,8 @@ pub(crate) trait Simd: Singles {
     fn splat_d(self, x: f64) -> Self::D;
     fn load_d(self, from: &[f64; WIDE_LANES]) -> Self::D;
     fn store_d(self, x: Self::D, to: &mut [f64; WIDE_LANES]);
+    /// Rounds to single precision.
+    fn store_rounded(self, x: Self::D, to: &mut [f32; WIDE_LANES]);
     fn add_d(self, a: Self::D, b: Self::D) -> Self::D;
     fn sub_d(self, a: Self::D, b: Self::D) -> Self::D;
     /// The lesser; `b` where one is not a number.
@@ -384,6 +386,12 @@ impl Simd for Portable {
     #[inline(always)]
     fn store_d(self, x: Self::D, to: &mut [f64; WIDE_LANES]) {
         *to = pulp::cast(x);
+    }
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is what it does")]
+    fn store_rounded(self, x: Self::D, to: &mut [f32; WIDE_LANES]) {
+        let all: [f64; WIDE_LANES] = pulp::cast(x);
+        *to = all.map(|x| x as f32);
     }
     #[inline(always)]
     fn add_d(self, a: Self::D, b: Self::D) -> Self::D {

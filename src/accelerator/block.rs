@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use super::cells::{Cell, CellFrame};
 use super::leaf::Bits;
+use super::octet::Frames;
 use super::room::part_of;
 use super::tree::{LocalRay, Tree, WIDTH};
 use crate::intersect::Rect;
@@ -91,6 +92,42 @@ impl Block {
             block.cells[slot] = *cell;
         }
         block
+    }
+
+    /// Takes the parts of a coarse cell instead of its own.
+    #[inline(always)]
+    pub(super) fn take<S: Simd>(&mut self, s: S, cell: &Cell, frames: &Frames<S::D>) {
+        let bound = |x: S::D| {
+            s.fma_d(
+                x,
+                s.splat_d(f64::from(GROWTH)),
+                s.splat_d(f64::from(FRAME_ERROR)),
+            )
+        };
+        for axis in 0..3 {
+            s.store_rounded(frames.center[axis], &mut self.center[axis]);
+            for row in 0..3 {
+                s.store_rounded(frames.rows[row][axis], &mut self.rows[row][axis]);
+            }
+            s.store_rounded(bound(frames.half[axis]), &mut self.bulge[axis]);
+        }
+        for (to, from) in self.stray.iter_mut().zip(frames.stray) {
+            s.store_rounded(bound(from), to);
+        }
+        self.count = 0;
+        for (to, part) in self.cells.iter_mut().zip(cell.parts()) {
+            *to = part;
+            self.count += 1;
+        }
+    }
+
+    /// The bounds of a cell: see [`CellFrame`].
+    #[inline(always)]
+    pub(super) fn bounds(&self, slot: usize) -> ([f32; 3], [f32; 4]) {
+        (
+            self.bulge.map(|bulge| bulge[slot]),
+            self.stray.map(|stray| stray[slot]),
+        )
     }
 
     /// The inverse frame of a cell in coordinates of which `unit` make one of the hierarchy's.

@@ -1,5 +1,6 @@
 //! Bézier pieces in their own units, and the cells they are divided into.
 
+use std::hint::black_box;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
@@ -63,6 +64,9 @@ const CELLS: usize = 1 << 18;
 
 /// Further halvings of cells through which a trim loop passes: two along each direction.
 const TRIM_HALVINGS: u8 = 4;
+
+/// Points that processors fetch from memory together.
+const POINTS_OF_A_LINE: usize = 2;
 
 /// A Bézier piece: the place of its net, and where it belongs.
 #[derive(Clone, Debug)]
@@ -154,16 +158,23 @@ impl Cell {
         })
     }
 
-    /// The parts of a coarse cell, as many as a block has room for.
-    fn parts(&self) -> impl Iterator<Item = Self> {
+    /// How often it is halved along u and v for rays that come to it.
+    pub(crate) fn grid(&self) -> [u8; 2] {
+        self.grid
+    }
+
+    /// The parts of a coarse cell, as many as a block has room for: along v first.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = Self> {
         let [u, v] = self.grid;
-        let parts = (0_u16..1 << u).flat_map(move |i| (0_u16..1 << v).map(move |j| (i, j)));
         let whole = Self {
             grid: [0; 2],
             ..*self
         };
-        parts.map(move |(i, j)| Self {
-            place: [whole.place[0] << u | i, whole.place[1] << v | j],
+        (0_u16..1 << (u + v)).map(move |k| Self {
+            place: [
+                whole.place[0] << u | k >> v,
+                whole.place[1] << v | k & ((1 << v) - 1),
+            ],
             ..whole
         })
     }
@@ -343,6 +354,15 @@ impl Pieces {
         PieceNet {
             degrees: piece.degrees,
             points: &self.nets[piece.first..piece.first + piece.degrees.len()],
+        }
+    }
+
+    /// Has the net of a cell's piece on its way from memory while other work goes on.
+    #[inline(always)]
+    pub(crate) fn call(&self, cell: &Cell) {
+        let net = self.net(&self.pieces[cell.piece as usize]);
+        for points in net.points.chunks(POINTS_OF_A_LINE) {
+            black_box(points[0][0]);
         }
     }
 

@@ -9,7 +9,7 @@ use glam::{DVec3, DVec4};
 use kernel::MAX_DEGREE;
 
 use super::leaving::BESIDE;
-use super::powers::{along, powers_of};
+use super::powers::{powers_of, terms_of};
 use crate::intersect::net::Degrees;
 use crate::intersect::{PieceNet, Rect};
 use crate::simd::{Part, Simd};
@@ -25,10 +25,10 @@ pub(super) const TERMS: usize = ORDER * ORDER;
 pub(super) const WIDE: f64 = 1.0 + 1e-3;
 
 /// Below this sine two derivatives give no frame.
-const DEGENERATE: f64 = 1e-6;
+pub(super) const DEGENERATE: f64 = 1e-6;
 
 /// A part whose weight may sink below this share of that in its middle has no frame.
-const LEAST_WEIGHT: f64 = 0.25;
+pub(super) const LEAST_WEIGHT: f64 = 0.25;
 
 /// To expand a part only for its frame and what bounds the rest, [`HIERARCHY`] for where it lies,
 /// too, [`DIVISION`] for where it is best cut instead if it is too uneven, and [`SOLVER`] for its
@@ -109,26 +109,7 @@ impl Expansion {
         rect: &Rect,
     ) -> Self {
         let Degrees { p, q } = degrees;
-        let (along_u, along_v) = (along::<N>(rect.u, p), along::<N>(rect.v, q));
-        let mut terms = [[[0.0; 4]; N]; N];
-        for i in 0..=p {
-            let mut line = [[0.0; 4]; N];
-            for j in 0..=q {
-                let point = &net[i * (q + 1) + j];
-                for l in 0..=q {
-                    for r in 0..4 {
-                        line[l][r] += point[r] * along_v[j][l];
-                    }
-                }
-            }
-            for k in 0..=p {
-                for l in 0..=q {
-                    for r in 0..4 {
-                        terms[k][l][r] += line[l][r] * along_u[i][k];
-                    }
-                }
-            }
-        }
+        let terms = terms_of::<N>(net, degrees, rect);
         let mut low = [[0.0; 4]; TERMS];
         for (line, terms) in low.as_chunks_mut::<ORDER>().0.iter_mut().zip(&terms) {
             for (to, from) in line.iter_mut().zip(terms) {
@@ -356,7 +337,7 @@ pub(super) struct Counts {
 const GROWTH: [[f64; 4]; 2] = [[2.0, 1.0, 4.0 / 3.0, 1.0], [1.0, 2.0, 4.0 / 3.0, 1.0]];
 
 /// What is lost of the linear terms, of which the derivatives are expected, by rounding.
-const LINEAR: f64 = f32::EPSILON as f64;
+pub(super) const LINEAR: f64 = f32::EPSILON as f64;
 
 /// [`Counts`] of the terms that are kept. The linear ones are left out.
 pub(super) const COUNTS: Counts = {

@@ -3,17 +3,42 @@
 use super::Cluster;
 use super::block::Block;
 use super::cells::{Cell, CellFrame, GROUP};
+use super::expansion::ORDER;
 use super::model::place_of;
-use crate::simd::Instructions;
+use super::octet::Octet;
+use crate::simd::{Instructions, Simd, Task};
 
 /// Divided cells that a thread keeps, in less than 4 MB; a power of two. Rays in all directions
 /// come to many.
-const KEPT: usize = 4096;
+const KEPT: usize = 1024;
+
+/// A coarse cell, divided.
+#[derive(Clone, Debug)]
+pub(super) struct Fan {
+    pub(super) block: Block,
+    octet: Octet,
+    /// Whether the parts are polynomials that are at hand.
+    is_ready: bool,
+}
+
+impl Fan {
+    /// Of no cell.
+    const NONE: Self = Self {
+        block: Block::EMPTY,
+        octet: Octet::NONE,
+        is_ready: false,
+    };
+
+    /// The polynomials of the parts, where they are at hand.
+    pub(super) fn octet(&self) -> Option<&Octet> {
+        self.is_ready.then_some(&self.octet)
+    }
+}
 
 /// The parts of coarse cells, each cell at a place that follows from its number.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fans {
-    blocks: Vec<Block>,
+    fans: Vec<Fan>,
     /// Cluster and cell of each.
     tags: Vec<(u32, u64)>,
     /// Parts on their way to a block.
@@ -27,21 +52,52 @@ impl Fans {
         instructions: Instructions,
         (number, cluster): (u32, &Cluster<'_>),
         cell: &Cell,
-    ) -> &Block {
-        if self.blocks.is_empty() {
-            self.blocks.resize(KEPT, Block::EMPTY);
+    ) -> &Fan {
+        if self.fans.is_empty() {
+            self.fans.resize(KEPT, Fan::NONE);
             self.tags.resize(KEPT, (u32::MAX, u64::MAX));
             self.parts.reserve(GROUP);
         }
         let tag = (number, cell.key());
         let place = place_of(tag) % KEPT;
+        let fan = &mut self.fans[place];
         if self.tags[place] != tag {
-            let parts = &mut self.parts;
-            cluster.pieces.divide(instructions, cell, parts);
-            let parts = parts.iter().map(|(part, frame)| (part, frame));
-            self.blocks[place] = Block::new(parts, &cluster.tree);
             self.tags[place] = tag;
+            instructions.run(Divide { fan, cluster, cell });
+            if !fan.is_ready {
+                let parts = &mut self.parts;
+                cluster.pieces.divide(instructions, cell, parts);
+                let parts = parts.iter().map(|(part, frame)| (part, frame));
+                fan.block = Block::new(parts, &cluster.tree);
+            }
         }
-        &self.blocks[place]
+        fan
+    }
+}
+
+/// Divides a coarse cell into polynomials, if that is possible.
+struct Divide<'a> {
+    fan: &'a mut Fan,
+    cluster: &'a Cluster<'a>,
+    cell: &'a Cell,
+}
+
+impl Task for Divide<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let Self { fan, cluster, cell } = self;
+        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let (own, tree) = ((piece, &cluster.pieces.net(piece)), &cluster.tree);
+        let frames = if piece.degrees.p.max(piece.degrees.q) >= ORDER {
+            None
+        } else {
+            fan.octet.fill(s, own, cell, tree)
+        };
+        fan.is_ready = frames.is_some();
+        if let Some(frames) = frames {
+            fan.block.take(s, cell, &frames);
+        }
     }
 }

@@ -18,7 +18,7 @@ use kernel::Ray;
 use super::beam::RAYS;
 use super::cells::Piece;
 use super::distance::{Cells, jet};
-use super::expansion::{COUNTS, Expansion, ORDER, TERMS, WIDE};
+use super::expansion::{COUNTS, ORDER, TERMS, WIDE};
 use super::leaf::Bits;
 use super::model::Model;
 use super::windows::group_of;
@@ -170,15 +170,12 @@ impl Starts {
 }
 
 /// How steep a ray must be to leave a cell for good if it starts in it, and if it starts beside it: factors of the
-/// greatest second derivative, infinite where nothing is known; and what terms that are not kept can add to that.
-pub(super) fn reach(expansion: &Expansion) -> ([f64; 2], f64) {
-    let &Expansion {
-        stray,
-        beside,
-        ref second,
-        higher,
-        ..
-    } = expansion;
+/// greatest second derivative, infinite where nothing is known, from by how much derivatives stray; and what `higher`
+/// terms, which are not kept, can add to that, with second derivatives up to `greatest`.
+pub(super) fn reach(
+    [stray, beside]: [[f64; 4]; 2],
+    (higher, greatest): (f64, f64),
+) -> ([f64; 2], f64) {
     let (inside, even) = reach_within(stray, WIDE);
     // Terms that are not kept are bounded no farther out.
     let (beside, _) = if higher > 0.0 || inside.is_infinite() {
@@ -187,7 +184,6 @@ pub(super) fn reach(expansion: &Expansion) -> ([f64; 2], f64) {
         reach_within(beside, BESIDE)
     };
     // They count themselves, and turn the normal.
-    let greatest = second.iter().flatten().fold(0.0, |a: f64, &b| a.max(b));
     let added = 2.0 * higher * (1.0 + 4.0 * greatest / (even * even));
     ([inside, beside], added)
 }

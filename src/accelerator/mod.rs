@@ -21,6 +21,7 @@ mod leaf;
 mod leaving;
 mod meetings;
 mod model;
+mod octet;
 mod packet;
 mod places;
 mod powers;

@@ -3,10 +3,14 @@
 use glam::DVec3;
 
 use super::Cluster;
+use super::block::Block;
 use super::cells::Cell;
 use super::distance::Cells;
 use super::expansion::{Expansion, SOLVER, TERMS};
+use super::fans::Fan;
 use super::leaving;
+use super::octet::Octet;
+use crate::intersect::Rect;
 use crate::simd::{Part, Simd};
 
 /// Cells that a thread keeps; a power of two.
@@ -71,7 +75,10 @@ impl Model {
             .to_local(piece.center + local.center * piece.radius);
         self.weight_stray = (local.stray[3] * GROWTH) as f32;
         self.dropped = 0.0;
-        let (reach, higher) = leaving::reach(&local);
+        let greatest = local.second.iter().flatten();
+        let greatest = greatest.fold(0.0, |a: f64, &b| a.max(b));
+        let higher = (local.higher, greatest);
+        let (reach, higher) = leaving::reach([local.stray, local.beside], higher);
         self.cell.reach = reach.map(|reach| (reach * GROWTH) as f32);
         self.cell.higher = (higher * GROWTH) as f32;
         for r in 0..4 {
@@ -84,13 +91,47 @@ impl Model {
                 self.rows[r] = (local.rows[r] / size).as_vec3().to_array();
             }
         }
-        let is_flat = self.bulge[2] < FLAT;
-        self.cell.flat = if is_flat { u32::MAX } else { 0 };
         for t in 0..TERMS {
             for r in 0..4 {
                 self.cell.terms[t][r] = local.terms[t][r] as f32;
             }
         }
+        self.place(&rect);
+    }
+
+    /// As [`Self::fill`], of a part of a coarse cell.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "bounds grow by more than the rounding"
+    )]
+    fn take(&mut self, block: &Block, octet: &Octet, slot: usize) {
+        self.center = octet.center(slot);
+        let stray;
+        (self.bulge, stray) = block.bounds(slot);
+        self.weight_stray = stray[3];
+        self.dropped = 0.0;
+        let beside = octet.beside.map(|beside| f64::from(beside[slot]) * GROWTH);
+        let (reach, _) = leaving::reach([stray.map(f64::from), beside], (0.0, 0.0));
+        self.cell.reach = reach.map(|reach| (reach * GROWTH) as f32);
+        self.cell.higher = 0.0;
+        for r in 0..4 {
+            for (to, from) in self.cell.second.iter_mut().zip(&octet.second[r]) {
+                to[r] = from[slot] * GROWTH as f32;
+            }
+            for (to, from) in self.cell.terms.iter_mut().zip(&octet.terms[r]) {
+                to[r] = from[slot];
+            }
+        }
+        self.rows = block.rows(slot, 1.0).map(|row| row.as_vec3().to_array());
+        self.place(&block.cells[slot].rect());
+    }
+
+    /// Where the cell is in its piece.
+    #[inline(always)]
+    fn place(&mut self, rect: &Rect) {
+        let is_flat = self.bulge[2] < FLAT;
+        self.cell.flat = if is_flat { u32::MAX } else { 0 };
         for (k, (start, end)) in [rect.u, rect.v].into_iter().enumerate() {
             self.middle[k] = f64::midpoint(start, end);
             self.half[k] = (end - start) * 0.5;
@@ -131,14 +172,15 @@ pub(super) struct Models {
 }
 
 impl Models {
-    /// The model of a cell of cluster number `number`.
+    /// The model of a cell of cluster number `number`, which may be a part of a coarse one: its slot there.
     #[inline(always)]
-    pub(super) fn of<S: Simd>(
+    pub(super) fn of<'a, S: Simd>(
         &mut self,
         s: S,
         number: u32,
         cluster: &Cluster<'_>,
         cell: &Cell,
+        part: impl FnOnce() -> Option<(&'a Fan, usize)>,
     ) -> &Model {
         if self.places.is_empty() {
             self.places.resize(KEPT, ((u32::MAX, u64::MAX), None));
@@ -155,11 +197,15 @@ impl Models {
         };
         let model = &mut self.models[index];
         if *kept != tag {
-            s.apart(Fill {
-                model,
-                cluster,
-                cell,
-            });
+            let part = part().and_then(|(fan, slot)| Some((&fan.block, fan.octet()?, slot)));
+            match part {
+                Some((block, octet, slot)) => model.take(block, octet, slot),
+                None => s.apart(Fill {
+                    model,
+                    cluster,
+                    cell,
+                }),
+            }
             *kept = tag;
         }
         model

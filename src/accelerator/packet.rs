@@ -9,6 +9,7 @@ use super::approach::{OneCell, View};
 use super::beam::RAYS;
 use super::block::Block;
 use super::cells::Cell;
+use super::fans::Fan;
 use super::few;
 use super::hits::Shown;
 use super::hull::{BeamBounds, Extent, Hull};
@@ -422,7 +423,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let (mut divided, mut next) = (0, 0);
         // Taken out, so that parts can be looked into where they are kept.
         let mut fans = std::mem::take(&mut self.packet.fans);
-        let mut block = block;
+        let (mut block, mut fan) = (block, None);
         'parts: loop {
             let mut found = [(0, 0.0); WIDTH];
             let crossings = block.crossings(self.s, bounds, far);
@@ -435,8 +436,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 if lanes != 0 && cell.is_coarse() {
                     coarse[divided] = (cell, start);
                     divided += 1;
+                    cluster.pieces.call(&cell);
                 } else if lanes != 0 {
-                    self.cell(cluster, &cell, lanes);
+                    let part = fan.map(|fan| (fan, slot));
+                    self.cell(cluster, (&cell, part), lanes);
                 }
             }
             self.finish_ready(cluster);
@@ -450,7 +453,8 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 if start <= far {
                     let number = self.accelerator.instances[self.instance as usize].cluster;
                     let instructions = self.accelerator.instructions;
-                    block = fans.of(instructions, (number, cluster), &cell);
+                    let divided = fans.of(instructions, (number, cluster), &cell);
+                    (block, fan) = (&divided.block, Some(divided));
                     break;
                 }
             }
@@ -459,9 +463,14 @@ impl<S: Simd> Tracer<'_, '_, S> {
         far
     }
 
-    /// Looks for the roots of some rays in a cell.
+    /// Looks for the roots of some rays in a cell, which may be a part of a coarse one.
     #[inline(always)]
-    fn cell(&mut self, cluster: &Cluster<'_>, cell: &Cell, lanes: u64) {
+    fn cell(
+        &mut self,
+        cluster: &Cluster<'_>,
+        (cell, part): (&Cell, Option<(&Fan, usize)>),
+        lanes: u64,
+    ) {
         let instance = &self.accelerator.instances[self.instance as usize];
         let number = instance.cluster;
         let PacketRoom {
@@ -474,7 +483,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
             blurred,
             ..
         } = &mut *self.packet;
-        let model = models.of(self.s, number, cluster, cell);
+        let model = models.of(self.s, number, cluster, cell, || part);
         waiting.clear();
         (roots.count, blurred.lanes) = (0, 0);
         let taken = few.take::<S>(beam, lanes);

@@ -1,6 +1,8 @@
 //! Powers, and Bernstein polynomials as sums of them.
 
 use super::expansion::ORDER;
+use crate::intersect::Rect;
+use crate::intersect::net::Degrees;
 
 /// The powers of a number, from one on.
 pub(super) const fn powers_of<const N: usize>(base: f64) -> [f64; N] {
@@ -13,9 +15,41 @@ pub(super) const fn powers_of<const N: usize>(base: f64) -> [f64; N] {
     powers
 }
 
+/// The part `rect` of a net of degrees below `N` as a polynomial of two variables from -1 to 1:
+/// `[i][j]` belongs to `x^i y^j`.
+#[inline(always)]
+pub(super) fn terms_of<const N: usize>(
+    net: &[[f64; 4]],
+    degrees: Degrees,
+    rect: &Rect,
+) -> [[[f64; 4]; N]; N] {
+    let Degrees { p, q } = degrees;
+    let (along_u, along_v) = (along::<N>(rect.u, p), along::<N>(rect.v, q));
+    let mut terms = [[[0.0; 4]; N]; N];
+    for i in 0..=p {
+        let mut line = [[0.0; 4]; N];
+        for j in 0..=q {
+            let point = &net[i * (q + 1) + j];
+            for l in 0..=q {
+                for r in 0..4 {
+                    line[l][r] += point[r] * along_v[j][l];
+                }
+            }
+        }
+        for k in 0..=p {
+            for l in 0..=q {
+                for r in 0..4 {
+                    terms[k][l][r] += line[l][r] * along_u[i][k];
+                }
+            }
+        }
+    }
+    terms
+}
+
 /// [`powers`], quickly for cubics.
 #[inline(always)]
-pub(super) fn along<const N: usize>(interval: (f64, f64), degree: usize) -> [[f64; N]; N] {
+fn along<const N: usize>(interval: (f64, f64), degree: usize) -> [[f64; N]; N] {
     if N != ORDER || degree != 3 {
         return powers(interval, degree);
     }

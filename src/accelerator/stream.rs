@@ -66,15 +66,19 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                 let instance = &self.accelerator.instances[number as usize];
                 let cluster = &self.accelerator.clusters[instance.cluster as usize];
                 match stop {
-                    Stop::Cell(cell) => {
+                    Stop::Cell(cell, slot) => {
                         let cell = &cell;
+                        let (at, instructions) =
+                            ((instance.cluster, cluster), self.accelerator.instructions);
                         if cell.is_coarse() {
-                            let at = (instance.cluster, cluster);
-                            let instructions = self.accelerator.instructions;
-                            walker.divide(self.s, fans.of(instructions, at, cell), &range);
+                            let parts = &fans.of(instructions, at, cell).block;
+                            walker.divide(self.s, (cell, parts), &range);
                             continue;
                         }
-                        let model = models.of(self.s, instance.cluster, cluster, cell);
+                        let coarse = &walker.coarse;
+                        let model = models.of(self.s, at.0, cluster, cell, move || {
+                            slot.map(|slot| (fans.of(instructions, at, coarse), slot))
+                        });
                         let piece = &cluster.pieces.pieces[cell.piece as usize];
                         let lengths = [range.start, range.end].map(|t| walker.ray.length(t));
                         let ray = (lane, &walker.course, lengths);

@@ -15,8 +15,8 @@ use crate::simd::Simd;
 pub(super) enum Stop {
     /// An instance, of which the triangles are not searched.
     Instance,
-    /// A cell of the instance at hand, which it may meet.
-    Cell(Cell),
+    /// A cell of the instance at hand, which it may meet, and its slot if it is a part of the coarse one.
+    Cell(Cell, Option<usize>),
     /// Nothing any more.
     End,
 }
@@ -36,7 +36,8 @@ pub(super) struct Walker {
     pub(super) ray: LocalRay,
     stack: Vec<(u32, f32)>,
     found: Encounters,
-    /// The parts of a coarse cell of the block, and what may be met of them.
+    /// A coarse cell of the block, its parts, and what may be met of them.
+    pub(super) coarse: Cell,
     parts: [Cell; WIDTH],
     found_parts: Encounters,
 }
@@ -95,6 +96,7 @@ impl Default for Walker {
             ray: LocalRay::from(&Course::NONE),
             stack: Vec::new(),
             found: Encounters::NONE,
+            coarse: Cell::NONE,
             parts: [Cell::NONE; WIDTH],
             found_parts: Encounters::NONE,
         }
@@ -122,8 +124,13 @@ impl Walker {
 
     /// Goes on with the parts of the coarse cell that it came to.
     #[inline(always)]
-    pub(super) fn divide<S: Simd>(&mut self, s: S, parts: &Block, range: &Range<f64>) {
-        self.parts = parts.cells;
+    pub(super) fn divide<S: Simd>(
+        &mut self,
+        s: S,
+        (coarse, parts): (&Cell, &Block),
+        range: &Range<f64>,
+    ) {
+        (self.coarse, self.parts) = (*coarse, parts.cells);
         self.found_parts
             .begin(s, parts, &self.ray, &self.ray.range(range));
     }
@@ -140,12 +147,12 @@ impl Walker {
         let local = self.ray.range(range);
         loop {
             if let Some(slot) = self.found_parts.next(&local) {
-                return Stop::Cell(self.parts[slot]);
+                return Stop::Cell(self.parts[slot], Some(slot));
             }
             if let Some(slot) = self.found.next(&local) {
                 let instance = &accelerator.instances[self.instance as usize];
                 let cluster = &accelerator.clusters[instance.cluster as usize];
-                return Stop::Cell(cluster.blocks[self.block].cells[slot]);
+                return Stop::Cell(cluster.blocks[self.block].cells[slot], None);
             }
             if !self.stack.is_empty() {
                 let instance = &accelerator.instances[self.instance as usize];

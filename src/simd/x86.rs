@@ -133,6 +133,10 @@ impl Simd for V4 {
         *to = pulp::cast(x);
     }
     #[inline(always)]
+    fn store_rounded(self, x: __m512d, to: &mut [f32; WIDE_LANES]) {
+        *to = pulp::cast(self.avx512f._mm512_cvtpd_ps(x));
+    }
+    #[inline(always)]
     fn add_d(self, a: __m512d, b: __m512d) -> __m512d {
         self.avx512f._mm512_add_pd(a, b)
     }
@@ -369,6 +373,10 @@ impl Simd for V3 {
     #[inline(always)]
     fn store_d(self, x: Self::D, to: &mut [f64; WIDE_LANES]) {
         *to = pulp::cast(x);
+    }
+    #[inline(always)]
+    fn store_rounded(self, x: Self::D, to: &mut [f32; WIDE_LANES]) {
+        *to = pulp::cast(x.map(|half| self.avx._mm256_cvtpd_ps(half)));
     }
     #[inline(always)]
     fn add_d(self, a: Self::D, b: Self::D) -> Self::D {
