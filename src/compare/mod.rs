@@ -146,6 +146,9 @@ pub struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// The surfaces of a scene. The finer `triangles` are, the nearer proofs come to what is
     /// found; a quarter of the deviation that is to be measured is a good tolerance.
+    ///
+    /// Meshes tell no groups: where pictures are compared, lights should have no
+    /// [`scope`](kernel::Light::scope), which only the exact picture heeds.
     pub fn new(scene: &'a Scene, triangles: Tessellation) -> Self {
         let patches = exact::placed_patches(scene);
         Self {
