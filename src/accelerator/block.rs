@@ -68,10 +68,7 @@ impl Block {
         clippy::cast_possible_truncation,
         reason = "tests allow for the rounding"
     )]
-    pub(crate) fn new<'a>(
-        cells: impl Iterator<Item = (&'a Cell, &'a CellFrame)>,
-        tree: &Tree,
-    ) -> Self {
+    pub(crate) fn new(cells: impl Iterator<Item = (Cell, CellFrame)>, tree: &Tree) -> Self {
         let mut block = Self::EMPTY;
         for (slot, (cell, frame)) in cells.enumerate() {
             block.count += 1;
@@ -89,7 +86,7 @@ impl Block {
             for (stray, value) in block.stray.iter_mut().zip(frame.stray) {
                 stray[slot] = value as f32 * GROWTH + FRAME_ERROR;
             }
-            block.cells[slot] = *cell;
+            block.cells[slot] = cell;
         }
         block
     }

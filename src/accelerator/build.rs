@@ -200,7 +200,7 @@ impl Plan {
         let block = |leaf: usize| {
             let groups = order[tree.leaf(leaf)].iter().map(|&k| &groups[k as usize]);
             let cells = groups.flat_map(|group| &all.cells[group.clone()]);
-            Block::new(cells.map(|new| (&new.cell, &new.frame)), &tree)
+            Block::new(cells.map(|new| (new.cell, new.frame)), &tree)
         };
         let mut blocks = Vec::new();
         reserve(&mut blocks, tree.leaf_count());

@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, DVec4};
 use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
 
-use super::expansion::{DIVISION, Expansion, FRAME, HIERARCHY, ORDER};
+use super::expansion::{DIVISION, Expansion, HIERARCHY, ORDER};
 use super::tree::WIDTH;
 use crate::intersect::PieceNet;
 use crate::intersect::Rect;
@@ -202,7 +202,7 @@ pub(crate) struct CellFrame {
 impl CellFrame {
     /// Of a part of a piece in its ball.
     #[inline(always)]
-    fn of(local: &Expansion, center: DVec3, radius: f64) -> Self {
+    pub(super) fn of(local: &Expansion, center: DVec3, radius: f64) -> Self {
         Self {
             center: local.center * radius + center,
             rows: local.rows.map(|row| row / radius),
@@ -366,20 +366,6 @@ impl Pieces {
         }
     }
 
-    /// The parts of a coarse cell replace `parts`.
-    pub(crate) fn divide(
-        &self,
-        instructions: Instructions,
-        cell: &Cell,
-        parts: &mut Vec<(Cell, CellFrame)>,
-    ) {
-        instructions.run(Divide {
-            pieces: self,
-            cell,
-            parts,
-        });
-    }
-
     /// Memory in use.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.pieces[..]) + size_of_val(&self.nets[..])
@@ -520,29 +506,6 @@ impl Task for Outlined<'_> {
             } else {
                 [0; 2]
             },
-        }
-    }
-}
-
-/// Divides a coarse cell.
-struct Divide<'a> {
-    pieces: &'a Pieces,
-    cell: &'a Cell,
-    parts: &'a mut Vec<(Cell, CellFrame)>,
-}
-
-impl Task for Divide<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, s: S) {
-        let piece = &self.pieces.pieces[self.cell.piece as usize];
-        let net = self.pieces.net(piece);
-        self.parts.clear();
-        for part in self.cell.parts() {
-            let local = Expansion::of::<S, FRAME>(s, &net, &part.rect());
-            let frame = CellFrame::of(&local, piece.center, piece.radius);
-            self.parts.push((part, frame));
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use super::Cluster;
 use super::block::Block;
-use super::cells::{Cell, CellFrame, GROUP};
-use super::expansion::ORDER;
+use super::cells::{Cell, CellFrame};
+use super::expansion::{Expansion, FRAME, ORDER};
 use super::model::place_of;
 use super::octet::Octet;
 use crate::simd::{Instructions, Simd, Task};
@@ -41,8 +41,6 @@ pub(super) struct Fans {
     fans: Vec<Fan>,
     /// Cluster and cell of each.
     tags: Vec<(u32, u64)>,
-    /// Parts on their way to a block.
-    parts: Vec<(Cell, CellFrame)>,
 }
 
 impl Fans {
@@ -56,7 +54,6 @@ impl Fans {
         if self.fans.is_empty() {
             self.fans.resize(KEPT, Fan::NONE);
             self.tags.resize(KEPT, (u32::MAX, u64::MAX));
-            self.parts.reserve(GROUP);
         }
         let tag = (number, cell.key());
         let place = place_of(tag) % KEPT;
@@ -64,18 +61,12 @@ impl Fans {
         if self.tags[place] != tag {
             self.tags[place] = tag;
             instructions.run(Divide { fan, cluster, cell });
-            if !fan.is_ready {
-                let parts = &mut self.parts;
-                cluster.pieces.divide(instructions, cell, parts);
-                let parts = parts.iter().map(|(part, frame)| (part, frame));
-                fan.block = Block::new(parts, &cluster.tree);
-            }
         }
         fan
     }
 }
 
-/// Divides a coarse cell into polynomials, if that is possible.
+/// Divides a coarse cell, into polynomials if that is possible.
 struct Divide<'a> {
     fan: &'a mut Fan,
     cluster: &'a Cluster<'a>,
@@ -89,15 +80,20 @@ impl Task for Divide<'_> {
     fn run<S: Simd>(self, s: S) {
         let Self { fan, cluster, cell } = self;
         let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let (own, tree) = ((piece, &cluster.pieces.net(piece)), &cluster.tree);
-        let frames = if piece.degrees.p.max(piece.degrees.q) >= ORDER {
-            None
+        let (net, tree) = (cluster.pieces.net(piece), &cluster.tree);
+        let frames = if piece.degrees.p.max(piece.degrees.q) < ORDER {
+            fan.octet.fill(s, (piece, &net), cell, tree)
         } else {
-            fan.octet.fill(s, own, cell, tree)
+            None
         };
         fan.is_ready = frames.is_some();
         if let Some(frames) = frames {
-            fan.block.take(s, cell, &frames);
+            return fan.block.take(s, cell, &frames);
         }
+        let parts = cell.parts().map(|part| {
+            let local = Expansion::of::<S, FRAME>(s, &net, &part.rect());
+            (part, CellFrame::of(&local, piece.center, piece.radius))
+        });
+        fan.block = Block::new(parts, tree);
     }
 }
