@@ -3,6 +3,7 @@
 //!
 //! By the rule of odd and even two equal loops undo each other, which no file means.
 
+use std::cell::OnceCell;
 use std::ops::Range;
 
 use glam::DVec2;
@@ -99,15 +100,16 @@ fn is_border(one: &TrimLoop, domain: &[Range<f64>; 2]) -> bool {
     };
     let outline = Outline::of(one, size);
     // What runs along it and back has no area.
-    outline.area > 0.5 && outline.points().all(is_along)
+    outline.points().all(is_along) && outline.area() > 0.5
 }
 
-/// A loop, and the corners of the box around its control points and its area, as shares of the domain.
+/// A loop, and the corners of the box around its control points, as shares of the domain.
 struct Outline<'a> {
     whole: &'a TrimLoop,
     size: DVec2,
     corners: [DVec2; 2],
-    area: f64,
+    /// What it bounds, as a share of the domain, once it has been asked for.
+    area: OnceCell<f64>,
     /// Whether it is a polygon: its box is no larger than itself.
     is_polygon: bool,
 }
@@ -119,9 +121,14 @@ impl<'a> Outline<'a> {
             whole,
             size,
             corners: [low / size, high / size],
-            area: whole.signed_area().abs() / size.element_product(),
+            area: OnceCell::new(),
             is_polygon: whole.segments().iter().all(|c| c.knots().degree() == 1),
         }
+    }
+
+    fn area(&self) -> f64 {
+        let area = || self.whole.signed_area().abs() / self.size.element_product();
+        *self.area.get_or_init(area)
     }
 
     fn is_same(&self, other: &Self) -> bool {
@@ -134,7 +141,7 @@ impl<'a> Outline<'a> {
         let mut corners = self.corners.iter().zip(&other.corners);
         let is_on = |a: &Self, b: &Self| a.points().all(|p| b.passes(p));
         corners.all(|(a, b)| a.distance(*b) <= near)
-            && (self.area - other.area).abs() <= ALIKE * size.element_product()
+            && (self.area() - other.area()).abs() <= ALIKE * size.element_product()
             && is_on(other, self)
             && is_on(self, other)
     }

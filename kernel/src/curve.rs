@@ -200,14 +200,17 @@ impl<P: Point> Curve<P> {
 
     /// The parts between those knots of which `is_end` says so, given the Bézier pieces before
     /// and after.
-    pub fn parts(&self, is_end: impl Fn(&Self, &Self) -> bool) -> Vec<Self> {
+    pub fn parts(self, is_end: impl Fn(&Self, &Self) -> bool) -> Vec<Self> {
+        if self.knots.is_bezier() {
+            return vec![self];
+        }
         let pieces = self.bezier_pieces();
         let ends = pieces.windows(2).filter(|pair| is_end(&pair[0], &pair[1]));
         let Range { start, end } = self.domain();
         let mut stops = vec![start];
         stops.extend(ends.map(|pair| pair[1].domain().start));
         if stops.len() == 1 {
-            return vec![self.clone()];
+            return vec![self];
         }
         stops.push(end);
         let ranges = stops.windows(2).map(|range| range[0]..range[1]);

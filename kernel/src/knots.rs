@@ -17,6 +17,9 @@ pub(crate) const WIDE_ROOM: usize = 10;
 /// Room for those of any degree.
 pub(crate) const MOST_ROOM: usize = MAX_DEGREE + 1;
 
+/// So few knots are compared all at once.
+const FEW: usize = 16;
+
 /// A degree and a non-decreasing list of knots that together carry a spline.
 ///
 /// The domain runs from `knots[degree]` to `knots[count]`, where `count` is the
@@ -179,7 +182,12 @@ impl KnotVector {
         if t >= end {
             return self.knots[..count].partition_point(|&k| k < end) - 1;
         }
-        let above = self.knots[self.degree + 1..count].partition_point(|&k| k <= t);
+        let inner = &self.knots[self.degree + 1..count];
+        let above = if inner.len() <= FEW {
+            inner.iter().map(|&k| usize::from(k <= t)).sum()
+        } else {
+            inner.partition_point(|&k| k <= t)
+        };
         let mut span = self.degree + above;
         while self.knots[span + 1] <= self.knots[span] {
             span += 1;

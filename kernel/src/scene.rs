@@ -6,6 +6,7 @@ use glam::{DAffine3, DVec2, DVec3};
 
 mod extent;
 
+use self::extent::Hull;
 use crate::{Aabb, Camera, Curve, Error, Image, Light, Material, Mesh, Patch, Sky};
 
 /// Index of a patch in its scene.
@@ -185,6 +186,7 @@ pub struct Scene {
     seams: Vec<Seam>,
     nodes: Vec<Node>,
     root: Option<NodeId>,
+    hull: Hull,
     /// Cameras in world coordinates, the first one being the preferred one.
     pub cameras: Vec<Camera>,
     /// Lights in world coordinates.
@@ -213,6 +215,7 @@ impl Default for Scene {
             seams: Vec::new(),
             nodes: Vec::new(),
             root: None,
+            hull: Hull::default(),
             cameras: Vec::new(),
             lights: Vec::new(),
             headlight: true,
@@ -352,6 +355,7 @@ impl Scene {
             });
         }
         self.root = Some(node);
+        self.hull = Hull::default();
         Ok(())
     }
 

@@ -70,13 +70,14 @@ impl Block {
     )]
     pub(crate) fn new(cells: impl Iterator<Item = (Cell, CellFrame)>, tree: &Tree) -> Self {
         let mut block = Self::EMPTY;
+        let unit = tree.scale().recip();
         for (slot, (cell, frame)) in cells.enumerate() {
             block.count += 1;
             let center = tree.to_local(frame.center);
             for axis in 0..3 {
                 block.center[axis][slot] = center[axis] as f32;
                 for row in 0..3 {
-                    let value = frame.rows[row][axis] / tree.scale();
+                    let value = frame.rows[row][axis] * unit;
                     block.rows[row][axis][slot] = value as f32;
                 }
             }

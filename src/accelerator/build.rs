@@ -8,7 +8,7 @@ use kernel::{Aabb, BezierSurface, Child, KnotVector, NodeId, Patch, Scene, TrimR
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::cells::{GROUP, Halvings, Parts};
+use super::cells::{GROUP, Halvings, Parts, Source};
 use super::tree::Tree;
 use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
 use crate::intersect::Method;
@@ -290,9 +290,13 @@ fn divided(
             let map = &maps[item.map as usize];
             let moved = (*map != DAffine3::IDENTITY).then(|| patch.surface.transformed(map));
             let surface = moved.as_ref().unwrap_or(&patch.surface);
+            if let Some(piece) = Source::whole(surface) {
+                parts.add(&piece, (number, halvings), trims);
+                continue;
+            }
             let divide = |pieces: &[BezierSurface], parts: &mut Parts| {
                 for piece in pieces {
-                    parts.add(piece, (number, halvings), trims);
+                    parts.add(&Source::from(piece), (number, halvings), trims);
                 }
             };
             let pieces = surface.bezier_pieces();

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::{Aabb, BezierSurface, Cover, TrimRegion};
+use kernel::{Aabb, BezierSurface, Cover, Surface, TrimRegion};
 
 use super::expansion::{DIVISION, Expansion, HIERARCHY, ORDER};
 use super::tree::WIDTH;
@@ -222,6 +222,53 @@ pub(crate) struct Pieces {
     nets: Vec<[f64; 4]>,
 }
 
+/// A Bézier piece of a surface as the scene has it.
+pub(crate) struct Source<'a> {
+    degrees: Degrees,
+    net: &'a [DVec4],
+    /// The part of the domain.
+    u: Range<f64>,
+    v: Range<f64>,
+}
+
+impl<'a> Source<'a> {
+    /// A surface that is one piece, if it is.
+    pub(crate) fn whole(surface: &'a Surface) -> Option<Self> {
+        let (u, v) = (surface.knots_u(), surface.knots_v());
+        (u.is_bezier() && v.is_bezier()).then(|| Self {
+            degrees: Degrees {
+                p: u.degree(),
+                q: v.degree(),
+            },
+            net: surface.homogeneous(),
+            u: u.domain(),
+            v: v.domain(),
+        })
+    }
+
+    /// A box around the control points.
+    fn hull_bounds(&self) -> Aabb {
+        if self.net.iter().all(|h| (h.w - 1.0).abs() <= 0.0) {
+            return Aabb::around(self.net.iter().map(|h| h.truncate()));
+        }
+        Aabb::around(self.net.iter().map(|h| h.truncate() / h.w))
+    }
+}
+
+impl<'a> From<&'a BezierSurface> for Source<'a> {
+    fn from(piece: &'a BezierSurface) -> Self {
+        Self {
+            degrees: Degrees {
+                p: piece.degree_u(),
+                q: piece.degree_v(),
+            },
+            net: piece.homogeneous(),
+            u: piece.u(),
+            v: piece.v(),
+        }
+    }
+}
+
 /// A cell while the hierarchy is built.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NewCell {
@@ -246,7 +293,7 @@ impl Parts {
     /// cells outside of `trims`.
     pub(crate) fn add(
         &mut self,
-        piece: &BezierSurface,
+        piece: &Source<'_>,
         (item, halvings): (u32, Halvings),
         trims: Option<&TrimRegion>,
     ) {
@@ -255,14 +302,8 @@ impl Parts {
         if radius <= 0.0 || radius.is_nan() {
             return;
         }
-        let degrees = Degrees {
-            p: piece.degree_u(),
-            q: piece.degree_v(),
-        };
-        let heaviest = piece
-            .homogeneous()
-            .iter()
-            .fold(0.0, |max: f64, h| max.max(h.w));
+        let degrees = piece.degrees;
+        let heaviest = piece.net.iter().fold(0.0, |max: f64, h| max.max(h.w));
         // Into the units of the piece.
         let (scale, weight) = ((radius * heaviest).recip(), heaviest.recip());
         let own = |h: &DVec4| {
@@ -270,13 +311,13 @@ impl Parts {
             numerator.extend(h.w * weight).to_array()
         };
         let first = self.pieces.nets.len();
-        self.pieces.nets.extend(piece.homogeneous().iter().map(own));
+        self.pieces.nets.extend(piece.net.iter().map(own));
         let number = u32::try_from(self.pieces.pieces.len()).expect("fewer pieces than fit");
-        let (u, v) = (piece.u(), piece.v());
+        let (u, v) = (&piece.u, &piece.v);
         self.pieces.pieces.push(Piece {
             first,
             degrees,
-            is_rational: piece.homogeneous().iter().any(|h| h.w < heaviest),
+            is_rational: piece.net.iter().any(|h| h.w < heaviest),
             item,
             center,
             radius,
@@ -300,8 +341,8 @@ impl Parts {
             center,
             radius,
             hull,
-            u: piece.u(),
-            v: piece.v(),
+            u: piece.u.clone(),
+            v: piece.v.clone(),
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
         let (cells, groups) = (&mut self.cells, &mut self.groups);

@@ -66,8 +66,11 @@ impl Cone {
         let (wide, other) = if sizes[0] < sizes[1] { (1, 0) } else { (0, 1) };
         let product: f64 = (0..count).map(|k| arm(k, wide).dot(arm(k, other))).sum();
         let narrow = product / sizes[wide];
-        // Not next to zero at an apex, nor beyond it by rounding.
-        let narrow = if narrow.abs() < OFF { 0.0 } else { narrow };
+        // Not next to zero at an apex, nor beyond it by rounding; and not next to one where lines are side by side.
+        let exact = [0.0, 1.0]
+            .into_iter()
+            .find(|x: &f64| (narrow - x).abs() < OFF);
+        let narrow = exact.unwrap_or(narrow);
         let off = (0..count).map(|k| arm(k, other).distance(arm(k, wide) * narrow));
         let off = off.fold(0.0, f64::max);
         let domain = knots.domain();
@@ -80,6 +83,11 @@ impl Cone {
             narrow,
             off: 2.0 * off,
         })
+    }
+
+    /// Whether the lines come closer to each other: else parameters of flat triangles are spread evenly.
+    pub(super) fn narrows(&self) -> bool {
+        self.narrow < 1.0
     }
 
     /// The axis of the parameters across the lines.
@@ -163,5 +171,33 @@ impl Cone {
         } else {
             0.0
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use kernel::modelling::{self, Frame};
+
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn lines_of_a_cylinder_are_side_by_side_whatever_rounding_makes_of_them() {
+        let mut random = Random(5);
+        for _ in 0..50 {
+            let (origin, axis) = (random.vector() * 1e3, random.vector());
+            let frame = Frame::about(origin, axis).unwrap();
+            let cylinder = modelling::cylinder(&frame, 0.7, 0.0..TAU, 0.0..3.0).unwrap();
+            let cone = Cone::of(&cylinder).unwrap();
+            assert!(!cone.narrows(), "{cone:?}");
+            let ends = [DVec2::new(0.3, 0.2), DVec2::new(1.9, 2.7)];
+            assert!(cone.aside(ends) <= 0.0 && cone.off <= 1e-12 * 1e3);
+        }
+        let ends = [DVec3::X, DVec3::new(0.5, 0.0, 2.0)];
+        let line = kernel::Curve::line(ends[0], ends[1], 0.0..1.0).unwrap();
+        let cone = modelling::revolve(&line, DVec3::ZERO, DVec3::Z, 0.0..TAU).unwrap();
+        assert!(Cone::of(&cone).unwrap().narrows());
     }
 }

@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 use kernel::BezierSurface;
 
+use super::cone::Cone;
 use super::net::share;
 use super::pieces::{Pieces, Rect};
 use super::rim::Face;
@@ -77,7 +78,7 @@ pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]
             points[group][axis][lane] = flat[axis];
         }
     }
-    if let Some(cone) = &pieces.cone {
+    if let Some(cone) = pieces.cone.filter(Cone::narrows) {
         for (number, shares) in SAMPLES.into_iter().enumerate() {
             let (group, lane) = (number / GROUP, number % GROUP);
             let uv = cone.place(uvs, shares);

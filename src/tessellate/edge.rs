@@ -39,6 +39,8 @@ pub(super) struct Station {
     pub(super) vertex: Option<usize>,
     /// Its parameters on the curve and on the surface of every use.
     pub(super) places: Places,
+    /// How far the boundary of any face is from the step that ends here at most; infinite if unknown.
+    off: f64,
 }
 
 /// A point of an edge as one of its faces sees it.
@@ -122,15 +124,27 @@ impl<'a> Walker<'a> {
         if stations.len() <= least {
             stations = self.divided(least);
         }
-        self.linked(stations)
+        self.proven(stations)
     }
 
     /// The chain of these points, and those where it passes creases.
     pub(super) fn linked(&self, mut stations: Vec<Station>) -> Chain {
+        for station in &mut stations {
+            station.off = f64::INFINITY;
+        }
+        self.proven(stations)
+    }
+
+    /// The same where what is known of steps is true.
+    fn proven(&self, mut stations: Vec<Station>) -> Chain {
         self.cross_creases(&mut stations);
-        let proven = stations
-            .windows(2)
-            .fold(0.0, |most, w| self.distance(&w[0], &w[1], most));
+        let proven = stations.windows(2).fold(0.0, |most, w| {
+            if w[1].off <= most {
+                most
+            } else {
+                self.distance(&w[0], &w[1], most)
+            }
+        });
         Chain { stations, proven }
     }
 
@@ -175,6 +189,7 @@ impl<'a> Walker<'a> {
             position: ends[0].position.lerp(ends[1].position, share),
             vertex: None,
             places: self.uses.iter().enumerate().map(place).collect(),
+            off: f64::INFINITY,
         }
     }
 
@@ -258,6 +273,7 @@ impl<'a> Walker<'a> {
             position,
             vertex: None,
             places,
+            off: f64::INFINITY,
         }
     }
 
@@ -307,11 +323,14 @@ impl<'a> Walker<'a> {
             position,
             vertex: None,
             places: ts.iter().enumerate().map(place).collect(),
+            off: f64::INFINITY,
         }
     }
 
-    /// What a step uses of the limits: 1 is all.
-    fn ratio(&self, from: &Station, to: &Station) -> f64 {
+    /// What a step uses of the limits, of which 1 is all, and how far the boundary of any face is from its
+    /// chord at most, gaps included.
+    fn judge(&self, from: &Station, to: &Station) -> (f64, f64) {
+        let mut off = 0.0_f64;
         let length = from.position.distance(to.position);
         let mut most = (length / self.limits.max_edge).powi(2);
         for (k, used) in self.uses.iter().enumerate() {
@@ -326,9 +345,11 @@ impl<'a> Walker<'a> {
                 most = most.max(turn.powi(2).min(short));
             }
             let left = (allowed - gap).max(0.1 * allowed);
-            most = most.max(self.bound(k, from, to, most * left) / left);
+            let bound = self.bound(k, from, to, most * left);
+            off = off.max(bound + gap);
+            most = most.max(bound / left);
         }
-        most
+        (most, off)
     }
 
     /// The largest angle by which the curve or the normal of a use turns over a step.
@@ -445,9 +466,14 @@ impl<'a> Walker<'a> {
                 let moved = twin.map_or(&mut station, |s| &mut stations[s]);
                 let gap = point.distance(moved.position);
                 moved.places[k] = Place { gap, ..place };
+                let changed = twin.unwrap_or(at);
                 if twin.is_none() {
                     stations.insert(at, station);
                     at += 1;
+                }
+                // Nothing is known any more of the steps to it and from it.
+                for station in &mut stations[changed..=changed + 1] {
+                    station.off = f64::INFINITY;
                 }
             }
             at += 1;

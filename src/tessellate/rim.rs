@@ -207,7 +207,7 @@ impl<'a> Face<'a> {
                     runs_along(a) != runs_along(b) || self.is_corner(a, b)
                 };
                 for part in curve.parts(is_end) {
-                    inside(&part, &domain, near, &mut rims);
+                    inside(part, &domain, near, &mut rims);
                 }
             }
         }
@@ -297,11 +297,11 @@ impl Side {
 }
 
 /// Appends the parts of a curve that lie in the domain.
-fn inside(curve: &Curve<DVec2>, domain: &Rect, near: DVec2, out: &mut Vec<Curve<DVec2>>) {
+fn inside(curve: Curve<DVec2>, domain: &Rect, near: DVec2, out: &mut Vec<Curve<DVec2>>) {
     let hull = Rect::around(curve.points());
     let fits = |p: DVec2| p.cmpge(domain.min - near).all() && p.cmple(domain.max + near).all();
     if fits(hull.min) && fits(hull.max) {
-        out.push(curve.clone());
+        out.push(curve);
         return;
     }
     let mut cuts = Vec::new();

@@ -76,21 +76,23 @@ struct Region<'a> {
 impl<'a> Region<'a> {
     /// The regions of a face.
     fn all(part: &'a Part<'a>, face: usize) -> Vec<Self> {
-        let ways = |(number, [a, b, c]): (usize, [u32; 3])| {
+        let ways = |(number, [a, b, c]): (u32, [u32; 3])| {
             [[a, b], [b, c], [c, a]].map(|[p, q]| {
                 let side = Side::from(p.min(q)) << 32 | Side::from(p.max(q));
-                (side, p < q, number)
+                (side, number << 1 | u32::from(p < q))
             })
         };
+        let triangle = |way: u32| (way >> 1) as usize;
+        let is_upward = |way: u32| way & 1 == 1;
         let count = part.mesh.triangles.len();
-        let mut uses: Vec<(Side, bool, usize)> =
-            (0..).zip(part.triangles()).flat_map(ways).collect();
+        let mut uses: Vec<(Side, u32)> = (0..).zip(part.triangles()).flat_map(ways).collect();
         uses.sort_unstable();
-        let is_inner = |uses: &[(Side, bool, usize)]| matches!(uses, [a, b] if a.1 != b.1);
+        let is_inner =
+            |uses: &[(Side, u32)]| matches!(uses, [a, b] if is_upward(a.1) != is_upward(b.1));
         let shared = || uses.chunk_by(|a, b| a.0 == b.0);
         let mut sets = Sets::new(count);
         for uses in shared().filter(|uses| is_inner(uses)) {
-            sets.join(uses[0].2, uses[1].2);
+            sets.join(triangle(uses[0].1), triangle(uses[1].1));
         }
         let mut members = sets.members();
         if members.is_empty() {
@@ -112,11 +114,12 @@ impl<'a> Region<'a> {
         }
         for uses in shared() {
             if is_inner(uses) {
-                regions[region_of[uses[0].2]].inner += 1;
+                regions[region_of[triangle(uses[0].1)]].inner += 1;
                 continue;
             }
-            for &(side, upward, triangle) in uses {
-                regions[region_of[triangle]].others.push((side, upward));
+            for &(side, way) in uses {
+                let region = &mut regions[region_of[triangle(way)]];
+                region.others.push((side, is_upward(way)));
             }
         }
         regions

@@ -180,7 +180,12 @@ impl<'a> Builder<'a> {
             kind => format!("{kind} USE {name}"),
         };
         let place = self.file.place(open.node.line, &what);
-        let text = if around.iter().any(|open| &*open.node.def == name) {
+        let outer = around.iter().find(|open| &*open.node.def == name);
+        if outer.is_some_and(|outer| &*outer.node.kind == "Script") {
+            // A field of a script may be the script.
+            return;
+        }
+        let text = if outer.is_some() {
             "a node is used inside itself; it is left out there"
         } else {
             "USE of a name that no node before has as its DEF"

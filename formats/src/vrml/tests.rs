@@ -198,6 +198,15 @@ fn a_prototype_inside_itself_is_left_out() {
 }
 
 #[test]
+fn a_field_of_a_script_may_be_the_script() {
+    let import = read_scene(&format!(
+        "DEF S Script {{ field SFNode own USE S url \"javascript:\" }}\n{TRIANGLE}"
+    ));
+    assert_eq!(import.scene.placement_count(), 1);
+    assert_eq!(messages(&import), ["line 2, Script S: Script is not read"]);
+}
+
+#[test]
 fn prototypes_that_double_and_double_meet_the_limit() {
     let mut text = format!(
         "PROTO P0 [ field SFVec3f a 0 0 0 field SFVec3f b 0 0 0 ] {{ Transform {{ translation IS a children {TRIANGLE} }} }}\n"

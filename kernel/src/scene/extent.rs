@@ -1,5 +1,7 @@
 //! Boxes around what is shown.
 
+use std::sync::OnceLock;
+
 use glam::{DAffine3, DVec3};
 
 use super::{Child, Node, NodeId, Scene, Shape, Wire, WireShape};
@@ -12,6 +14,10 @@ impl Scene {
     /// A box around everything shown: the [control points of patches](Patch::hull_bounds), the
     /// vertices of meshes.
     pub fn hull_bounds(&self) -> Aabb {
+        *self.hull.0.get_or_init(|| self.around_surfaces())
+    }
+
+    fn around_surfaces(&self) -> Aabb {
         let patches: Vec<_> = self.patches.iter().map(Patch::hull_bounds).collect();
         let meshes: Vec<_> = self.meshes.iter().map(Mesh::bounds).collect();
         self.bounds_of(|node| {
@@ -76,7 +82,12 @@ impl Scene {
             let node = self.node(id);
             let world_from_node = world_from_parent * node.parent_from_node;
             for (of, part) in parts(node) {
-                if reaches(&bounds, of, &world_from_node) {
+                if !reaches(&bounds, of, &world_from_node) {
+                    continue;
+                }
+                if world_from_node == DAffine3::IDENTITY {
+                    bounds = bounds.union(of);
+                } else {
                     part.add_to(&mut bounds, &world_from_node);
                 }
             }
@@ -86,6 +97,17 @@ impl Scene {
             }));
         }
         bounds
+    }
+}
+
+/// The box around all surfaces that are shown, once it has been asked for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Hull(OnceLock<Aabb>);
+
+impl PartialEq for Hull {
+    /// It follows from the rest of the scene.
+    fn eq(&self, _: &Self) -> bool {
+        true
     }
 }
 

@@ -179,6 +179,25 @@ fn bounds_follow_rotations() {
 }
 
 #[test]
+fn bounds_are_those_of_the_root_of_now() {
+    let mut scene = Scene::default();
+    let patch = Shape::Patch(scene.add_patch(square()).unwrap());
+    let [near, far] = [0.0, 5.0].map(|x| {
+        let node = moved(DVec3::X * x, vec![shown(patch)]);
+        scene.add_node(node).unwrap()
+    });
+    assert!(scene.hull_bounds().is_empty());
+    for (root, x) in [(near, 0.0), (far, 5.0), (near, 0.0)] {
+        scene.set_root(root).unwrap();
+        // A copy knows what the scene knows, and is equal to one that knows nothing.
+        let copies = [scene.clone(), scene.clone()];
+        let bounds = copies[0].hull_bounds();
+        assert_eq!((bounds.min.x, bounds.max.x), (x, x + 1.0));
+        assert_eq!(copies[0], copies[1]);
+    }
+}
+
+#[test]
 fn bounds_are_no_larger_for_turns_that_undo_each_other() {
     let mut scene = Scene::default();
     let mut patch = square();

@@ -82,4 +82,4 @@ impl Parts {
 }
 
 /// Ways from a straight stretch to control points.
-pub(super) type Strays = SmallVec<[DVec2; 8]>;
+pub(super) type Strays = SmallVec<[DVec2; 16]>;

@@ -45,8 +45,9 @@ impl Walker<'_> {
                     to if steps > 1.0 && to > t => to.min(limit),
                     _ => limit,
                 };
-                let next = reached(to);
-                let ratio = self.ratio(last, &next);
+                let mut next = reached(to);
+                let ratio;
+                (ratio, next.off) = self.judge(last, &next);
                 let wanted = step * growth(ratio).clamp(0.1, 4.0);
                 if ratio <= 1.0 || step <= shortest {
                     (best, is_good) = (Some((to, next, ratio)), true);
@@ -64,13 +65,14 @@ impl Walker<'_> {
                     (bad, steps) = (steps, count(wanted.min(most)));
                 }
             }
-            let Some((to, next, ratio)) = best else {
+            let Some((to, mut next, ratio)) = best else {
                 break;
             };
             let step = trail.along(to) - start;
             longest = step * growth(ratio).clamp(0.2, 4.0);
             t = to;
             if ratio > 1.0 {
+                next.off = f64::INFINITY;
                 self.bridge(last.clone(), next, BRIDGES, &mut stations);
             } else {
                 stations.push(next);
@@ -96,7 +98,8 @@ impl Walker<'_> {
             let mut uses = 0..self.uses.len();
             uses.all(|k| !stays(k, from, to))
         };
-        let fits = |from: &Station, to: &Station| goes_on(from, to) && self.ratio(from, to) <= 1.0;
+        let fits =
+            |from: &Station, to: &Station| goes_on(from, to) && self.judge(from, to).0 <= 1.0;
         let mut at = 1;
         while at + 1 < stations.len() {
             let [before, own, after] = [at - 1, at, at + 1].map(|k| &stations[k]);
@@ -106,6 +109,7 @@ impl Walker<'_> {
             }
             if fits(before, after) {
                 stations.remove(at);
+                stations[at].off = f64::INFINITY;
                 continue;
             }
             let place = |k: usize| {
@@ -119,6 +123,7 @@ impl Walker<'_> {
             let moved = self.met(&ts);
             if fits(before, &moved) && fits(&moved, after) {
                 stations[at] = moved;
+                stations[at + 1].off = f64::INFINITY;
             }
             at += 1;
         }

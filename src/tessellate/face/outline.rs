@@ -170,8 +170,8 @@ impl<'a> Mesher<'a> {
     ) -> bool {
         let mut has_room = true;
         let place = |vertex: FixedVertexHandle| {
-            let p = self.plane.vertex(vertex).position();
-            DVec2::new(p.x, p.y)
+            let uv = self.vertices[vertex.index()].uv;
+            self.stretched.upright(uv)
         };
         let (from, way) = (place(a), place(b) - place(a));
         for found in LineIntersectionIterator::new_from_handles(&self.plane, a, b) {

@@ -20,11 +20,17 @@ const AROUND: f64 = 3.0;
 /// Rows of triangles with equal sides are as far apart as this part of a side.
 const ROWS: f64 = 0.866;
 
+/// How far lines across the plane lean: four corners of a rectangle have no circle then, and no one need find out
+/// with hundreds of digits on which side of it they are.
+const LEAN: f64 = 1e-6;
+
 /// The plane of a face.
 pub(super) struct Plane {
     min: DVec2,
     /// Factors for parameters.
     scale: DVec2,
+    /// How wide it is.
+    width: f64,
     /// Where a surface that turns about an axis has lines of very different length around it.
     stretch: Option<Stretch>,
 }
@@ -45,6 +51,7 @@ impl Plane {
         let mut plane = Self {
             min: bounds.min,
             scale: scale(face, bounds, limits),
+            width: 0.0,
             stretch: None,
         };
         let size = bounds.size();
@@ -57,11 +64,20 @@ impl Plane {
             plane.scale = DVec2::splat(extent.max_element().recip());
             plane.stretch = Some(stretch);
         }
+        plane.width = plane.upright(bounds.max).x;
         plane
     }
 
     /// Where parameters are in it.
     pub(super) fn place(&self, uv: DVec2) -> DVec2 {
+        let mut p = self.upright(uv);
+        // Neither along lines of one `v` nor at the first and the last `u`, so that these stay as straight.
+        p.x += LEAN * p.y * (p.x * (self.width - p.x));
+        p
+    }
+
+    /// The same before lines lean: straight lines of parameters are straight here, unless it is stretched.
+    pub(super) fn upright(&self, uv: DVec2) -> DVec2 {
         let mut p = uv - self.min;
         if let Some(stretch) = &self.stretch {
             p[stretch.axis] = stretch.place(p[stretch.axis]);
@@ -152,4 +168,54 @@ fn scale(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> DVec2 {
     let sides = mean * size / (mean * size).max_element();
     let sides = if sides.is_finite() { sides } else { DVec2::ONE };
     sides.max(DVec2::splat(1e-6)) / size.max(DVec2::splat(1e-12 * size.max_element()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use kernel::Patch;
+    use kernel::modelling::{self, Frame};
+
+    use super::super::super::room::Room;
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn lines_lean_but_for_the_first_and_the_last_and_none_bends_that_runs_across() {
+        let frame = &Frame::WORLD;
+        let cylinder = modelling::cylinder(frame, 1.0, 0.0..TAU, 0.0..3.0).unwrap();
+        let sphere = modelling::sphere(frame, 1.0, 0.0..TAU, -1.0..1.0).unwrap();
+        let limits = Limits {
+            angle: 0.2,
+            max_edge: f64::INFINITY,
+            room: &Room::new(1000),
+        };
+        let mut random = Random(9);
+        for patch in [cylinder, sphere].map(Patch::from) {
+            let face = Face::new(&patch, 1e-3);
+            let bounds = face.pieces.domain();
+            let plane = Plane::new(&face, &bounds, &limits);
+            let at = |share: DVec2| plane.place(bounds.min + bounds.size() * share);
+            for _ in 0..100 {
+                let [a, b] = [random.vector(), random.vector()].map(|r| r.truncate().abs());
+                // Exactly, so that what lies on a line is known to lie on it.
+                let across = at(DVec2::new(b.x, a.y));
+                assert!((at(a).y - across.y).abs() <= 0.0);
+                for end in [0.0, 1.0] {
+                    let [one, other] = [a, b].map(|share| at(DVec2::new(end, share.y)));
+                    assert!((one.x - other.x).abs() <= 0.0);
+                }
+                let corners = [a, DVec2::new(b.x, a.y), b, DVec2::new(a.x, b.y)].map(at);
+                // Diagonals of a rectangle are equally long.
+                let [p, q, r, s] = corners;
+                let (one, other) = (p.distance(r), q.distance(s));
+                assert!((one - other).abs() < 1e-6 * one);
+                let size = (p - q).abs().max((q - r).abs());
+                if size.min_element() > 0.01 {
+                    assert!((one - other).abs() > 1e-12 * one, "{corners:?}");
+                }
+            }
+        }
+    }
 }

@@ -182,12 +182,55 @@ impl Trimmer<'_> {
             self.locate(curve.evaluate(t), Some(guess))
         };
         let off = |a: DVec2, b: DVec2| self.point(a).distance(self.point(b));
-        self.straight_or_fitted(curve, at, self.size * ACCURACY, off)
+        let tolerance = self.size * ACCURACY;
+        let known: Vec<DVec2> = table.iter().map(|(_, uv)| *uv).collect();
+        match self.straight(&known, tolerance, off) {
+            Some(line) => line,
+            None => self.fitted(curve, at, tolerance, off),
+        }
     }
 
     /// The image of a curve in a parameter domain: a straight segment where that strays no more
     /// than `tolerance`, else a fitted curve.
     pub(super) fn straight_or_fitted<P: kernel::Point>(
+        &self,
+        curve: &Curve<P>,
+        at: impl Fn(f64) -> DVec2,
+        tolerance: f64,
+        off: impl Fn(DVec2, DVec2) -> f64,
+    ) -> Result<Curve<DVec2>, Problem> {
+        let Range { start, end } = curve.domain();
+        let points: Vec<DVec2> = (0..=12)
+            .map(|k| {
+                self.spend(POINT);
+                at(start + (end - start) * f64::from(k) / 12.0)
+            })
+            .collect();
+        self.check_left()?;
+        match self.straight(&points, tolerance, &off) {
+            Some(line) => line,
+            None => self.fitted(curve, at, tolerance, off),
+        }
+    }
+
+    /// The straight segment from the first to the last of the points of a curve, if none strays more than
+    /// `tolerance` from it.
+    fn straight(
+        &self,
+        points: &[DVec2],
+        tolerance: f64,
+        off: impl Fn(DVec2, DVec2) -> f64,
+    ) -> Option<Result<Curve<DVec2>, Problem>> {
+        let (first, along) = (points[0], points[points.len() - 1] - points[0]);
+        let square = along.length_squared();
+        let on_line = |p: DVec2| first + along * ((p - first).dot(along) / square).clamp(0.0, 1.0);
+        let is_straight = square > 0.0 && points.iter().all(|&p| off(on_line(p), p) <= tolerance);
+        let line = || Curve::line(first, first + along, 0.0..1.0).map_err(Problem::Geometry);
+        is_straight.then(line)
+    }
+
+    /// A curve fitted to the image of one in a parameter domain.
+    fn fitted<P: kernel::Point>(
         &self,
         curve: &Curve<P>,
         at: impl Fn(f64) -> DVec2,
@@ -200,17 +243,6 @@ impl Trimmer<'_> {
         };
         // What cannot be finished is not made better.
         let off = |a: DVec2, b: DVec2| if self.left.get() > 0 { off(a, b) } else { 0.0 };
-        let Range { start, end } = curve.domain();
-        let points: Vec<DVec2> = (0..=12)
-            .map(|k| at(start + (end - start) * f64::from(k) / 12.0))
-            .collect();
-        self.check_left()?;
-        let (first, along) = (points[0], points[12] - points[0]);
-        let square = along.length_squared();
-        let on_line = |p: DVec2| first + along * ((p - first).dot(along) / square).clamp(0.0, 1.0);
-        if square > 0.0 && points.iter().all(|&p| off(on_line(p), p) <= tolerance) {
-            return Curve::line(first, first + along, 0.0..1.0).map_err(Problem::Geometry);
-        }
         let breaks = curve.knots().breaks();
         let fit = modelling::fit(at, &breaks, tolerance, off).map_err(Problem::Geometry)?;
         self.check_left()?;
@@ -257,13 +289,15 @@ impl Trimmer<'_> {
             return Err(Problem::Invalid(text.to_owned()));
         }
         let mut table: Vec<_> = (0..=steps).map(|k| (parameter(k), first)).collect();
+        // Each is looked for where the two before it lead.
+        let guess = |last: DVec2, before: DVec2| Some(last + (last - before));
         for k in middle + 1..=steps {
             let point = curve.evaluate(table[k].0);
-            table[k].1 = self.locate(point, Some(table[k - 1].1));
+            table[k].1 = self.locate(point, guess(table[k - 1].1, table[(k - 2).max(middle)].1));
         }
         for k in (0..middle).rev() {
             let point = curve.evaluate(table[k].0);
-            table[k].1 = self.locate(point, Some(table[k + 1].1));
+            table[k].1 = self.locate(point, guess(table[k + 1].1, table[k + 2].1));
         }
         Ok(table)
     }
@@ -296,6 +330,9 @@ impl Trimmer<'_> {
 
     /// Parameters of which at a pole those stay as they were that make no difference there.
     fn steady(&self, mut uv: DVec2, guess: DVec2) -> DVec2 {
+        if self.poles.is_empty() {
+            return uv;
+        }
         let point = self.point(uv);
         let at_pole = |pole: &DVec3| pole.distance(point) <= self.size * ACCURACY;
         if !self.poles.iter().any(at_pole) {
