@@ -51,22 +51,30 @@ fn with_points(curve: &Curve<DVec2>, points: &[DVec2]) -> Result<Curve<DVec2>, E
     Curve::new(curve.knots().clone(), points, weights)
 }
 
+/// A coordinate has a value where it is off by less than this share of what it is at most.
+const OFF: f64 = 1e-9;
+
 /// A curve cut where one coordinate has one of the values.
 pub(super) fn cut(
     curve: &Curve<DVec2>,
     axis: usize,
     values: &[f64],
 ) -> Result<Vec<Curve<DVec2>>, Error> {
+    let beziers = curve.bezier_pieces();
     let mut cuts = Vec::new();
-    for piece in curve.bezier_pieces() {
-        let domain = piece.domain();
-        for &value in values {
+    for &value in values {
+        let off = |p: DVec2| (p[axis] - value).abs();
+        let near = OFF * curve.points().map(off).fold(0.0, f64::max);
+        let is_there = |t: &f64| off(curve.evaluate(*t)) <= near;
+        for piece in &beziers {
+            let Range { start, end } = piece.domain();
             let offsets = piece.homogeneous().iter().map(|h| h[axis] - value * h.z);
             let mut found = Vec::new();
             roots(offsets.collect(), &mut found);
-            let at = |t: f64| domain.start + (domain.end - domain.start) * t;
-            cuts.extend(found.into_iter().filter(|t| *t <= 1.0).map(at));
-            cuts.push(domain.end);
+            let found = found.into_iter().filter(|t| *t <= 1.0);
+            let found = found.map(|t| start + (end - start) * t);
+            // Between pieces the sign may change without a change inside of one.
+            cuts.extend(found.chain([end]).filter(is_there));
         }
     }
     cuts.sort_by(f64::total_cmp);
@@ -83,4 +91,39 @@ pub(super) fn cut(
     }
     pieces.push(rest);
     Ok(pieces)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::KnotVector;
+
+    #[test]
+    fn curves_are_cut_where_they_pass_a_value_and_nowhere_else() {
+        // Up and down by one from piece to piece, the last one a little beyond.
+        let zigzag = [0.0, 1.0, 0.0, 1.0, 0.0, 1.0 + 1e-6, 0.5];
+        let points: Vec<_> = (0..)
+            .zip(zigzag)
+            .map(|(k, y)| DVec2::new(f64::from(k), y))
+            .collect();
+        let line = Curve::polyline(&points).unwrap();
+        let at = |value: f64| cut(&line, 1, &[value]).unwrap();
+        assert_eq!(at(2.0), std::slice::from_ref(&line));
+        // It turns at three of its corners, and passes the line twice beside the fourth.
+        let ends: Vec<_> = at(1.0).iter().map(|piece| piece.end().x).collect();
+        assert_eq!(ends.len(), 5, "{ends:?}");
+        for (end, wanted) in ends.into_iter().zip([1.0, 3.0, 5.0, 5.0, 6.0]) {
+            assert!((end - wanted).abs() < 1e-5, "{end} for {wanted}");
+        }
+        assert_eq!(at(0.5).len(), 6);
+        // A bend of a smooth curve across a line: where it comes, and where it goes.
+        let knots = KnotVector::clamped_uniform(2, 9, 0.0..1.0).unwrap();
+        let bent = (0..9).map(|k| DVec2::new(f64::from(k), if k == 4 { 1.0 } else { 0.0 }));
+        let bent = Curve::new(knots, &bent.collect::<Vec<_>>(), None).unwrap();
+        let pieces = cut(&bent, 1, &[0.3]).unwrap();
+        assert_eq!(pieces.len(), 3);
+        for piece in &pieces[1..] {
+            assert!((piece.start().y - 0.3).abs() < 1e-9);
+        }
+    }
 }
