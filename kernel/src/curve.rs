@@ -219,6 +219,33 @@ impl<P: Point> Curve<P> {
             .collect()
     }
 
+    /// This curve and others in one: each begins where the one before ends, and parameters go on.
+    ///
+    /// # Errors
+    /// If parameters become so large that domains are lost in them.
+    pub fn joined(&self, others: &[Self]) -> Result<Self, Error> {
+        let degrees = others.iter().map(Self::degree);
+        let degree = degrees.fold(self.degree(), usize::max);
+        let clamped = |curve: &Self| curve.restricted(curve.domain())?.elevated(degree);
+        let first = clamped(self)?;
+        let mut knots = first.knots.as_slice().to_vec();
+        let mut points: Vec<P> = first.points().collect();
+        let mut weights: Vec<f64> = first.weights().collect();
+        for other in others {
+            let curve = clamped(other)?;
+            let shift = knots[knots.len() - 1] - curve.domain().start;
+            // Weights count relative to each other only.
+            let ends = weights.last().zip(curve.weights().next());
+            let scale = ends.map_or(1.0, |(own, next)| own / next);
+            knots.pop();
+            let rest = &curve.knots.as_slice()[degree + 1..];
+            knots.extend(rest.iter().map(|k| k + shift));
+            points.extend(curve.points().skip(1));
+            weights.extend(curve.weights().skip(1).map(|w| w * scale));
+        }
+        Self::new(KnotVector::new(degree, knots)?, &points, Some(&weights))
+    }
+
     /// The same curve with its degree raised to `degree`, clamped if anything is raised.
     ///
     /// # Errors

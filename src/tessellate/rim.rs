@@ -26,6 +26,9 @@ const CORNER: f64 = 0.5;
 /// What lies beside a boundary is looked for this far from it, as a share of the domain.
 const BESIDE: f64 = 1e-4;
 
+/// So many rims become one at most: what is looked for on it is looked for on each.
+const GATHERED: usize = 500;
+
 /// A face that is to become triangles.
 #[derive(Debug)]
 pub(crate) struct Face<'a> {
@@ -210,6 +213,7 @@ impl<'a> Face<'a> {
                     inside(part, &domain, near, &mut rims);
                 }
             }
+            rims = self.gathered(rims, |a, b| runs_along(a) == runs_along(b));
         }
         let mut border = Vec::new();
         for side in Side::all(&domain) {
@@ -217,6 +221,47 @@ impl<'a> Face<'a> {
         }
         rims.extend(border);
         rims
+    }
+
+    /// Rims in which short ones that go on from each other, and `may` be one, are one: others may have no
+    /// corners where they meet, or have them elsewhere.
+    fn gathered(
+        &self,
+        rims: Vec<Curve<DVec2>>,
+        may: impl Fn(&Curve<DVec2>, &Curve<DVec2>) -> bool,
+    ) -> Vec<Curve<DVec2>> {
+        let is_short = |rim: &Curve<DVec2>| {
+            let Range { start, end } = rim.domain();
+            let first = self.point(rim.start());
+            let mut shares = [1.0].into_iter().chain(PLACES);
+            shares.all(|share| {
+                let uv = rim.evaluate(start + (end - start) * share);
+                self.point(uv).distance(first) <= self.tolerance
+            })
+        };
+        let short: Vec<bool> = rims.iter().map(is_short).collect();
+        if !short.windows(2).any(|pair| pair[0] && pair[1]) {
+            return rims;
+        }
+        let goes_on = |from: DVec2, to: DVec2| (from - to).abs().cmple(self.near).all();
+        let mut gathered: Vec<Curve<DVec2>> = Vec::new();
+        let mut run: Vec<Curve<DVec2>> = Vec::new();
+        for (rim, is_short) in rims.into_iter().zip(short) {
+            let is_next = |last: &Curve<DVec2>| {
+                let begins = goes_on(last.end(), rim.start());
+                // What comes back to where it began is no longer one.
+                begins && !goes_on(run[0].start(), rim.end()) && may(last, &rim)
+            };
+            if !is_short || run.len() >= GATHERED || !run.last().is_some_and(is_next) {
+                end_run(&mut run, &mut gathered);
+            }
+            run.push(rim);
+            if !is_short {
+                end_run(&mut run, &mut gathered);
+            }
+        }
+        end_run(&mut run, &mut gathered);
+        gathered
     }
 
     /// Appends the parts of a side of the domain that bound the face and along which no
@@ -293,6 +338,25 @@ impl Side {
         let mut p = DVec2::splat(t);
         p[self.axis] = self.at;
         p
+    }
+}
+
+/// Appends curves that go on from each other as one, if they can be one.
+fn end_run(run: &mut Vec<Curve<DVec2>>, out: &mut Vec<Curve<DVec2>>) {
+    let units = (0..).zip(&*run).map(|(k, curve)| {
+        let start = f64::from(k);
+        curve.remapped(start..start + 1.0)
+    });
+    let joined = match &units.collect::<Result<Vec<_>, _>>() {
+        Ok(units) if units.len() > 1 => units[0].joined(&units[1..]).ok(),
+        _ => None,
+    };
+    match joined {
+        Some(joined) => {
+            out.push(joined);
+            run.clear();
+        }
+        None => out.append(run),
     }
 }
 

@@ -385,6 +385,29 @@ fn rounding_at_an_apex_does_not_turn_normals() {
 }
 
 #[test]
+fn what_lies_beside_a_crease_is_within_the_tolerance() {
+    // Across u the surface is bent in the middle, along v both halves wave, each in its own way.
+    let knots_u = vec![0.0, 0.0, 0.0, 0.5, 0.5, 1.0, 1.0, 1.0];
+    let knots_u = kernel::KnotVector::new(2, knots_u).unwrap();
+    let knots_v = kernel::KnotVector::clamped_uniform(3, 9, 0.0..1.0).unwrap();
+    let point = |k: u32| {
+        let (i, j) = (f64::from(k / 9), f64::from(k % 9));
+        let fold = (i - 2.0).abs();
+        DVec3::new(i, j, fold + (1.3 * j + 0.7 * fold).sin() * (1.0 + 0.3 * i))
+    };
+    let points: Vec<_> = (0..45).map(point).collect();
+    let folded = Surface::new(knots_u, knots_v, &points, None).unwrap();
+    for surface in [folded.transposed(), folded] {
+        for tolerance in [1e-1, 1e-2, 1e-3] {
+            let result = with_tolerance(surface.clone(), tolerance);
+            let made = result.faces[0].as_ref().unwrap();
+            assert_eq!((made.unproven, result.crossings), (0, 0), "{tolerance}");
+            assert!(made.proven <= tolerance && made.sampled <= made.proven);
+        }
+    }
+}
+
+#[test]
 fn an_edge_has_as_few_and_as_equal_steps_as_the_limits_allow() {
     let frame = &modelling::Frame::WORLD;
     let cylinder = modelling::cylinder(frame, 1.0, 0.0..TAU, 0.0..1.0).unwrap();

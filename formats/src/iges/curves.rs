@@ -316,43 +316,24 @@ fn turn(rails: &mut [Rail]) -> bool {
 
 /// One curve from several; each begins where the one before ends, parameters go on.
 pub(super) fn joined(rails: Vec<Rail>) -> Result<Rail, Problem> {
-    let degree = rails.iter().map(|r| r.curve.degree()).max();
     let mut rails = rails.into_iter();
-    let (Some(first), Some(degree)) = (rails.next(), degree) else {
+    let Some(Rail { curve, mut arcs }) = rails.next() else {
         return Err(Problem::Invalid("a composite curve is empty".to_owned()));
     };
-    if rails.len() == 0 {
-        return Ok(first);
-    }
-    let clamped = |rail: &Rail| {
-        let curve = rail.curve.restricted(rail.curve.domain())?;
-        curve.elevated(degree)
-    };
-    let curve = clamped(&first).map_err(Problem::Geometry)?;
-    let (mut knots, mut arcs) = (curve.knots().as_slice().to_vec(), first.arcs);
-    let mut points: Vec<DVec3> = curve.points().collect();
-    let mut weights: Vec<f64> = curve.weights().collect();
+    let mut others = Vec::new();
+    let mut end = curve.domain().end;
     for rail in rails {
-        let curve = clamped(&rail).map_err(Problem::Geometry)?;
-        let (start, end) = (curve.domain().start, knots[knots.len() - 1]);
-        let shift = end - start;
-        // Weights count relative to each other only.
-        let scale = weights
-            .last()
-            .zip(curve.weights().next())
-            .map_or(1.0, |(a, b)| a / b);
-        knots.pop();
-        knots.extend(
-            curve.knots().as_slice()[degree + 1..]
-                .iter()
-                .map(|k| k + shift),
-        );
-        points.extend(curve.points().skip(1));
-        weights.extend(curve.weights().skip(1).map(|w| w * scale));
-        arcs.extend(rail.arcs.iter().map(|a| a.start + shift..a.end + shift));
+        let domain = rail.curve.domain();
+        let shift = end - domain.start;
+        let moved = |arc: &Range<f64>| arc.start + shift..arc.end + shift;
+        arcs.extend(rail.arcs.iter().map(moved));
+        end = domain.end + shift;
+        others.push(rail.curve);
     }
-    let knots = KnotVector::new(degree, knots).map_err(Problem::Geometry)?;
-    let curve = Curve::new(knots, &points, Some(&weights)).map_err(Problem::Geometry)?;
+    if others.is_empty() {
+        return Ok(Rail { curve, arcs });
+    }
+    let curve = curve.joined(&others).map_err(Problem::Geometry)?;
     Ok(Rail { curve, arcs })
 }
 

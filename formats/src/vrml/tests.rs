@@ -203,7 +203,10 @@ fn a_field_of_a_script_may_be_the_script() {
         "DEF S Script {{ field SFNode own USE S url \"javascript:\" }}\n{TRIANGLE}"
     ));
     assert_eq!(import.scene.placement_count(), 1);
-    assert_eq!(messages(&import), ["line 2, Script S: Script is not read"]);
+    assert_eq!(
+        messages(&import),
+        ["line 2, Script DEF S: Script is not read"]
+    );
 }
 
 #[test]

@@ -171,7 +171,7 @@ impl<'a> Mesher<'a> {
         let mut has_room = true;
         let place = |vertex: FixedVertexHandle| {
             let uv = self.vertices[vertex.index()].uv;
-            self.stretched.upright(uv)
+            self.stretched.unleaned(uv)
         };
         let (from, way) = (place(a), place(b) - place(a));
         for found in LineIntersectionIterator::new_from_handles(&self.plane, a, b) {

@@ -29,8 +29,8 @@ pub(super) struct Plane {
     min: DVec2,
     /// Factors for parameters.
     scale: DVec2,
-    /// How wide it is.
-    width: f64,
+    /// Where lines across it are that do not lean: borders and creases of the surface.
+    upright: Vec<f64>,
     /// Where a surface that turns about an axis has lines of very different length around it.
     stretch: Option<Stretch>,
 }
@@ -51,7 +51,7 @@ impl Plane {
         let mut plane = Self {
             min: bounds.min,
             scale: scale(face, bounds, limits),
-            width: 0.0,
+            upright: Vec::new(),
             stretch: None,
         };
         let size = bounds.size();
@@ -64,20 +64,31 @@ impl Plane {
             plane.scale = DVec2::splat(extent.max_element().recip());
             plane.stretch = Some(stretch);
         }
-        plane.width = plane.upright(bounds.max).x;
+        let inside = bounds.min.x..bounds.max.x;
+        let creases = face.pieces.creases[0].iter();
+        let creases = creases.copied().filter(|u| inside.contains(u));
+        let lines = [bounds.min.x].into_iter().chain(creases);
+        plane.upright = lines
+            .chain([bounds.max.x])
+            .map(|u| plane.unleaned(DVec2::new(u, bounds.min.y)).x)
+            .collect();
         plane
     }
 
     /// Where parameters are in it.
     pub(super) fn place(&self, uv: DVec2) -> DVec2 {
-        let mut p = self.upright(uv);
-        // Neither along lines of one `v` nor at the first and the last `u`, so that these stay as straight.
-        p.x += LEAN * p.y * (p.x * (self.width - p.x));
+        let mut p = self.unleaned(uv);
+        let next = self.upright.partition_point(|&line| line <= p.x);
+        if 0 < next && next < self.upright.len() {
+            // Nothing on a line that has to stay as straight as it is.
+            let beside = [p.x - self.upright[next - 1], self.upright[next] - p.x];
+            p.x += LEAN * p.y * (beside[0] * beside[1]);
+        }
         p
     }
 
     /// The same before lines lean: straight lines of parameters are straight here, unless it is stretched.
-    pub(super) fn upright(&self, uv: DVec2) -> DVec2 {
+    pub(super) fn unleaned(&self, uv: DVec2) -> DVec2 {
         let mut p = uv - self.min;
         if let Some(stretch) = &self.stretch {
             p[stretch.axis] = stretch.place(p[stretch.axis]);

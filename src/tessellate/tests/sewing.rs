@@ -58,6 +58,55 @@ fn corners_that_do_not_quite_meet_become_points() {
 }
 
 #[test]
+fn a_border_in_steps_far_below_the_tolerance_is_one_edge() {
+    // Two rectangles side by side. Between them the loop of one runs beside the straight side of the other, farther
+    // away than it comes on with each of many steps.
+    let count = 300_u32;
+    let step = |k: u32| {
+        let y = f64::from(k) / f64::from(count);
+        let x = 1.0 + 0.012 * (PI * y).sin() + 0.0005 * f64::from(k % 3);
+        DVec2::new(if k == 0 || k == count { 1.0 } else { x }, y)
+    };
+    let outline = |corners: Vec<DVec2>| {
+        let sides = corners
+            .windows(2)
+            .map(|w| kernel::Curve::line(w[0], w[1], 0.0..1.0).unwrap());
+        kernel::TrimLoop::new(sides.collect(), 1e-12).unwrap()
+    };
+    let corners = |xs: [f64; 2]| {
+        let [a, b] = xs;
+        [[a, 0.0], [b, 0.0], [b, 1.0], [a, 1.0], [a, 0.0]]
+            .map(DVec2::from_array)
+            .to_vec()
+    };
+    let mut stepped = vec![DVec2::ZERO];
+    stepped.extend((0..=count).map(step));
+    stepped.extend([DVec2::Y, DVec2::ZERO]);
+    let face = |outline: kernel::TrimLoop| {
+        let corner = DVec3::new(-1.0, -1.0, 0.0);
+        let (x, y) = (4.0 * DVec3::X, 3.0 * DVec3::Y);
+        let plane = modelling::plane(corner, x, y, -1.0..3.0, -1.0..2.0);
+        let mut face: Patch = plane.unwrap().into();
+        face.loops = vec![outline];
+        face
+    };
+    let faces = vec![face(outline(stepped)), face(outline(corners([1.0, 2.0])))];
+    let options = TessellateOptions {
+        tolerance: Tolerance::Length(0.05),
+        ..TessellateOptions::default()
+    };
+    let result = tessellate(&scene(faces), &options).unwrap();
+    assert_eq!((result.shells.len(), result.crossings), (1, 0));
+    let shell = &result.shells[0];
+    assert_eq!(
+        (shell.naked, shell.crowded, shell.twisted),
+        (6, 0, 0),
+        "{shell:?}"
+    );
+    assert!((shell.area - 2.0).abs() < 0.02, "{}", shell.area);
+}
+
+#[test]
 fn creases_of_neighbours_that_meet_are_one_corner() {
     // Two strips on both sides of a zigzag line, with parameters that only rounding relates.
     let zigzag: Vec<DVec3> = (0..40)
