@@ -26,7 +26,7 @@ const CORNER: f64 = 0.5;
 /// What lies beside a boundary is looked for this far from it, as a share of the domain.
 const BESIDE: f64 = 1e-4;
 
-/// So many rims become one at most: what is looked for on it is looked for on each.
+/// So many rims become one at most: searches along a curve take as long as it has pieces.
 const GATHERED: usize = 500;
 
 /// A face that is to become triangles.

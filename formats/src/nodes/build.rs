@@ -175,16 +175,16 @@ impl<'a> Builder<'a> {
             return;
         }
         open.role = Role::Drop;
-        let what = match &*open.node.kind {
-            "" => format!("USE {name}"),
-            kind => format!("{kind} USE {name}"),
-        };
-        let place = self.file.place(open.node.line, &what);
         let outer = around.iter().find(|open| &*open.node.def == name);
         if outer.is_some_and(|outer| &*outer.node.kind == "Script") {
             // A field of a script may be the script.
             return;
         }
+        let what = match &*open.node.kind {
+            "" => format!("USE {name}"),
+            kind => format!("{kind} USE {name}"),
+        };
+        let place = self.file.place(open.node.line, &what);
         let text = if outer.is_some() {
             "a node is used inside itself; it is left out there"
         } else {

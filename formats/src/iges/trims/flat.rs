@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DAffine2, DVec2, DVec3};
 use kernel::Curve;
 
+use super::laid::POINT;
 use super::{ACCURACY, ASTRAY, COARSE, MEETS, Source, Trimmer};
 use crate::Problem;
 use crate::iges::boundary::Use;
@@ -160,6 +161,13 @@ impl Trimmer<'_> {
         let [size_u, size_v] = self.domain.clone().map(|d| d.end - d.start);
         let size = DVec2::new(size_u, size_v);
         let off = |a: DVec2, b: DVec2| ((a - b) / size).length();
-        self.straight_or_fitted(curve, at, ACCURACY, off)
+        let Range { start, end } = curve.domain();
+        let place = |k: u8| {
+            self.spend(POINT);
+            at(start + (end - start) * f64::from(k) / 12.0)
+        };
+        let known: Vec<DVec2> = (0..=12).map(place).collect();
+        self.check_left()?;
+        self.straight_or_fitted((curve, &known), at, ACCURACY, off)
     }
 }

@@ -104,7 +104,7 @@ impl Trimmer<'_> {
 
     /// Makes sure that work is left. Where it ends in the middle of a curve, that becomes something
     /// else soon, which is given up here.
-    fn check_left(&self) -> Result<(), Problem> {
+    pub(super) fn check_left(&self) -> Result<(), Problem> {
         if self.left.get() > 0 {
             Ok(())
         } else {
@@ -182,61 +182,25 @@ impl Trimmer<'_> {
             self.locate(curve.evaluate(t), Some(guess))
         };
         let off = |a: DVec2, b: DVec2| self.point(a).distance(self.point(b));
-        let tolerance = self.size * ACCURACY;
         let known: Vec<DVec2> = table.iter().map(|(_, uv)| *uv).collect();
-        match self.straight(&known, tolerance, off) {
-            Some(line) => line,
-            None => self.fitted(curve, at, tolerance, off),
-        }
+        self.straight_or_fitted((curve, &known), at, self.size * ACCURACY, off)
     }
 
-    /// The image of a curve in a parameter domain: a straight segment where that strays no more
-    /// than `tolerance`, else a fitted curve.
+    /// The image of a curve in a parameter domain, of which some places are known from its start to its end: a
+    /// straight segment where none of these strays more than `tolerance` from it, else a fitted curve.
     pub(super) fn straight_or_fitted<P: kernel::Point>(
         &self,
-        curve: &Curve<P>,
+        (curve, known): (&Curve<P>, &[DVec2]),
         at: impl Fn(f64) -> DVec2,
         tolerance: f64,
         off: impl Fn(DVec2, DVec2) -> f64,
     ) -> Result<Curve<DVec2>, Problem> {
-        let Range { start, end } = curve.domain();
-        let points: Vec<DVec2> = (0..=12)
-            .map(|k| {
-                self.spend(POINT);
-                at(start + (end - start) * f64::from(k) / 12.0)
-            })
-            .collect();
-        self.check_left()?;
-        match self.straight(&points, tolerance, &off) {
-            Some(line) => line,
-            None => self.fitted(curve, at, tolerance, off),
-        }
-    }
-
-    /// The straight segment from the first to the last of the points of a curve, if none strays more than
-    /// `tolerance` from it.
-    fn straight(
-        &self,
-        points: &[DVec2],
-        tolerance: f64,
-        off: impl Fn(DVec2, DVec2) -> f64,
-    ) -> Option<Result<Curve<DVec2>, Problem>> {
-        let (first, along) = (points[0], points[points.len() - 1] - points[0]);
+        let (first, along) = (known[0], known[known.len() - 1] - known[0]);
         let square = along.length_squared();
         let on_line = |p: DVec2| first + along * ((p - first).dot(along) / square).clamp(0.0, 1.0);
-        let is_straight = square > 0.0 && points.iter().all(|&p| off(on_line(p), p) <= tolerance);
-        let line = || Curve::line(first, first + along, 0.0..1.0).map_err(Problem::Geometry);
-        is_straight.then(line)
-    }
-
-    /// A curve fitted to the image of one in a parameter domain.
-    fn fitted<P: kernel::Point>(
-        &self,
-        curve: &Curve<P>,
-        at: impl Fn(f64) -> DVec2,
-        tolerance: f64,
-        off: impl Fn(DVec2, DVec2) -> f64,
-    ) -> Result<Curve<DVec2>, Problem> {
+        if square > 0.0 && known.iter().all(|&p| off(on_line(p), p) <= tolerance) {
+            return Curve::line(first, first + along, 0.0..1.0).map_err(Problem::Geometry);
+        }
         let at = |t: f64| {
             self.spend(POINT);
             at(t)
