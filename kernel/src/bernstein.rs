@@ -1,11 +1,11 @@
 //! Polynomials in Bernstein form.
 
 /// The binomial coefficients `degree` over `k` for all `k`.
-pub(crate) fn binomials(degree: usize) -> Vec<f64> {
-    let step = |value: &mut f64, k: usize| {
-        let now = *value;
-        *value = now * (degree - k) as f64 / (k + 1) as f64;
-        Some(now)
-    };
-    (0..=degree).scan(1.0, step).collect()
+pub fn binomials(degree: usize) -> impl Iterator<Item = f64> {
+    let mut next = 1.0;
+    (0..=degree).map(move |k| {
+        let value = next;
+        next = value * (degree - k) as f64 / (k + 1) as f64;
+        value
+    })
 }

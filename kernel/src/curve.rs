@@ -284,18 +284,20 @@ impl<P: Point> Curve<P> {
 
     /// The Bézier pieces in order, each a curve over its part of the domain.
     pub fn bezier_pieces(&self) -> Vec<Self> {
-        let p = self.degree();
-        let piece = |(range, points): (Range<f64>, _)| {
-            let knots = [vec![range.start; p + 1], vec![range.end; p + 1]].concat();
-            Self {
-                knots: KnotVector::trusted(p, knots),
-                points,
-            }
-        };
-        spline::bezier_pieces(&self.knots, &self.points)
-            .into_iter()
-            .map(piece)
-            .collect()
+        let mut pieces = Vec::new();
+        self.each_bezier(|range, points| {
+            pieces.push(Self {
+                knots: KnotVector::trusted_bezier(self.degree(), &range),
+                points: points.to_vec(),
+            });
+        });
+        pieces
+    }
+
+    /// Calls for each of the [Bézier pieces](Self::bezier_pieces) in order: its part of the domain, and
+    /// its homogeneous control points.
+    pub fn each_bezier(&self, each: impl FnMut(Range<f64>, &[P::Homogeneous])) {
+        spline::each_bezier(&self.knots, &self.points, each);
     }
 }
 

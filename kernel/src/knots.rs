@@ -246,6 +246,13 @@ impl KnotVector {
         Self { degree, knots }
     }
 
+    /// Those of one Bézier piece, which are known to be valid.
+    pub(crate) fn trusted_bezier(degree: usize, domain: &Range<f64>) -> Self {
+        let mut knots = vec![domain.start; 2 * (degree + 1)];
+        knots[degree + 1..].fill(domain.end);
+        Self { degree, knots }
+    }
+
     /// The basis functions that are not zero at `t`: the index of the first one, and the values
     /// of all `degree + 1`. Outside the domain those of the end pieces are prolonged.
     pub fn basis_functions(&self, t: f64) -> (usize, Vec<f64>) {

@@ -39,6 +39,7 @@ mod surface;
 mod texture;
 mod trim;
 
+pub use bernstein::binomials;
 pub use bezier::BezierSurface;
 pub use bounds::Aabb;
 pub use camera::{Camera, Lens, Projection};

@@ -113,7 +113,8 @@ fn corner_limit(surface: &Surface, way_u: &Range<f64>, way_v: &Range<f64>) -> Op
 /// derivatives; with `X` before the weight `w`, the normal is that of
 /// `w Xu x Xv + wv X x Xu + wu Xv x X`.
 fn leading_normal(x: &[Estimate], du: &[Estimate], dv: &[Estimate]) -> Option<DVec3> {
-    let [binomial_x, binomial_u, binomial_v] = [x, du, dv].map(|c| binomials(c.len() - 1));
+    let [binomial_x, binomial_u, binomial_v] =
+        [x, du, dv].map(|c| binomials(c.len() - 1).collect::<Vec<_>>());
     let degree = x.len() + du.len() + dv.len() - 3;
     let mut coefficients = vec![(DVec3::ZERO, 0.0); degree + 1];
     for (i, x) in x.iter().enumerate() {
@@ -255,7 +256,7 @@ impl Net {
     /// The curve `u = v`.
     fn diagonal(&self) -> Vec<Estimate> {
         let (p, q) = (self.degree_u, self.degree_v);
-        let [row, column, both] = [p, q, p + q].map(binomials);
+        let [row, column, both] = [p, q, p + q].map(|n| binomials(n).collect::<Vec<_>>());
         let mut curve = vec![Estimate::default(); p + q + 1];
         for i in 0..=p {
             for j in 0..=q {

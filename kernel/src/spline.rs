@@ -219,15 +219,28 @@ fn negated<H: Linear>(knots: &KnotVector, points: &[H]) -> Spline<H> {
 }
 
 /// The Bézier pieces of the curve, one per span with a length, in order.
-///
-/// Neighbouring pieces share their common point to the last bit. Linear in the
-/// number of pieces \[Piegl 97, A5.6\].
 pub(crate) fn bezier_pieces<H: Linear>(
     knots: &KnotVector,
     points: &[H],
 ) -> Vec<(Range<f64>, Vec<H>)> {
+    let mut pieces = Vec::new();
+    each_bezier(knots, points, |range, piece| {
+        pieces.push((range, piece.to_vec()));
+    });
+    pieces
+}
+
+/// Calls for each Bézier piece of the curve, one per span with a length, in order.
+///
+/// Neighbouring pieces share their common point to the last bit. Linear in the
+/// number of pieces \[Piegl 97, A5.6\].
+pub(crate) fn each_bezier<H: Linear>(
+    knots: &KnotVector,
+    points: &[H],
+    mut each: impl FnMut(Range<f64>, &[H]),
+) {
     if knots.is_bezier() {
-        return vec![(knots.domain(), points.to_vec())];
+        return each(knots.domain(), points);
     }
     let clamped = (!knots.is_clamped()).then(|| restrict(knots, points, &knots.domain()));
     let (knots, points) = match &clamped {
@@ -235,8 +248,8 @@ pub(crate) fn bezier_pieces<H: Linear>(
         None => (knots, points),
     };
     let (p, u) = (knots.degree(), knots.as_slice());
-    let mut pieces = Vec::new();
     let mut piece = points[..=p].to_vec();
+    let mut next = piece.clone();
     let mut start = p;
     while start + 1 < u.len() {
         // The run of equal knots that ends this piece.
@@ -245,12 +258,11 @@ pub(crate) fn bezier_pieces<H: Linear>(
         let end = first + multiplicity - 1;
         let range = u[start]..u[end];
         if end + 1 == u.len() {
-            pieces.push((range, piece));
-            break;
+            return each(range, &piece);
         }
         // Insert the knot until it stands `degree` times. Each insertion yields one more
         // leading point of the next piece.
-        let mut next = points[end - p..=end].to_vec();
+        next.copy_from_slice(&points[end - p..=end]);
         for inserted in 1..=p.saturating_sub(multiplicity) {
             let fixed = multiplicity + inserted;
             for k in (fixed..=p).rev() {
@@ -263,10 +275,10 @@ pub(crate) fn bezier_pieces<H: Linear>(
             }
             next[p - fixed] = piece[p];
         }
-        pieces.push((range, std::mem::replace(&mut piece, next)));
+        each(range, &piece);
+        std::mem::swap(&mut piece, &mut next);
         start = end;
     }
-    pieces
 }
 
 /// The same curve one degree higher, clamped at its ends.

@@ -25,6 +25,9 @@ const DISTINCT: usize = 13;
 /// which fills what is left.
 const SAMPLES: [[f64; 3]; GROUPS * GROUP] = samples();
 
+/// The same of each group side by side.
+const SHARES: [[[f64; GROUP]; 3]; GROUPS] = shares();
+
 /// Points along a side of the nets that are evaluated side by side, at most.
 const ROOM: usize = 10;
 
@@ -47,6 +50,17 @@ const fn samples() -> [[f64; 3]; GROUPS * GROUP] {
     samples
 }
 
+const fn shares() -> [[[f64; GROUP]; 3]; GROUPS] {
+    let mut shares = [[[0.0; GROUP]; 3]; GROUPS];
+    let mut k = 0;
+    while k < 3 * GROUPS * GROUP {
+        let (number, corner) = (k / 3, k % 3);
+        shares[number / GROUP][corner][number % GROUP] = SAMPLES[number][corner];
+        k += 1;
+    }
+    shares
+}
+
 /// The largest distance, at sample points that are no corners, between a triangle and the surface
 /// at the parameters that belong to them.
 pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]) -> f64 {
@@ -64,32 +78,11 @@ pub(super) fn triangle(pieces: &Pieces<'_>, uvs: [DVec2; 3], corners: [DVec3; 3]
         };
         return SAMPLES[..DISTINCT].iter().map(off).fold(0.0, f64::max);
     };
-    let (u, v) = (piece.u(), piece.v());
-    let mut places = [[[0.0; GROUP]; 2]; GROUPS];
-    let mut points = [[[0.0; GROUP]; 3]; GROUPS];
-    for (number, shares) in SAMPLES.into_iter().enumerate() {
-        let (group, lane) = (number / GROUP, number % GROUP);
-        // For many at once without branches.
-        let uv = uvs[0] * shares[0] + uvs[1] * shares[1] + uvs[2] * shares[2];
-        places[group][0][lane] = share(uv.x, &u);
-        places[group][1][lane] = share(uv.y, &v);
-        let flat = flat(shares);
-        for axis in 0..3 {
-            points[group][axis][lane] = flat[axis];
-        }
-    }
-    if let Some(cone) = pieces.cone.filter(Cone::narrows) {
-        for (number, shares) in SAMPLES.into_iter().enumerate() {
-            let (group, lane) = (number / GROUP, number % GROUP);
-            let uv = cone.place(uvs, shares);
-            places[group][0][lane] = share(uv.x, &u);
-            places[group][1][lane] = share(uv.y, &v);
-        }
-    }
     let distances = Distances {
         piece,
-        places,
-        points,
+        cone: pieces.cone.as_ref().filter(|cone| cone.narrows()),
+        uvs,
+        corners,
     };
     pieces.instructions().run(distances).sqrt()
 }
@@ -101,12 +94,13 @@ pub(crate) fn at(face: &Face<'_>, uvs: [DVec2; 3], corners: [DVec3; 3], shares: 
     face.point(face.pieces.place(uvs, shares)).distance(flat)
 }
 
-/// The task to find the square of the largest distance between points and the places of a piece that
-/// belong to them.
+/// The task to find the square of the largest distance between sample points of a triangle and the places
+/// of a piece that belong to them.
 struct Distances<'a> {
     piece: &'a BezierSurface,
-    places: [[[f64; GROUP]; 2]; GROUPS],
-    points: [[[f64; GROUP]; 3]; GROUPS],
+    cone: Option<&'a Cone>,
+    uvs: [DVec2; 3],
+    corners: [DVec3; 3],
 }
 
 impl Task for Distances<'_> {
@@ -131,9 +125,10 @@ impl Distances<'_> {
         let net = self.piece.homogeneous();
         let p = self.piece.degree_u();
         let mut most = [0.0_f64; GROUP];
-        for ([u, v], point) in self.places.iter().zip(&self.points) {
-            let along_u: [_; ROOM] = basis(p, u);
-            let along_v: [_; ROW] = basis(row - 1, v);
+        for group in 0..GROUPS {
+            let [u, v] = self.places(group);
+            let along_u: [_; ROOM] = basis(p, &u);
+            let along_v: [_; ROW] = basis(row - 1, &v);
             let mut sum = [[0.0; GROUP]; 4];
             for (points, share) in net.chunks_exact(row).zip(&along_u) {
                 let mut row = [[0.0; GROUP]; 4];
@@ -152,8 +147,9 @@ impl Distances<'_> {
             }
             let mut square = [0.0; GROUP];
             for axis in 0..3 {
+                let flat = mixed(group, self.corners.map(|corner| corner[axis]));
                 for lane in 0..GROUP {
-                    let off = sum[axis][lane] / sum[3][lane] - point[axis][lane];
+                    let off = sum[axis][lane] / sum[3][lane] - flat[lane];
                     square[lane] += off * off;
                 }
             }
@@ -163,6 +159,36 @@ impl Distances<'_> {
         }
         most.into_iter().fold(0.0, f64::max)
     }
+
+    /// Where in the piece the places of a group of samples are, as shares of its ranges.
+    #[inline(always)]
+    fn places(&self, group: usize) -> [[f64; GROUP]; 2] {
+        let ranges = [self.piece.u(), self.piece.v()];
+        let mut places = [0, 1].map(|axis| mixed(group, self.uvs.map(|uv| uv[axis])));
+        if let Some(cone) = self.cone {
+            for (lane, shares) in SAMPLES[group * GROUP..][..GROUP].iter().enumerate() {
+                let uv = cone.place(self.uvs, *shares);
+                (places[0][lane], places[1][lane]) = (uv.x, uv.y);
+            }
+        }
+        for (places, range) in places.iter_mut().zip(&ranges) {
+            for place in places {
+                *place = share(*place, range);
+            }
+        }
+        places
+    }
+}
+
+/// What samples of a group have of a quantity that the corners have.
+#[inline(always)]
+fn mixed(group: usize, [a, b, c]: [f64; 3]) -> [f64; GROUP] {
+    let [x, y, z] = &SHARES[group];
+    let mut mixed = [0.0; GROUP];
+    for lane in 0..GROUP {
+        mixed[lane] = a * x[lane] + b * y[lane] + c * z[lane];
+    }
+    mixed
 }
 
 /// The Bernstein polynomials of a degree at some places, zero beyond.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use glam::{DVec2, DVec3, DVec4};
-use kernel::{BezierSurface, MAX_DEGREE};
+use kernel::{BezierSurface, MAX_DEGREE, binomials};
 
 use crate::simd::{Instructions, Simd, Task};
 
@@ -62,9 +62,8 @@ impl Degrees {
 
     fn new(p: usize, q: usize) -> Self {
         let factors = |p: usize, q: usize| {
-            let (u, v) = (binomials(p), binomials(q));
-            let row = |a: &f64| v.iter().map(|b| a * b).collect::<Vec<_>>();
-            u.iter().flat_map(row).collect::<Vec<_>>()
+            let row = |a: f64| binomials(q).map(move |b| a * b);
+            binomials(p).flat_map(row).collect::<Vec<_>>()
         };
         let inverse = |power: usize| {
             let factors = factors(power * p, power * q);
@@ -298,16 +297,6 @@ fn along_v(net: &[DVec4], row: usize, scale: f64, out: &mut [DVec4]) {
 #[inline(always)]
 pub(super) fn share(x: f64, range: &Range<f64>) -> f64 {
     ((x - range.start) / (range.end - range.start)).clamp(0.0, 1.0)
-}
-
-/// The binomial coefficients `n` over `k` for all `k`.
-fn binomials(n: usize) -> Vec<f64> {
-    let next = |c: &mut f64, k: usize| {
-        let value = *c;
-        *c = value * (n - k) as f64 / (k + 1) as f64;
-        Some(value)
-    };
-    (0..=n).scan(1.0, next).collect()
 }
 
 /// The Bernstein polynomials of a degree in the middle.

@@ -20,6 +20,9 @@ const LEAST: f64 = 1e-13;
 /// Where a part of the border is looked at, as shares of it.
 const PLACES: [f64; 3] = [0.271, 0.5, 0.788];
 
+/// Ways in the parameters that turn by no more than rounding go on.
+const ONWARD: f64 = 1e-12;
+
 /// A boundary that turns at once by more than this, in radians, has a corner.
 const CORNER: f64 = 0.5;
 
@@ -179,16 +182,17 @@ impl<'a> Face<'a> {
 
     /// Whether a boundary turns in space between two pieces that are not lost in the tolerance.
     fn is_corner(&self, before: &Curve<DVec2>, after: &Curve<DVec2>) -> bool {
-        let way = |piece: &Curve<DVec2>, t: f64| {
-            let (uv, way) = piece.tangent(t);
-            self.look(uv, way).1
-        };
+        let (uv, from) = before.tangent(before.domain().end);
+        let (_, to) = after.tangent(after.domain().start);
+        if from.dot(to) > 0.0 && from.perp_dot(to).abs() <= ONWARD * from.length() * to.length() {
+            return false;
+        }
         let is_long = |piece: &Curve<DVec2>| {
             let ends = [piece.start(), piece.end()].map(|uv| self.point(uv));
             ends[0].distance(ends[1]) > self.tolerance
         };
-        let from = way(before, before.domain().end);
-        let turn = from.angle_between(way(after, after.domain().start));
+        let [from, to] = [from, to].map(|way| self.look(uv, way).1);
+        let turn = from.angle_between(to);
         turn > CORNER && is_long(before) && is_long(after)
     }
 

@@ -224,11 +224,12 @@ impl Trail {
         expected: Option<f64>,
     ) -> (f64, f64) {
         let more = |along: f64| expected.map_or(0.0, |at| ASTRAY * (along - at).abs());
+        let equal = |k: usize| EQUAL * self.points[k].1.distance(self.points[k + 1].1);
         let look = |k: usize, t: f64| {
-            let found = approach((face, curve), target, t, self.around(k), wanted.start);
+            let enough = wanted.start.max(equal(k));
+            let found = approach((face, curve), target, t, self.around(k), enough);
             (found, found.1 + more(self.along(found.0)))
         };
-        let equal = |k: usize| EQUAL * self.points[k].1.distance(self.points[k + 1].1);
         let (mut best, mut least) = ((curve.domain().start, f64::INFINITY), f64::INFINITY);
         let mut seen = None;
         if let Some(length) = expected {

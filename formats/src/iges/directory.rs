@@ -252,6 +252,8 @@ impl<'a> File<'a> {
         };
         self.budget.set(left);
         buffer.clear();
+        // What is on the cards is there already.
+        buffer.reserve(64 * (end - start));
         for card in &self.cards[start..end] {
             buffer.extend_from_slice(card.data);
             // Counted strings may run over the end of a card.

@@ -66,6 +66,15 @@ pub(super) fn read(
     restricted(strips, wanted, is_bounded, repairs)
 }
 
+/// A point of three coordinates.
+fn point(parameters: &mut Parameters<'_>) -> Result<DVec3, Problem> {
+    Ok(DVec3::new(
+        parameters.real()?,
+        parameters.real()?,
+        parameters.real()?,
+    ))
+}
+
 impl Net {
     /// Reads counts, knots, weights and points.
     fn read(parameters: &mut Parameters<'_>, limit: usize) -> Result<Self, Problem> {
@@ -109,16 +118,7 @@ impl Net {
         };
         let knots = [list(knots(0))?, list(knots(1))?];
         let weights = list(net)?;
-        let mut point = || {
-            Ok(DVec3::new(
-                parameters.real()?,
-                parameters.real()?,
-                parameters.real()?,
-            ))
-        };
-        let points = (0..count)
-            .map(|_| point())
-            .collect::<Result<_, Problem>>()?;
+        let points = parameters.list(count, point)?;
         Ok(Self {
             degrees,
             knots,
@@ -147,10 +147,7 @@ impl Net {
         }
         let knots = parameters.reals(count + degree + 1, "knots")?;
         let weights = parameters.reals(count, "weights")?;
-        let mut coordinate = || parameters.real();
-        let points = (0..count)
-            .map(|_| Ok(DVec3::new(coordinate()?, coordinate()?, coordinate()?)))
-            .collect::<Result<_, Problem>>()?;
+        let points = parameters.list(count, point)?;
         Ok(Self {
             degrees: [degree, 0],
             knots: [knots, vec![0.0, 1.0]],

@@ -38,6 +38,15 @@ enum Token<'a> {
 /// Longest number that is read.
 const NUMBER: usize = 128;
 
+/// So many digits are exact in double precision.
+const DIGITS: usize = 15;
+
+/// The powers of ten that are.
+const POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
+];
+
 /// Reads the parameters of one record in order.
 #[derive(Clone, Debug)]
 pub(super) struct Parameters<'a> {
@@ -89,6 +98,9 @@ impl<'a> Parameters<'a> {
 
     /// A real number; an empty parameter is zero.
     pub(super) fn real(&mut self) -> Result<f64, Problem> {
+        if let Some(value) = self.short() {
+            return Ok(value);
+        }
         match self.token() {
             Token::End => Err(self.missing("a number")),
             Token::Plain(b"") => Ok(0.0),
@@ -119,7 +131,87 @@ impl<'a> Parameters<'a> {
     /// `count` real numbers.
     pub(super) fn reals(&mut self, count: usize, what: &str) -> Result<Vec<f64>, Problem> {
         let count = self.expect(count as u64, what)?;
-        (0..count).map(|_| self.real()).collect()
+        self.list(count, Self::real)
+    }
+
+    /// As many of something as the record can hold. The first problem ends it; until then what has been read
+    /// has its room at once.
+    pub(super) fn list<T: Default>(
+        &mut self,
+        count: usize,
+        mut read: impl FnMut(&mut Self) -> Result<T, Problem>,
+    ) -> Result<Vec<T>, Problem> {
+        let mut problem = None;
+        let list = (0..count).map(|_| match &problem {
+            None => read(self).unwrap_or_else(|found| {
+                problem = Some(found);
+                T::default()
+            }),
+            Some(_) => T::default(),
+        });
+        let list = list.collect();
+        problem.map_or(Ok(list), Err)
+    }
+
+    /// Takes a number off the record, if a plain one of few digits comes next: those are read in one pass, and as
+    /// a quotient or product of two that are exact they are rounded as they should be.
+    fn short(&mut self) -> Option<f64> {
+        let Delimiters { parameter, record } = self.delimiters;
+        let is_end = |b: u8| b == parameter || b == record;
+        let text = self.rest.trim_ascii_start();
+        let mut rest = text.iter().copied().peekable();
+        let is_negative = rest.next_if_eq(&b'-').is_some();
+        let (mut mantissa, mut digits, mut scale, mut point) = (0_u64, 0, 0_i32, 0);
+        while let Some(b) = rest.next_if(|&b| !is_end(b) && (b.is_ascii_digit() || b == b'.')) {
+            if b == b'.' {
+                point += 1;
+            } else {
+                mantissa = mantissa * 10 + u64::from(b - b'0');
+                digits += 1;
+                scale -= point;
+            }
+            if digits > DIGITS || point > 1 {
+                return None;
+            }
+        }
+        if rest
+            .next_if(|&b| !is_end(b) && matches!(b, b'E' | b'e' | b'D' | b'd'))
+            .is_some()
+        {
+            let sign = rest.next_if(|&b| !is_end(b) && matches!(b, b'+' | b'-'));
+            let (mut exponent, mut count) = (0, 0);
+            while let Some(b) = rest.next_if(|&b| !is_end(b) && b.is_ascii_digit()) {
+                exponent = exponent * 10 + i32::from(b - b'0');
+                count += 1;
+                if count > 3 {
+                    return None;
+                }
+            }
+            if count == 0 {
+                return None;
+            }
+            scale += if sign == Some(b'-') {
+                -exponent
+            } else {
+                exponent
+            };
+        }
+        let end = rest.next().filter(|&b| is_end(b))?;
+        let power = POWERS.get(scale.unsigned_abs() as usize)?;
+        if digits == 0 || self.ended {
+            return None;
+        }
+        self.index += 1;
+        self.ended = end == record && end != parameter;
+        self.rest = &text[text.len() - rest.len()..];
+        #[expect(clippy::cast_precision_loss, reason = "so few digits are exact")]
+        let value = mantissa as f64;
+        let value = if scale < 0 {
+            value / power
+        } else {
+            value * power
+        };
+        Some(if is_negative { -value } else { value })
     }
 
     /// An integer; an empty parameter is zero.
@@ -301,6 +393,54 @@ mod tests {
         assert_eq!(integer(b"3.5"), None);
         assert_eq!(integer(b"99999999999999999999"), None);
         assert_eq!(integer(b"-"), None);
+    }
+
+    #[test]
+    fn short_numbers_are_the_nearest_ones() {
+        let mut state = 5_u64;
+        let mut random = |most: u64| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) % (most + 1)
+        };
+        let mut count = 0;
+        for _ in 0..20_000 {
+            let digits = 1 + random(14);
+            let mantissa: String = (0..digits).map(|_| random(9).to_string()).collect();
+            let (whole, rest) = mantissa.split_at(usize::try_from(random(digits)).unwrap());
+            let sign = ["", "-"][usize::from(random(1) == 1)];
+            let exponent = i64::try_from(random(40)).unwrap() - 20;
+            let text = match random(3) {
+                0 => format!("{sign}{whole}{rest}"),
+                1 => format!("{sign}{whole}.{rest}"),
+                2 => format!("{sign}{whole}.{rest}E{exponent:+04}"),
+                _ => format!("{sign}{whole}.{rest}d{exponent}"),
+            };
+            let record = format!(" {text},7;");
+            let mut p = parameters(&record);
+            if let Some(short) = p.short() {
+                let expected = real(text.as_bytes()).unwrap();
+                assert_eq!(short.to_bits(), expected.to_bits(), "{text}");
+                assert_eq!((p.index, p.integer()), (1, Ok(7)));
+                count += 1;
+            }
+        }
+        assert!(count > 15_000, "{count}");
+        for other in [
+            "",
+            "1..2",
+            "1E",
+            "1e+",
+            "-",
+            "1 2",
+            "0123456789012345",
+            "3Habc",
+            "1E23",
+        ] {
+            assert_eq!(parameters(&format!("{other},7;")).short(), None, "{other}");
+        }
+        assert_eq!(parameters("5").short(), None);
     }
 
     #[test]

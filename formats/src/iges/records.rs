@@ -234,8 +234,7 @@ impl<'a> Iterator for Lines<'a> {
             self.rest = rest;
             return Some(line);
         }
-        let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
-        let end = self.rest.iter().position(is_end);
+        let end = memchr::memchr2(b'\n', b'\r', self.rest);
         let (line, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
         self.rest = rest
             .strip_prefix(b"\r\n")

@@ -124,7 +124,7 @@ impl Integral {
         }
         Self {
             degree,
-            binomial: binomials(degree),
+            binomial: binomials(degree).collect(),
             factors,
         }
     }

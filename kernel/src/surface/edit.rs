@@ -211,12 +211,11 @@ impl Surface {
             .collect();
         let strip = |s: usize| {
             let range = &columns[0][s].0;
-            let knots = [vec![range.start; p + 1], vec![range.end; p + 1]].concat();
             let points = (0..=p)
                 .flat_map(|i| columns.iter().map(move |c| c[s].1[i]))
                 .collect();
             Self {
-                knots_u: KnotVector::trusted(p, knots),
+                knots_u: KnotVector::trusted_bezier(p, range),
                 knots_v: self.knots_v.clone(),
                 points,
             }

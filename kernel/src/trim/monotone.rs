@@ -165,8 +165,7 @@ impl Segments {
             self.push(start, end, [0.0, 1.0], first, 0);
             return;
         }
-        let binomials = binomials(degree);
-        let scaled = piece.iter().zip(&binomials).map(|(h, b)| *h * *b);
+        let scaled = piece.iter().zip(binomials(degree)).map(|(h, b)| *h * b);
         self.coefficients.extend(scaled);
         let mut cuts = Vec::new();
         for axis in 0..2 {
@@ -223,7 +222,7 @@ fn turns(piece: &[DVec3], axis: usize, cuts: &mut Vec<f64>) {
     let (first, last) = (piece[0], piece[degree]);
     let goes = |by: fn(&f64, &f64) -> bool| {
         let mut pairs = piece.windows(2);
-        pairs.all(|w| by(&(w[0][axis] / w[0].z), &(w[1][axis] / w[1].z)))
+        pairs.all(|w| by(&(w[0][axis] * w[1].z), &(w[1][axis] * w[0].z)))
     };
     // A curve turns round no more often than its control points do.
     if goes(f64::le) || goes(f64::ge) {
@@ -264,11 +263,11 @@ pub(crate) fn crossings(piece: &[DVec3], axis: usize, value: f64) -> Vec<f64> {
 /// The product of two polynomials in Bernstein form.
 fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
     let (p, q) = (a.len() - 1, b.len() - 1);
-    let (rows, all) = ([binomials(p), binomials(q)], binomials(p + q));
+    let [row, column, all] = [p, q, p + q].map(|n| binomials(n).collect::<Vec<_>>());
     let mut product = vec![0.0; p + q + 1];
     for (i, x) in a.iter().enumerate() {
         for (j, y) in b.iter().enumerate() {
-            product[i + j] += x * rows[0][i] * y * rows[1][j] / all[i + j];
+            product[i + j] += x * row[i] * y * column[j] / all[i + j];
         }
     }
     product
@@ -309,28 +308,39 @@ fn halve(left: &mut [f64], right: &mut [f64]) {
     }
 }
 
-/// The only root of a polynomial over `start..end`, by halving; `positive` before it.
+/// The only root of a polynomial over `start..end`, by Newton's steps, or by halving where these lead
+/// away from it; `positive` before it.
 fn isolated(polynomial: &[f64], positive: bool, start: f64, end: f64) -> f64 {
-    let degree = polynomial.len() - 1;
     let scaled: Vec<f64> = polynomial
         .iter()
-        .zip(binomials(degree))
+        .zip(binomials(polynomial.len() - 1))
         .map(|(c, b)| c * b)
         .collect();
-    let (mut low, mut high) = (0.0, 1.0);
+    let (mut low, mut high, mut t) = (0.0, 1.0, 0.5);
     for _ in 0..STEPS {
-        let t = 0.5 * (low + high);
-        let mut power = 1.0;
-        let value = scaled.iter().fold(0.0, |sum, c| {
-            let next = sum * (1.0 - t) + c * power;
-            power *= t;
-            next
-        });
+        // The sums of `c s^(n - k) t^k` and of their derivatives.
+        let s = 1.0 - t;
+        let [mut value, mut slope, mut power, mut rise] = [0.0, 0.0, 1.0, 0.0];
+        for c in &scaled {
+            slope = slope * s - value + c * rise;
+            value = value * s + c * power;
+            (power, rise) = (power * t, rise * t + power);
+        }
         if (value > 0.0) == positive {
             low = t;
         } else {
             high = t;
         }
+        let next = t - value / slope;
+        let next = if low < next && next < high {
+            next
+        } else {
+            0.5 * (low + high)
+        };
+        if (next - t).abs() <= f64::EPSILON * t {
+            break;
+        }
+        t = next;
     }
-    start + (end - start) * 0.5 * (low + high)
+    start + (end - start) * t
 }

@@ -344,10 +344,12 @@ impl TrimRegion {
         parts[0].max[axis] = at;
         parts[1].min[axis] = at;
         let coefficients = self.segments.coefficients();
-        let halves = parts.map(|part| -> Vec<u32> {
+        let halves = parts.map(|part| {
             let wide = part.grown(margin);
             let touches = |&k: &u32| self.segments.list[k as usize].touches(coefficients, &wide);
-            members.iter().copied().filter(touches).collect()
+            let mut half = members.to_vec();
+            half.retain(touches);
+            half
         });
         let helps = halves.iter().all(|h| h.len() < members.len());
         let axis = u8::from(axis == 1);
@@ -413,33 +415,27 @@ fn add(segments: &mut Segments, trim: &TrimLoop, shift: DVec2, domain: &Rect) {
         }
         p
     };
-    // The control points of all Bézier pieces, and where each of these begins.
-    let (mut points, mut starts): (Vec<DVec3>, Vec<usize>) = Default::default();
-    for curve in &trim.segments {
-        let mut push = |piece: &[DVec3]| {
-            starts.push(points.len());
-            points.extend(piece.iter().map(|h| *h + (shift * h.z).extend(0.0)));
-        };
-        if curve.knots().is_bezier() {
-            push(curve.homogeneous());
-        } else {
-            let pieces = curve.bezier_pieces();
-            pieces.iter().for_each(|piece| push(piece.homogeneous()));
-        }
-    }
     let point = |h: &DVec3| snap(h.truncate() / h.z);
-    let Some(first) = points.first().map(point) else {
-        return;
-    };
-    let mut before = first;
-    for (k, &start) in starts.iter().enumerate() {
-        let end = starts.get(k + 1);
-        let piece = &points[start..*end.unwrap_or(&points.len())];
-        let next = match end {
-            Some(_) => point(&piece[piece.len() - 1]),
-            None => first,
-        };
-        segments.add(piece, [before, next], snap);
-        before = next;
+    let moved = |h: &DVec3| *h + (shift * h.z).extend(0.0);
+    // The piece that waits for the next one, and where it begins.
+    let mut piece: Vec<DVec3> = Vec::new();
+    let (mut first, mut before) = (None, DVec2::ZERO);
+    for curve in &trim.segments {
+        curve.each_bezier(|_, next| {
+            if let Some(last) = piece.last() {
+                let end = point(last);
+                segments.add(&piece, [before, end], snap);
+                before = end;
+            }
+            piece.clear();
+            piece.extend(next.iter().map(moved));
+            if first.is_none() {
+                before = point(&piece[0]);
+                first = Some(before);
+            }
+        });
+    }
+    if let Some(first) = first {
+        segments.add(&piece, [before, first], snap);
     }
 }

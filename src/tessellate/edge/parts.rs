@@ -17,12 +17,12 @@ pub(super) struct Parts {
 
 impl Parts {
     pub(super) fn of(curve: &Curve<DVec2>) -> Self {
-        let pieces = curve.bezier_pieces();
-        let points = pieces.iter().flat_map(Curve::homogeneous);
-        Self {
-            ranges: pieces.iter().map(Curve::domain).collect(),
-            points: points.map(|h| DVec4::new(h.x, h.y, 0.0, h.z)).collect(),
-        }
+        let (mut ranges, mut points) = (Vec::new(), Vec::new());
+        curve.each_bezier(|range, piece| {
+            ranges.push(range);
+            points.extend(piece.iter().map(|h| DVec4::new(h.x, h.y, 0.0, h.z)));
+        });
+        Self { ranges, points }
     }
 
     /// Ways from the straight one between two points to what lies between two parameters: to the control
