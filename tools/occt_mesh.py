@@ -8,7 +8,7 @@ Without files: ten bodies of ../shared/corpus. Both sides make triangles on one 
 limit of 15 degrees. First each gets the default tolerance, 1/2000 of the diagonal: `kept` is what
 `nurbray compare` then measures, in tolerances, both ways. Then theirs is asked for what brings the
 measured deviation to ours, within five percent; triangles and times are compared there. Times are
-the best of three: those of making triangles, in which ours find out which faces meet, and those from the
+the best of seven: those of making triangles, in which ours find out which faces meet, and those from the
 file on, as theirs do that while reading."""
 
 import json
@@ -30,7 +30,7 @@ from OCP.StlAPI import StlAPI_Writer
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 NURBRAY = ROOT / "target/release/nurbray"
 ANGLE = 15.0
-RUNS = 3
+RUNS = 7
 BODIES = ["bladex_shaft.iges", "gmsh_model1.igs", "gmsh_sphere_Rhino3D_default.igs", "mayo_cube.iges",
           "made_brep186_NIST_PMI_1.igs", "made_brep186_NIST_PMI_3.igs", "made_brep186_screw.igs",
           "occt_bearing.iges", "occt_hammer.iges", "pygem_test_pipe_hollow.iges"]

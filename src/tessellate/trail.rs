@@ -56,17 +56,20 @@ impl Trail {
         let per_piece = (16 / (breaks.len() - 1)).clamp(2, 8);
         let sample = |t: f64| (t, face.point(curve.evaluate(t)));
         let mut points = vec![sample(breaks[0])];
+        let share = |k: usize| k as f64 / per_piece as f64;
         for pair in breaks.windows(2) {
+            let (start, end) = (points[points.len() - 1], sample(pair[1]));
+            let at = |k: usize| pair[0] + (pair[1] - pair[0]) * share(k);
+            if is_straight {
+                let between = |k: usize| (at(k), start.1.lerp(end.1, share(k)));
+                points.extend((1..per_piece).map(between));
+                points.push(end);
+                continue;
+            }
             for k in 1..=per_piece {
-                let share = k as f64 / per_piece as f64;
-                let t = pair[0] + (pair[1] - pair[0]) * share;
-                let next = sample(if k == per_piece { pair[1] } else { t });
-                if is_straight {
-                    points.push(next);
-                } else {
-                    let last = points[points.len() - 1];
-                    refine(&sample, last, next, 5, &mut points);
-                }
+                let next = if k < per_piece { sample(at(k)) } else { end };
+                let last = points[points.len() - 1];
+                refine(&sample, last, next, 5, &mut points);
             }
         }
         Self::new(points)
@@ -159,6 +162,10 @@ impl Trail {
         let is_turned = start.distance_squared(ends[1]) < start.distance_squared(ends[0]);
         let share = if is_turned { 1.0 - share } else { share };
         let (chord, t) = self.at(share * self.length());
+        let is_there = |k: usize| self.points[k].1.distance_squared(target) <= reach * reach;
+        if is_there(chord) || is_there(chord + 1) {
+            return true;
+        }
         let found = approach(place, target, t, self.around(chord), reach);
         found.1 <= reach || self.is_near(place, target, reach)
     }
