@@ -312,9 +312,10 @@ fn write(
     let bytes = export.bytes.len() + export.beside.iter().map(|(_, b)| b.len()).sum::<usize>();
     let patches = scene.patches().len();
     say!(
-        "{} -> {}: {patches} patches, {bytes} bytes, {:.2} s",
+        "{} -> {}: {patches} patches, {}{bytes} bytes, {:.2} s",
         input::display(source),
         path.display(),
+        in_short(&report),
         (*read + took).as_secs_f64()
     );
     let common = json!({
@@ -333,6 +334,20 @@ fn write(
         }
     }
     Ok(export)
+}
+
+/// What the line about a file says of its triangles.
+fn in_short(report: &Value) -> String {
+    let count = |key: &str| report[key].as_u64().unwrap_or_default();
+    let (triangles, shells) = (count("triangles"), count("shells"));
+    match (triangles, shells) {
+        (0, _) => String::new(),
+        (_, 0) => format!("{triangles} triangles, "),
+        _ => {
+            let closed = count("closed_shells");
+            format!("{triangles} triangles, {closed} of {shells} shells closed, ")
+        }
+    }
 }
 
 /// The content of a file, and what there is to say about its triangles.
