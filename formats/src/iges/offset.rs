@@ -41,29 +41,41 @@ pub(super) fn curves(
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
     let base = file.follow(parameters.integer()?, "the base of an offset curve")?;
     let kind = parameters.integer_or(1)?;
-    let _function = [parameters.integer_or(0)?, parameters.integer_or(0)?];
+    let law = [parameters.integer_or(0)?, parameters.integer_or(0)?];
     let by_length = parameters.integer_or(0)? == 1;
     let mut real = || parameters.real_or(0.0);
     let [(near, from), (far, to)] = [(real()?, real()?), (real()?, real()?)];
     let normal = DVec3::new(real()?, real()?, real()?);
     let wanted = real()?..real()?;
-    let mut rails = Vec::new();
-    reader.collect(base, depth + 1, &mut rails)?;
-    let base = reader.whole(base, rails)?;
+    let mut whole = |curve: usize| {
+        let mut rails = Vec::new();
+        reader.collect(curve, depth + 1, &mut rails)?;
+        reader.whole(curve, rails)
+    };
+    let base = whole(base)?;
     let domain = base.curve.domain();
     let slope = (far - near) / (to - from);
-    let (slope, from) = match (kind, by_length) {
-        (1, _) => (0.0, domain.start),
-        (2, false) if slope.is_finite() => (slope, from),
-        (2, true) if slope.is_finite() && base.is_even() => {
-            let length: f64 = length(&base.curve) / (domain.end - domain.start);
-            (slope * length, domain.start + from / length)
+    let (start, scale) = if by_length {
+        let length = length(&base.curve) / (domain.end - domain.start);
+        (domain.start, length)
+    } else {
+        (0.0, 1.0)
+    };
+    let is_even = !by_length || base.is_even();
+    let (law, from) = match (kind, law) {
+        (1, _) => (Law::Linear(near, 0.0), start),
+        (2, _) if slope.is_finite() && is_even => (Law::Linear(near, slope), start + from / scale),
+        (3, [law, axis @ 1..=3]) if is_even => {
+            let law = file.follow(law, "the law of an offset curve")?;
+            let axis = usize::try_from(axis - 1).unwrap_or_default();
+            (Law::Coordinate(whole(law)?.curve, axis), start)
         }
         _ => {
-            let text = "the distance of the offset curve is neither constant nor linear";
+            let text = "the distance of the offset curve follows a law that is not read";
             return Err(Problem::Unsupported(text.to_owned()));
         }
     };
+    let distance = Distance { law, from, scale };
     let normal = normal.try_normalize();
     let normal = normal.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
     let is_part = domain.start <= wanted.start && wanted.end <= domain.end;
@@ -72,7 +84,7 @@ pub(super) fn curves(
     } else {
         domain
     };
-    let size = base.curve.hull_bounds().diagonal() + near.abs();
+    let size = base.curve.hull_bounds().diagonal() + distance.most();
     let parts = base.curve.restricted(range).map_err(Problem::Geometry)?;
     let parts = parts.parts(is_corner);
     if parts.len() > 1 {
@@ -83,18 +95,14 @@ pub(super) fn curves(
         let at = |t: f64| {
             let (point, along) = part.tangent(t);
             let out = normal.cross(along).try_normalize().unwrap_or_default();
-            point + out * (near + slope * (t - from))
+            point + out * distance.at(t)
         };
-        let curve = match of_arc(&part, at, size * EXACT) {
-            Some(curve) => curve,
-            None => {
-                let breaks = part.knots().breaks();
-                let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
-                let fit = fit.map_err(Problem::Geometry)?;
-                strays = strays.max(fit.deviation / size);
-                fit.curve
-            }
+        let breaks = distance.breaks(&part.domain());
+        let (curve, off) = match of_arc(&part, at, size * EXACT) {
+            Some(curve) => (curve, 0.0),
+            None => through(&part, at, breaks, size)?,
         };
+        strays = strays.max(off);
         let arcs = base.arcs.iter().map(|arc| common(arc, &part.domain()));
         made.push(Rail {
             curve,
@@ -105,6 +113,73 @@ pub(super) fn curves(
         reader.unsupported(index, fitted("it", strays, CURVE_ACCURACY));
     }
     Ok(made)
+}
+
+/// How far an offset curve is from its base, by the parameter of that.
+struct Distance {
+    law: Law,
+    /// The parameter, or else the length up to it, counts from here on, and times this.
+    from: f64,
+    scale: f64,
+}
+
+/// What a distance is a function of.
+enum Law {
+    /// What it is at first, and how fast it grows.
+    Linear(f64, f64),
+    /// A curve, of which one coordinate counts.
+    Coordinate(Curve<DVec3>, usize),
+}
+
+impl Distance {
+    fn at(&self, t: f64) -> f64 {
+        let s = self.scale * (t - self.from);
+        match &self.law {
+            Law::Linear(first, slope) => first + slope * s,
+            Law::Coordinate(curve, axis) => {
+                let Range { start, end } = curve.domain();
+                curve.evaluate(s.clamp(start, end))[*axis]
+            }
+        }
+    }
+
+    /// About the largest.
+    fn most(&self) -> f64 {
+        match &self.law {
+            Law::Linear(first, _) => first.abs(),
+            Law::Coordinate(curve, axis) => {
+                let sizes = curve.points().map(|p| p[*axis].abs());
+                sizes.fold(0.0, f64::max)
+            }
+        }
+    }
+
+    /// The parameters inside a range where the curve of the law has breaks.
+    fn breaks(&self, inside: &Range<f64>) -> Vec<f64> {
+        let Law::Coordinate(curve, _) = &self.law else {
+            return Vec::new();
+        };
+        let breaks = curve.knots().breaks().into_iter();
+        let breaks = breaks.map(|s| self.from + s / self.scale);
+        breaks.filter(|t| inside.contains(t)).collect()
+    }
+}
+
+/// The curve `at` the parameters of a base, with more breaks than that, fitted; and how far it strays, as a share of
+/// the size.
+fn through(
+    base: &Curve<DVec3>,
+    at: impl Fn(f64) -> DVec3,
+    more: Vec<f64>,
+    size: f64,
+) -> Result<(Curve<DVec3>, f64), Problem> {
+    let mut breaks = base.knots().breaks();
+    breaks.extend(more);
+    breaks.sort_by(f64::total_cmp);
+    breaks.dedup();
+    let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
+    let fit = fit.map_err(Problem::Geometry)?;
+    Ok((fit.curve, fit.deviation / size))
 }
 
 /// The offset of an arc of a circle: as large a part of the circle beside it; `None` if what is `at` the

@@ -1,7 +1,8 @@
 use glam::{DVec2, DVec3};
 use kernel::{Aabb, WireShape};
 
-use super::super::testing::{Made, made, part, read, square};
+use super::super::testing::{Made, file, made, part, read, read_within, square};
+use crate::Limits;
 
 /// Two sides of a square, as a polyline, and its offset inwards.
 fn corner() -> [Made; 2] {
@@ -33,6 +34,47 @@ fn offsets_of_curves_are_cut_at_corners() {
     let text =
         "line 5, offset curve D3 (type 130): the offset of a curve with corners is in pieces";
     assert_eq!(warnings[0], text);
+}
+
+#[test]
+fn distances_may_follow_a_coordinate_of_a_curve() {
+    // Up from 1 to 3 along the first half of a line, and down to 2; by the parameter, and by the length.
+    let law = "2,1,1,0,1,0,0.,0.,0.5,1.,1.,1.,1.,1.,0.,1.,0.,1.,3.,0.,2.,2.,0.,0.,1.,0.,0.,1.";
+    let line = |end: f64| part(110, 0, &format!("0.,0.,0.,{end:?},0.,0."));
+    for (by, end) in [(2, 5.0), (1, 1.0)] {
+        let offset = format!("1,3,3,2,{by},0.,0.,0.,0.,0.,0.,1.,0.,1.");
+        let (scene, warnings) = read(&[line(end), part(126, 0, law), made(130, &offset)]);
+        let alone = "the file: there is no surface to show, only curves and points";
+        assert_eq!(warnings, [alone]);
+        let [wire] = scene.wires() else {
+            panic!("{} wires", scene.wires().len());
+        };
+        let WireShape::Curve(curve) = &wire.shape else {
+            panic!("points");
+        };
+        for k in 0..=16 {
+            let share = f64::from(k) / 16.0;
+            let height = if share < 0.5 {
+                1.0 + 4.0 * share
+            } else {
+                4.0 - 2.0 * share
+            };
+            let off = curve
+                .evaluate(share)
+                .distance(DVec3::new(share * end, height, 0.0));
+            assert!(off < 1e-12, "{off} at {share}");
+        }
+    }
+    // A coordinate that there is not, and a law that is the offset itself.
+    for (bad, why) in [
+        ("1,3,3,4,2", "a law that is not read"),
+        ("1,3,5,1,2", "nested"),
+    ] {
+        let offset = format!("{bad},0.,0.,0.,0.,0.,0.,1.,0.,1.");
+        let made = [line(1.0), part(126, 0, law), made(130, &offset)];
+        let problem = read_within(&file(&made), &Limits::default()).unwrap_err();
+        assert!(problem.to_string().contains(why), "{problem}");
+    }
 }
 
 #[test]
