@@ -24,7 +24,7 @@ const MEETS: f64 = 1e-6;
 /// So many samples are looked at in the time in which a control point is mixed.
 const LOOKED_AT: usize = 16;
 
-/// Lines through a pole that are looked along.
+/// Lines through a pole that are looked along, and parts of lines through a point that was found.
 const LINES: usize = 16;
 
 /// A point found from a guess is taken if it is no farther away than this share of the size.
@@ -173,10 +173,31 @@ impl<'a> Nearby<'a> {
             .inspect(|found| work += found.work)
             .chain(guessed)
             .min_by(|a, b| a.distance.total_cmp(&b.distance));
-        match best {
-            Some(best) => Nearest { work, ..best },
-            None => self.iterate(target, (self.start + self.end) * 0.5),
+        let best = best.unwrap_or_else(|| self.iterate(target, (self.start + self.end) * 0.5));
+        let across = (best.distance > MEETS * self.size).then(|| self.across(&best, target));
+        work += across.map_or(0, |across| across.work);
+        let across = across.filter(|across| across.distance < best.distance);
+        Nearest {
+            work,
+            ..across.unwrap_or(best)
         }
+    }
+
+    /// What is found from the best place on both lines of parameters through a point: where a surface is long one way
+    /// and narrow the other, the iteration may have ended on the wrong side of it.
+    fn across(&self, found: &Nearest, target: DVec3) -> Nearest {
+        let own = self.wrapped(found.uv);
+        let places = (0..2 * (LINES + 1)).map(|k| {
+            let (axis, share) = (k % 2, (k / 2) as f64 / LINES as f64);
+            let mut uv = own;
+            uv[axis] = self.start[axis] + (self.end[axis] - self.start[axis]) * share;
+            (self.surface.evaluate(uv).distance_squared(target), uv)
+        });
+        let best = places.min_by(|a, b| a.0.total_cmp(&b.0));
+        let from = best.map_or(own, |best| best.1);
+        let again = self.iterate(target, from);
+        let work = again.work + 2 * (LINES + 1) * self.mixed;
+        Nearest { work, ..again }
     }
 
     /// Newton's iteration from a guess, and once more from a pole on if it ends there.
@@ -367,6 +388,31 @@ mod tests {
             assert!(found.point.distance(at(1.0)) < 1e-7, "{k}: {found:?}");
             assert!((found.distance - 0.3).abs() < 1e-12);
             guess = Some(found.uv);
+        }
+    }
+
+    #[test]
+    fn points_on_a_border_are_found_beside_a_gap() {
+        // Most of a tube, and half of a ring: beyond the gap is another border.
+        for major in [2.5, 3.0, 4.0, 6.0, 10.0, 30.0, 70.0, 300.0] {
+            for start in [0.0, 0.7, 2.0, 3.7] {
+                let tube = start..start + 4.955;
+                let frame = &Frame::WORLD;
+                let part = modelling::torus(frame, major, 2.0, 0.0..TAU / 2.0, tube).unwrap();
+                let nearby = Nearby::new(&part, [false; 2]);
+                for k in 0..=32 {
+                    for end in [start, start + 4.955] {
+                        let around = DVec2::from_angle(f64::from(k) * TAU / 64.0);
+                        let out = around * (major + 2.0 * end.cos());
+                        let target = out.extend(2.0 * end.sin());
+                        let found = nearby.nearest(target, None);
+                        assert!(
+                            found.distance < 1e-9,
+                            "{major} {start} {k} {end}: {found:?}"
+                        );
+                    }
+                }
+            }
         }
     }
 

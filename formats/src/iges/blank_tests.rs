@@ -116,3 +116,14 @@ fn blanked_entities_of_no_use_change_nothing() {
     assert_eq!(corners(&scene), [DVec3::X]);
     assert_eq!(told, NONE);
 }
+
+#[test]
+fn a_mark_that_all_entities_have_means_nothing() {
+    let marked = |x: f64| with_status("00010000", square(x));
+    assert_eq!(read(&[marked(1.0), marked(3.0)]).1, NONE);
+    let (scene, told) = read(&[marked(1.0), square(3.0)]);
+    assert_eq!(scene.patches().len(), 2);
+    let text = "line 3, surface D1 (type 128): marked as part of another entity, but none names it; \
+                it is shown";
+    assert_eq!(told, [text]);
+}

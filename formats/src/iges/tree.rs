@@ -39,17 +39,21 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     let Links { owners, is_part } = links(file);
     file.take_asked();
     let mut tree = Tree::new(file, limits, warnings, is_part);
-    let mut children = Vec::new();
+    let (mut children, mut marked) = (Vec::new(), Vec::new());
     for (index, entry) in file.entries.iter().enumerate() {
         if !blanks::stands_alone(file, &owners, index) {
             continue;
         }
         let child = tree.child(index, 0, 0);
-        if child.is_some() && entry.dependent {
+        marked.extend(child.as_ref().filter(|_| entry.dependent).map(|_| index));
+        children.extend(child);
+    }
+    // Of all that is shown it means nothing.
+    if marked.len() < children.len() {
+        for index in marked {
             let text = "marked as part of another entity, but none names it; it is shown";
             tree.problem(index, Problem::Invalid(text.to_owned()));
         }
-        children.extend(child);
     }
     for index in cycles(&owners) {
         let entry = &file.entries[index];
