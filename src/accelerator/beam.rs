@@ -3,8 +3,10 @@
 use glam::{DAffine3, DVec3};
 use kernel::Ray;
 
+use super::approach::load;
 use super::hull::{ACROSS, Extent, PADDING, WIDEST, greater, lesser};
 use super::leaf::Bits;
+use super::tree::Node;
 use crate::simd::{LANES, Simd, WIDE_LANES};
 
 /// Rays of a beam at most: a bit each in a mask.
@@ -240,6 +242,51 @@ impl Beam {
             self.extent.put(axis, [low, high], [low_slope, high_slope]);
         }
         narrow
+    }
+
+    /// The rays that may come to the box in `slot` of a node, before what they have met so far.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "boxes are widened by more than the rounding"
+    )]
+    pub(super) fn to_box<S: Simd>(&self, s: S, node: &Node, slot: usize) -> u64 {
+        let (min, max) = (&node.min, &node.max);
+        let (near, end) = if self.sign > 0.0 {
+            (min[self.main][slot], max[self.main][slot])
+        } else {
+            (-max[self.main][slot], -min[self.main][slot])
+        };
+        let start = self.start as f32;
+        let ways = [greater(near, start) - start, end - start];
+        // The box beside the middle of the beam, where this enters and leaves.
+        let (mut low, mut high) = ([[s.splat(0.0); 2]; 2], [[s.splat(0.0); 2]; 2]);
+        for (axis, side) in self.across.into_iter().enumerate() {
+            let (origin, slope) = (self.middle_origin[axis], self.middle_slope[axis]);
+            for (k, way) in ways.into_iter().enumerate() {
+                let middle = (origin + slope * f64::from(way)) as f32;
+                let padding = PADDING * (1.0 + middle.abs());
+                low[axis][k] = s.splat(min[side][slot] - middle - padding);
+                high[axis][k] = s.splat(max[side][slot] - middle + padding);
+            }
+        }
+        let ways = ways.map(|way| s.splat(way));
+        let mut rays = 0;
+        for group in 0..RAYS / LANES {
+            let mut apart = s.sub(s.splat(near), load(s, &self.spread.far, group));
+            for axis in 0..2 {
+                let offset = load(s, &self.spread.offset[axis], group);
+                let turn = load(s, &self.spread.turn[axis], group);
+                let place = ways.map(|way| s.fma(turn, way, offset));
+                let beyond = |k: usize| s.sub(place[k], high[axis][k]);
+                let below = |k: usize| s.sub(low[axis][k], place[k]);
+                apart = s.max(apart, s.min(beyond(0), beyond(1)));
+                apart = s.max(apart, s.min(below(0), below(1)));
+            }
+            let beside = s.bits(s.lt(s.splat(0.0), apart));
+            rays |= u64::from(!beside & 0xffff) << (group * LANES);
+        }
+        rays
     }
 
     /// The greatest `far` of all.

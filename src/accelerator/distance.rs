@@ -11,6 +11,9 @@ pub(super) struct Cells<C> {
     pub(super) terms: [[C; 4]; TERMS],
     /// See [`super::expansion::Expansion::second`].
     pub(super) second: [[C; 4]; 3],
+    /// Bounds on the third derivatives of the four, as far as terms are kept: by `x` thrice, by `x` twice and `y`, by
+    /// `x` and `y` twice, by `y` thrice.
+    pub(super) third: [[C; 4]; 4],
     /// See [`super::leaving`]: how steep rays must be to leave it, and what terms that are not kept add.
     pub(super) reach: [C; 2],
     pub(super) higher: C,
@@ -96,12 +99,39 @@ fn at<S: Singles, C: PerLane<S, Lanes = S::F>>(
     value
 }
 
+/// The second derivatives of coordinate `r`: by `x` twice, by both, by `y` twice.
+#[inline(always)]
+pub(super) fn hessian<S: Singles, C: PerLane<S, Lanes = S::F>>(
+    s: S,
+    cells: &Cells<C>,
+    r: usize,
+    [x, y]: [S::F; 2],
+) -> [S::F; 3] {
+    let mut sums = [s.splat(0.0); 3];
+    for i in (0..ORDER).rev() {
+        let term = |j: usize| cells.terms[i * ORDER + j][r].lanes(s);
+        let (c, d) = (term(2), term(3));
+        let (value, by_y) = line(s, cells, r, i, y);
+        let second = s.fma(s.mul(s.splat(6.0), d), y, s.add(c, c));
+        let [xx, xy, yy] = &mut sums;
+        if i > 1 {
+            let count = s.splat((i * (i - 1)) as f32);
+            *xx = s.fma(*xx, x, s.mul(count, value));
+        }
+        if i > 0 {
+            *xy = s.fma(*xy, x, s.mul(s.splat(i as f32), by_y));
+        }
+        *yy = s.fma(*yy, x, second);
+    }
+    sums
+}
+
 /// The distances of a cell's point from a ray along both its axes, and their derivatives.
 #[derive(Clone, Copy)]
 pub(super) struct Distance<F> {
     pub(super) value: [F; 2],
-    by_x: [F; 2],
-    by_y: [F; 2],
+    pub(super) by_x: [F; 2],
+    pub(super) by_y: [F; 2],
 }
 
 #[inline(always)]

@@ -373,6 +373,37 @@ pub(super) const COUNTS: Counts = {
     counts
 };
 
+/// The terms that count in third derivatives, by how often these are by `y`, and how much.
+pub(super) const THIRD: [[(usize, f64); 6]; 4] = {
+    let wide = powers_of::<{ 2 * ORDER }>(WIDE);
+    let mut thirds = [[(0, 0.0); 6]; 4];
+    let mut by_y = 0;
+    while by_y < 4 {
+        let (mut t, mut place) = (0, 0);
+        while t < TERMS {
+            let (k, l) = (t / ORDER, t % ORDER);
+            if k + by_y >= 3 && l >= by_y {
+                let count = falling(k, 3 - by_y) * falling(l, by_y);
+                thirds[by_y][place] = (t, count as f64 * wide[k + l - 3]);
+                place += 1;
+            }
+            t += 1;
+        }
+        by_y += 1;
+    }
+    thirds
+};
+
+/// What a power is multiplied by when it is differentiated so often.
+const fn falling(power: usize, times: usize) -> usize {
+    let (mut product, mut k) = (1, 0);
+    while k < times {
+        product *= power - k;
+        k += 1;
+    }
+    product
+}
+
 /// Adds the sizes of a term, so many times.
 #[inline(always)]
 fn add(sum: &mut [f64; 4], term: &[f64; 4], count: f64) {

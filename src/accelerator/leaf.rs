@@ -3,6 +3,7 @@
 
 use super::approach::Approach;
 use super::distance::{Cells, Distance, Matrix, distance, value};
+use super::fold::{Fold, Folded};
 use super::windows::{Batch, Waiting};
 use crate::simd::{LANES, Part, PerLane, Singles};
 
@@ -55,6 +56,9 @@ pub(super) struct Verdict {
     pub(super) blurred: u32,
     /// Where those of both may be.
     pub(super) rest: Rest,
+    /// A bit for each that is open and of which only parts are left, and these.
+    pub(super) is_folded: u32,
+    pub(super) folded: Folded,
 }
 
 /// Parts of a cell in which roots may be.
@@ -80,6 +84,8 @@ impl Verdict {
             halve: 0,
             along_y: 0,
         },
+        is_folded: 0,
+        folded: Folded::NONE,
     };
 
     /// Takes the roots of some rays.
@@ -171,16 +177,16 @@ fn contraction<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
 
 /// The part of a cell in which the roots of a ray are, and how far it reaches from where it is looked at.
 #[derive(Clone, Copy)]
-struct Window<F> {
-    low: [F; 2],
-    high: [F; 2],
-    middle: [F; 2],
-    half: [F; 2],
+pub(super) struct Window<F> {
+    pub(super) low: [F; 2],
+    pub(super) high: [F; 2],
+    pub(super) middle: [F; 2],
+    pub(super) half: [F; 2],
 }
 
 impl<F: Copy> Window<F> {
     #[inline(always)]
-    fn new<S: Singles<F = F>>(s: S, low: [F; 2], high: [F; 2]) -> Self {
+    pub(super) fn new<S: Singles<F = F>>(s: S, low: [F; 2], high: [F; 2]) -> Self {
         let (mut middle, mut half) = (low, high);
         for k in 0..2 {
             middle[k] = s.mul(s.splat(0.5), s.add(low[k], high[k]));
@@ -222,6 +228,25 @@ fn over<S: Singles>(s: S, change: [S::F; 2], half: [S::F; 2]) -> S::F {
     s.mul(sum, s.splat(0.5 * GROWTH))
 }
 
+/// As [`over`], for the distances from rays along both axes, but for what stands across the cell, and for that.
+#[inline(always)]
+pub(super) fn over_all<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
+    s: S,
+    cells: &Cells<C>,
+    place: [S::F; 2],
+    half: [S::F; 2],
+) -> [S::F; 3] {
+    let mut a = over(s, change(s, cells, 0, half), half);
+    let mut b = over(s, change(s, cells, 1, half), half);
+    let c = over(s, change(s, cells, 2, half), half);
+    if RATIONAL {
+        let w = over(s, change(s, cells, 3, half), half);
+        a = s.fma(s.abs(place[0]), w, a);
+        b = s.fma(s.abs(place[1]), w, b);
+    }
+    [a, b, c]
+}
+
 /// What is left of windows after a step of Krawczyk's: roots differ from where Newton's step
 /// from the middle leads by what the derivatives can change in between. The middle stays where it
 /// is. The bits are those of the windows in which roots may be.
@@ -235,16 +260,7 @@ fn narrowed<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     rest: &mut Rest,
 ) -> (Window<S::F>, u32) {
     let half = window.half;
-    let [ax, ay] = change(s, cells, 0, half);
-    let [bx, by] = change(s, cells, 1, half);
-    let [cx, cy] = change(s, cells, 2, half);
-    let (mut a, mut b) = (over(s, [ax, ay], half), over(s, [bx, by], half));
-    let c = over(s, [cx, cy], half);
-    if RATIONAL {
-        let w = over(s, change(s, cells, 3, half), half);
-        a = s.fma(s.abs(seen.place[0]), w, a);
-        b = s.fma(s.abs(seen.place[1]), w, b);
-    }
+    let [a, b, c] = over_all::<S, C, RATIONAL>(s, cells, seen.place, half);
     let steps = middle.inverse.times(s, middle.distance.value);
     let [g1, g2] = middle.inverse.times(s, seen.tilt);
     let tilts = [s.abs(g1), s.abs(g2)];
@@ -388,6 +404,19 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         verdict.blurred = lanes & (unique & !known | cells.flat & !sharp);
         let active = lanes & unique & known;
         verdict.open = lanes & !active & !verdict.blurred;
+        verdict.is_folded = 0;
+        if let Some(window) = &narrow
+            && verdict.open != 0
+        {
+            let worth = s.apart(Fold::<S, C, RATIONAL> {
+                cells,
+                seen,
+                window,
+                distance: &middle.distance,
+                folded: &mut verdict.folded,
+            });
+            verdict.is_folded = verdict.open & worth;
+        }
         if active != 0 {
             verdict.open |= iterate::<S, C, RATIONAL>(
                 s,

@@ -15,6 +15,7 @@ mod expansion;
 mod fans;
 mod few;
 mod finish;
+mod fold;
 mod hits;
 mod hull;
 mod leaf;

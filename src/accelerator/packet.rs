@@ -331,15 +331,27 @@ impl<S: Simd> Tracer<'_, '_, S> {
         }
         let mut bounds = extent.bounds();
         self.packet.stack.clear();
-        self.packet.stack.push((0, f32::NEG_INFINITY));
-        while let Some((child, near)) = self.packet.stack.pop() {
+        let root = cluster.tree.node(0);
+        let (near, mask) = extent.slabs(root, far);
+        push(&mut self.packet.stack, &boxes_of(0), &near, mask);
+        while let Some((place, near)) = self.packet.stack.pop() {
             if near > far {
                 continue;
             }
+            let (parent, slot) = (cluster.tree.node(place / SLOTS), place % SLOTS);
+            let slot = slot as usize;
+            let mut lanes = u64::MAX;
+            if is_exact {
+                lanes = self.packet.beam.to_box(self.s, parent, slot);
+                if lanes == 0 {
+                    continue;
+                }
+            }
+            let child = parent.child[slot];
             if child & IS_LEAF == 0 {
                 let node = cluster.tree.node(child);
                 let (near, mask) = extent.slabs(node, far);
-                push(&mut self.packet.stack, &node.child, &near, mask);
+                push(&mut self.packet.stack, &boxes_of(child), &near, mask);
                 continue;
             }
             let block = &cluster.blocks[(child & !IS_LEAF) as usize];
@@ -352,8 +364,9 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 };
                 (is_exact, extent, bounds) = (true, exact, exact.bounds());
                 far = self.packet.beam.farthest(self.s);
+                lanes = self.packet.beam.to_box(self.s, parent, slot);
             }
-            far = self.block(cluster, block, &bounds, far);
+            far = self.block(cluster, (block, lanes), &bounds, far);
             if self.alive == 0 {
                 break;
             }
@@ -415,15 +428,15 @@ impl<S: Simd> Tracer<'_, '_, S> {
     fn block(
         &mut self,
         cluster: &Cluster<'_>,
-        block: &Block,
+        (block, lanes): (&Block, u64),
         bounds: &BeamBounds,
         mut far: f32,
     ) -> f32 {
-        let mut coarse = [(Cell::NONE, 0.0); WIDTH];
+        let mut coarse = [(Cell::NONE, 0.0, 0); WIDTH];
         let (mut divided, mut next) = (0, 0);
         // Taken out, so that parts can be looked into where they are kept.
         let mut fans = std::mem::take(&mut self.packet.fans);
-        let (mut block, mut fan) = (block, None);
+        let (mut block, mut lanes, mut fan) = (block, lanes, None);
         'parts: loop {
             let mut found = [(0, 0.0); WIDTH];
             let crossings = block.crossings(self.s, bounds, far);
@@ -431,10 +444,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
             self.looked += 1 + crossings.met.count_ones();
             for &(slot, start) in &found[..count] {
                 let cell = block.cells[slot];
-                let lanes = crossings.rays(self.s, slot, &self.packet.beam);
+                let lanes = crossings.rays(self.s, slot, (&self.packet.beam, lanes));
                 self.taken += lanes.count_ones();
                 if lanes != 0 && cell.is_coarse() {
-                    coarse[divided] = (cell, start);
+                    coarse[divided] = (cell, start, lanes);
                     divided += 1;
                     cluster.pieces.call(&cell);
                 } else if lanes != 0 {
@@ -448,13 +461,13 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 if next == divided || self.alive == 0 {
                     break 'parts;
                 }
-                let (cell, start) = coarse[next];
+                let (cell, start, its) = coarse[next];
                 next += 1;
                 if start <= far {
                     let number = self.accelerator.instances[self.instance as usize].cluster;
                     let instructions = self.accelerator.instructions;
                     let divided = fans.of(instructions, (number, cluster), &cell);
-                    (block, fan) = (&divided.block, Some(divided));
+                    (block, lanes, fan) = (&divided.block, its, Some(divided));
                     break;
                 }
             }
@@ -544,6 +557,15 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
         }
     }
+}
+
+/// Boxes are numbered by their node and their slot there.
+const SLOTS: u32 = 8;
+
+/// The numbers of the boxes of a node.
+#[inline(always)]
+fn boxes_of(node: u32) -> [u32; WIDTH] {
+    [0, 1, 2, 3, 4, 5, 6, 7].map(|slot| node * SLOTS + slot)
 }
 
 /// Pushes the children that a beam may meet, the nearest on top.

@@ -316,6 +316,7 @@ impl Tree {
             };
             self.nodes[index].child[k] = child;
         }
+        assert!(index < 1 << 28, "so that all boxes have numbers");
         u32::try_from(index).expect("fewer nodes than cells")
     }
 

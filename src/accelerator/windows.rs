@@ -112,34 +112,43 @@ impl Waiting {
         }
     }
 
-    /// Keeps the part that slot `k` of a verdict is about, or its halves.
+    /// Keeps the part that slot `k` of a verdict is about, or what it is divided into.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
     fn put(&mut self, lane: usize, depth: u8, verdict: &Verdict, k: usize) {
+        if verdict.is_folded >> k & 1 == 1 {
+            for part in 0..2 {
+                if let Some(part) = verdict.folded.part(part, k) {
+                    self.keep(lane, depth, part);
+                }
+            }
+            return;
+        }
         let rest = &verdict.rest;
         let low = [rest.low[0][k], rest.low[1][k]];
         let high = [rest.high[0][k], rest.high[1][k]];
         let axis = (rest.along_y >> k & 1) as usize;
-        let halves = (rest.halve >> k & 1) as usize;
-        for half in 0..=halves {
-            let place = self.count;
-            self.lane[place] = lane as u8;
-            self.depth[place] = depth;
-            for side in 0..2 {
-                self.low[side][place] = low[side];
-                self.high[side][place] = high[side];
-            }
-            if halves == 1 {
-                let middle = 0.5 * (low[axis] + high[axis]);
-                let end = if half == 0 {
-                    &mut self.high
-                } else {
-                    &mut self.low
-                };
-                end[axis][place] = middle;
-            }
-            self.count += 1;
+        if rest.halve >> k & 1 == 0 {
+            return self.keep(lane, depth, (low, high));
         }
+        let (mut end, mut start) = (high, low);
+        let middle = 0.5 * (low[axis] + high[axis]);
+        (end[axis], start[axis]) = (middle, middle);
+        self.keep(lane, depth, (low, end));
+        self.keep(lane, depth, (start, high));
+    }
+
+    /// Keeps a part of a cell for a ray.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a lane is below 64")]
+    fn keep(&mut self, lane: usize, depth: u8, (low, high): ([f32; 2], [f32; 2])) {
+        let place = self.count;
+        self.lane[place] = lane as u8;
+        self.depth[place] = depth;
+        for side in 0..2 {
+            self.low[side][place] = low[side];
+            self.high[side][place] = high[side];
+        }
+        self.count += 1;
     }
 
     /// Leaves all that waits to `blurred` once no more may be looked into.

@@ -12,6 +12,7 @@ use crate::accelerator::beam::{Beam, RAYS};
 use crate::accelerator::hull::{BeamBounds, PADDING};
 use crate::accelerator::leaf::Bits;
 use crate::accelerator::tree::WIDTH;
+use crate::accelerator::windows::group_of;
 use crate::simd::{LANES, Part, Simd};
 
 /// Rounding errors of products and sums in single precision, many roundings wide.
@@ -87,14 +88,22 @@ impl Crossings {
         count
     }
 
-    /// The rays of the beam that may meet the cell in `slot`, before what they have met so far.
+    /// Those of the given rays of the beam that may meet the cell in `slot`, before what they have met so far.
     #[inline(always)]
-    pub(in crate::accelerator) fn rays<S: Simd>(&self, s: S, slot: usize, beam: &Beam) -> u64 {
+    pub(in crate::accelerator) fn rays<S: Simd>(
+        &self,
+        s: S,
+        slot: usize,
+        (beam, lanes): (&Beam, u64),
+    ) -> u64 {
         let way = s.splat(self.way[slot]);
         let [x, y] = &self.aside;
         let (x, y) = (s.splat(x[slot]), s.splat(y[slot]));
         let mut rays = 0;
         for group in 0..RAYS / LANES {
+            if group_of(lanes, group) == 0 {
+                continue;
+            }
             let turn1 = load(s, &beam.spread.turn[0], group);
             let turn2 = load(s, &beam.spread.turn[1], group);
             let w1 = s.fma(turn1, way, s.add(x, load(s, &beam.spread.offset[0], group)));
@@ -121,7 +130,7 @@ impl Crossings {
             }
             rays |= u64::from(!beside & 0xffff) << (group * LANES);
         }
-        rays
+        rays & lanes
     }
 }
 
@@ -420,10 +429,12 @@ mod tests {
                     let far = beam.farthest(Portable);
                     let crossings = block.crossings(Portable, &bounds, far);
                     assert_eq!(crossings.met >> slot & 1, 1);
-                    let rays = crossings.rays(Portable, slot, &beam);
+                    let rays = crossings.rays(Portable, slot, (&beam, u64::MAX));
                     assert_eq!(rays, u64::MAX, "{k} {slot}");
                     for other in 0..block.count as usize {
-                        others += crossings.rays(Portable, other, &beam).count_ones();
+                        others += crossings
+                            .rays(Portable, other, (&beam, u64::MAX))
+                            .count_ones();
                     }
                     met += 64;
                 }
