@@ -13,6 +13,9 @@ use crate::simd::{LANES, Part, PerLane, Singles};
 /// Share of a sum that rounding may change, many roundings wide.
 const ROUNDING: f32 = 1e-5;
 
+/// The square of the gradient across the tilt is between the reciprocals of these.
+const SQUARES: [f32; 2] = [1e-8, 1e6];
+
 /// How far places in a cell are rounded, several roundings wide.
 const PLACE: f32 = 1e-6;
 
@@ -93,7 +96,7 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         for k in 0..2 {
             area = s.mul(area, s.sub(window.high[k], window.low[k]));
         }
-        none | s.bits(s.lt(left, area))
+        strip.is_known(s) & (none | s.bits(s.lt(left, area)))
     }
 }
 
@@ -140,6 +143,14 @@ impl<F: Copy> Strip<F> {
             half: s.mul(stray, inverse),
             uncertain,
         }
+    }
+
+    /// A bit for each ray with a tilt of which products are neither lost nor endless.
+    #[inline(always)]
+    fn is_known<S: Singles<F = F>>(&self, s: S) -> u32 {
+        let [least, most] = SQUARES;
+        let (least, most) = (s.splat(least), s.splat(most));
+        s.bits(s.lt(least, self.inverse)) & s.bits(s.lt(self.inverse, most))
     }
 
     /// The distance along the tilt, times its size, less so much of that across it that it does not change across
@@ -299,7 +310,7 @@ mod tests {
     const ERROR: f32 = 1e-6;
 
     /// A cell that bends so much.
-    fn bent(random: &mut Random, bend: f64, is_rational: bool) -> Cells<f32> {
+    fn bent(random: &mut Random, (bend, order): (f64, usize), is_rational: bool) -> Cells<f32> {
         let mut cells = Cells {
             terms: [[0.0; 4]; TERMS],
             second: [[0.0; 4]; 3],
@@ -312,7 +323,8 @@ mod tests {
             let degree = t / ORDER + t % ORDER;
             for (r, term) in term.iter_mut().enumerate() {
                 let stray = bend / f64::from(1 << (2 * degree)) * (random.unit() - 0.5);
-                if (r < 3 || is_rational) && degree > 1 {
+                let is_there = degree == 2 || order == ORDER && degree > 2;
+                if (r < 3 || is_rational) && is_there && t / ORDER < order && t % ORDER < order {
                     *term = stray as f32;
                 }
             }
@@ -347,7 +359,7 @@ mod tests {
 
     /// Windows with a root each, in which cells are looked at from rays of all tilts: how many are left to their
     /// parts, and that these have all roots.
-    fn parts<const RATIONAL: bool>(random: &mut Random, bend: f64) -> u32 {
+    fn parts<const RATIONAL: bool>(random: &mut Random, bend: (f64, usize)) -> u32 {
         let cells = bent(random, bend, RATIONAL);
         let (mut place, mut tilt) = ([[0.0; LANES]; 2], [[0.0; LANES]; 2]);
         let (mut low, mut high) = ([[0.0; LANES]; 2], [[0.0; LANES]; 2]);
@@ -355,7 +367,7 @@ mod tests {
         for k in 0..LANES {
             let root = [0, 1].map(|_| 2.0 * random.unit() - 1.0);
             let [a, b, c, w] = at(&cells, root);
-            let size = 8.0 * random.unit().powi(2);
+            let size = 10.0_f64.powf(8.0 * random.unit() - 5.0);
             for (axis, value) in [a, b].into_iter().enumerate() {
                 let own = ((2.0 * random.unit() - 1.0) * size) as f32;
                 tilt[axis][k] = own;
@@ -391,7 +403,11 @@ mod tests {
                     within(0) && within(1)
                 })
             };
-            assert!(has_it(0) || has_it(1), "{k}: {root:?} {cells:?}");
+            let is_left = worth >> k & 1 == 1;
+            assert!(
+                !is_left || has_it(0) || has_it(1),
+                "{k}: {root:?} {cells:?}"
+            );
         }
         worth.count_ones()
     }
@@ -401,7 +417,10 @@ mod tests {
         let mut random = Random(17);
         let (mut worth, mut all) = (0, 0);
         for k in 0..4000 {
-            let bend = 3.0 * random.unit().powi(2);
+            let bend = (
+                3.0 * random.unit().powi(2),
+                if k % 4 < 2 { ORDER } else { 3 },
+            );
             worth += if k % 2 == 0 {
                 parts::<false>(&mut random, bend)
             } else {
