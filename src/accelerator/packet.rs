@@ -340,13 +340,6 @@ impl<S: Simd> Tracer<'_, '_, S> {
             }
             let (parent, slot) = (cluster.tree.node(place / SLOTS), place % SLOTS);
             let slot = slot as usize;
-            let mut lanes = u64::MAX;
-            if is_exact {
-                lanes = self.packet.beam.to_box(self.s, parent, slot);
-                if lanes == 0 {
-                    continue;
-                }
-            }
             let child = parent.child[slot];
             if child & IS_LEAF == 0 {
                 let node = cluster.tree.node(child);
@@ -364,7 +357,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 };
                 (is_exact, extent, bounds) = (true, exact, exact.bounds());
                 far = self.packet.beam.farthest(self.s);
-                lanes = self.packet.beam.to_box(self.s, parent, slot);
+            }
+            let lanes = self.packet.beam.to_box(self.s, parent, slot);
+            if lanes == 0 {
+                continue;
             }
             far = self.block(cluster, (block, lanes), &bounds, far);
             if self.alive == 0 {
