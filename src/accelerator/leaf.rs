@@ -462,6 +462,7 @@ fn iterate<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
     } = window;
     let mut x = *middle;
     let mut now = *first;
+    let mut open = 0;
     for step in 0..STEPS {
         // A root is as far from where the step of the middle leads as that one may miss it.
         let sure = inverse.times(s, now.value);
@@ -480,9 +481,18 @@ fn iterate<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
             let newest = Matrix::inverse(s, &now);
             (newest, newest.times(s, now.value))
         };
+        let (mut outside, mut moved) = (0, s.splat(0.0));
         for k in 0..2 {
-            x[k] = s.max(s.min(s.sub(x[k], leap[k]), high[k]), low[k]);
+            let next = s.sub(x[k], leap[k]);
+            let kept = s.max(s.min(next, high[k]), low[k]);
+            outside |= s.bits(s.lt(s.splat(CLOSE), s.abs(s.sub(next, kept))));
+            moved = s.max(s.abs(s.sub(kept, x[k])), moved);
+            x[k] = kept;
         }
+        // At a border there is no way on.
+        let stuck = active & outside & s.bits(s.lt(moved, s.splat(CLOSE)));
+        active &= !stuck;
+        open |= stuck;
         let close = s.le(s.max(s.abs(leap[0]), s.abs(leap[1])), s.splat(CLOSE));
         let arrived = active & s.bits(close);
         if arrived != 0 {
@@ -494,13 +504,13 @@ fn iterate<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool>(
             let new = arrived & inside & s.bits(near);
             verdict.take(s, new, last);
             active &= !new;
-            if active == 0 {
-                break;
-            }
+        }
+        if active == 0 {
+            break;
         }
         now = distance::<S, C, RATIONAL>(s, cells, place, tilt, x);
     }
-    active
+    open | active
 }
 
 /// The numbers of the bits that are set.
