@@ -46,7 +46,7 @@ impl Halvings {
         let doubled = room.checked_ilog2().unwrap_or(0);
         Self {
             // Few rays come to each of many.
-            first: if shown > MANY { FIRST - 1 } else { FIRST },
+            first: if shown > MANY { FIRST - 2 } else { FIRST },
             further: u8::try_from(doubled).map_or(FIRST, |most| most.min(FIRST)),
             later: 0,
         }

@@ -11,9 +11,6 @@ pub(super) struct Cells<C> {
     pub(super) terms: [[C; 4]; TERMS],
     /// See [`super::expansion::Expansion::second`].
     pub(super) second: [[C; 4]; 3],
-    /// Bounds on the third derivatives of the four, as far as terms are kept: by `x` thrice, by `x` twice and `y`, by
-    /// `x` and `y` twice, by `y` thrice.
-    pub(super) third: [[C; 4]; 4],
     /// See [`super::leaving`]: how steep rays must be to leave it, and what terms that are not kept add.
     pub(super) reach: [C; 2],
     pub(super) higher: C,

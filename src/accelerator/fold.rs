@@ -7,6 +7,7 @@
 //! this together: in two intervals on both sides of the fold at most.
 
 use super::distance::{Cells, Distance, hessian};
+use super::expansion::THIRD;
 use super::leaf::{Seen, Window, over_all};
 use crate::simd::{LANES, Part, PerLane, Singles};
 
@@ -15,6 +16,9 @@ const ROUNDING: f32 = 1e-5;
 
 /// The square of the gradient across the tilt is between the reciprocals of these.
 const SQUARES: [f32; 2] = [1e-8, 1e6];
+
+/// Beside this factor of what is negative nothing counts.
+const ENDLESS: f32 = 1e30;
 
 /// How far places in a cell are rounded, several roundings wide.
 const PLACE: f32 = 1e-6;
@@ -74,7 +78,7 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
         } = self;
         let strip = Strip::of::<_, _, RATIONAL>(s, cells, seen, window, distance);
         let quadratic = strip.quadratic::<_, _, RATIONAL>(s, cells, seen, window, distance);
-        let (none, intervals) = quadratic.intervals(s);
+        let (none, intervals, two) = quadratic.intervals(s);
         let zero = s.splat(0.0);
         let mut left = zero;
         for (part, interval) in intervals.into_iter().enumerate() {
@@ -88,8 +92,10 @@ impl<S: Singles, C: PerLane<S, Lanes = S::F>, const RATIONAL: bool> Part<S>
                 *size = s.sub(far, near);
             }
             let is_empty = s.lt(s.min(sizes[0], sizes[1]), zero);
-            folded.lanes[part] = !(none | s.bits(is_empty));
+            let has_it = if part == 0 { u32::MAX } else { two };
+            folded.lanes[part] = has_it & !(none | s.bits(is_empty));
             let area = s.mul(s.max(sizes[0], zero), s.max(sizes[1], zero));
+            // Where both are one, it counts twice: that is left to halving sooner.
             left = s.add(left, area);
         }
         let mut area = s.splat(LEFT);
@@ -248,9 +254,14 @@ fn change_third<S: Singles, C: PerLane<S, Lanes = S::F>>(
     r: usize,
     [hx, hy]: [S::F; 2],
 ) -> S::F {
-    let [xxx, xxy, xyy, yyy] = &cells.third;
-    let (xxx, xxy) = (xxx[r].lanes(s), xxy[r].lanes(s));
-    let (xyy, yyy) = (xyy[r].lanes(s), yyy[r].lanes(s));
+    let mut bounds = [s.splat(0.0); 4];
+    for (bound, counts) in bounds.iter_mut().zip(&THIRD) {
+        for &(t, count) in counts {
+            let term = s.abs(cells.terms[t][r].lanes(s));
+            *bound = s.fma(term, s.splat(count), *bound);
+        }
+    }
+    let [xxx, xxy, xyy, yyy] = bounds;
     let three = s.splat(3.0);
     let by_hx = s.fma(xxx, hx, s.mul(three, s.mul(xxy, hy)));
     let by_hy = s.fma(yyy, hy, s.mul(three, s.mul(xyy, hx)));
@@ -267,9 +278,10 @@ struct Quadratic<F> {
 }
 
 impl<F: Copy> Quadratic<F> {
-    /// A bit for each function without roots, and the intervals in which they are.
+    /// A bit for each function without roots, the intervals in which they are, and a bit for each that has the
+    /// second one, too.
     #[inline(always)]
-    fn intervals<S: Singles<F = F>>(&self, s: S) -> (u32, [[F; 2]; 2]) {
+    fn intervals<S: Singles<F = F>>(&self, s: S) -> (u32, [[F; 2]; 2], u32) {
         let &Self { a, b, c, rest } = self;
         let (zero, four) = (s.splat(0.0), s.splat(4.0));
         let product = s.mul(four, s.mul(a, c));
@@ -286,11 +298,16 @@ impl<F: Copy> Quadratic<F> {
         let inner = s.mul(s.sqrt(s.max(least, zero)), inverse);
         let padding = s.mul(s.add(s.abs(middle), outer), s.splat(ROUNDING));
         let (outer, inner) = (s.add(outer, padding), s.sub(inner, padding));
+        // About the fold itself there is one, which both would be.
+        let apart = s.mul(s.min(least, zero), s.splat(ENDLESS));
+        let minus = s.sub(zero, outer);
+        let inner = s.max(s.add(inner, apart), minus);
+        let two = s.bits(s.lt(minus, inner));
         let intervals = [
             [s.sub(middle, outer), s.sub(middle, inner)],
             [s.add(middle, inner), s.add(middle, outer)],
         ];
-        (none, intervals)
+        (none, intervals, two)
     }
 }
 
@@ -314,7 +331,6 @@ mod tests {
         let mut cells = Cells {
             terms: [[0.0; 4]; TERMS],
             second: [[0.0; 4]; 3],
-            third: [[0.0; 4]; 4],
             reach: [0.0; 2],
             higher: 0.0,
             flat: 0,
@@ -341,7 +357,6 @@ mod tests {
                 }
             }
         }
-        cells.bound_third();
         cells
     }
 

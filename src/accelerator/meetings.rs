@@ -58,7 +58,6 @@ impl Sixteen {
         let mut none = Self {
             terms: [[[0.0; LANES]; 4]; TERMS],
             second: [[[0.0; LANES]; 4]; 3],
-            third: [[[0.0; LANES]; 4]; 4],
             reach: [[f32::INFINITY; LANES]; 2],
             higher: [0.0; LANES],
             flat: 0,
@@ -76,11 +75,6 @@ impl Sixteen {
             }
         }
         for (to, from) in self.second.iter_mut().zip(&cell.second) {
-            for r in 0..K {
-                to[r][k] = from[r];
-            }
-        }
-        for (to, from) in self.third.iter_mut().zip(&cell.third) {
             for r in 0..K {
                 to[r][k] = from[r];
             }
@@ -263,11 +257,6 @@ impl Company for Meetings {
             for t in 0..3 {
                 for r in 0..coordinates {
                     to.second[t][r][slot] = from.second[t][r][k];
-                }
-            }
-            for t in 0..4 {
-                for r in 0..coordinates {
-                    to.third[t][r][slot] = from.third[t][r][k];
                 }
             }
         }

@@ -6,7 +6,7 @@ use super::Cluster;
 use super::block::Block;
 use super::cells::Cell;
 use super::distance::Cells;
-use super::expansion::{Expansion, SOLVER, TERMS, THIRD};
+use super::expansion::{Expansion, SOLVER, TERMS};
 use super::fans::Fan;
 use super::leaving;
 use super::octet::Octet;
@@ -41,32 +41,12 @@ pub(super) struct Model {
     pub(super) half: [f64; 2],
 }
 
-impl Cells<f32> {
-    /// Bounds the third derivatives from the terms.
-    #[inline(always)]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "bounds grow by more than the rounding"
-    )]
-    pub(super) fn bound_third(&mut self) {
-        self.third = [[0.0; 4]; 4];
-        for (sums, counts) in self.third.iter_mut().zip(&THIRD) {
-            for &(t, count) in counts {
-                for (sum, term) in sums.iter_mut().zip(&self.terms[t]) {
-                    *sum += term.abs() * (count * GROWTH) as f32;
-                }
-            }
-        }
-    }
-}
-
 impl Model {
     /// An entry that no cell has.
     const NONE: Self = Self {
         cell: Cells {
             terms: [[0.0; 4]; TERMS],
             second: [[0.0; 4]; 3],
-            third: [[0.0; 4]; 4],
             reach: [f32::INFINITY; 2],
             higher: 0.0,
             flat: 0,
@@ -116,7 +96,6 @@ impl Model {
                 self.cell.terms[t][r] = local.terms[t][r] as f32;
             }
         }
-        self.cell.bound_third();
         self.place(&rect);
     }
 
@@ -144,7 +123,6 @@ impl Model {
                 to[r] = from[slot];
             }
         }
-        self.cell.bound_third();
         self.rows = block.rows(slot, 1.0).map(|row| row.as_vec3().to_array());
         self.place(&block.cells[slot].rect());
     }
