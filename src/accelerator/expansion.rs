@@ -373,45 +373,6 @@ pub(super) const COUNTS: Counts = {
     counts
 };
 
-/// The terms that count in third derivatives, by how often these are by `y`, and how much.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "bounds grow by more than the rounding"
-)]
-pub(super) const THIRD: [[(usize, f32); 6]; 4] = {
-    let wide = powers_of::<{ 2 * ORDER }>(WIDE);
-    let mut thirds = [[(0, 0.0); 6]; 4];
-    let mut by_y = 0;
-    while by_y < 4 {
-        let (mut t, mut place) = (0, 0);
-        while t < TERMS {
-            let (k, l) = (t / ORDER, t % ORDER);
-            if k + by_y >= 3 && l >= by_y {
-                let count = falling(k, 3 - by_y) * falling(l, by_y);
-                let most = count as f64 * wide[k + l - 3] * (1.0 + ROUNDED);
-                thirds[by_y][place] = (t, most as f32);
-                place += 1;
-            }
-            t += 1;
-        }
-        by_y += 1;
-    }
-    thirds
-};
-
-/// Growth of bounds that covers their rounding to single precision, and that of sums of them.
-const ROUNDED: f64 = 1e-5;
-
-/// What a power is multiplied by when it is differentiated so often.
-const fn falling(power: usize, times: usize) -> usize {
-    let (mut product, mut k) = (1, 0);
-    while k < times {
-        product *= power - k;
-        k += 1;
-    }
-    product
-}
-
 /// Adds the sizes of a term, so many times.
 #[inline(always)]
 fn add(sum: &mut [f64; 4], term: &[f64; 4], count: f64) {

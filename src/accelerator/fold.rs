@@ -2,13 +2,15 @@
 //!
 //! With the tilt `g` and its direction `e`, the distance from a ray across `e` does not depend on what stands
 //! across the cell, so that its roots lie in a narrow strip: `p = m + (t0 + t) n + s d`, with the middle `m` of the
-//! window, `n` along the gradient and `d` across it. The distance along `e`, less so much of that across it that nothing of first order
-//! is left along `n`, is a quadratic of `s` there, but for what third derivatives and the width of the strip can change. Roots are where that quadratic is no larger than all
-//! this together: in two intervals on both sides of the fold at most.
+//! window, `n` along the gradient and `d` across it. The distance along `e`, less so much of that across it that
+//! nothing of first order is left along `n`, is a quadratic of `s` there, but for what third derivatives and the width
+//! of the strip can change. Roots are where that quadratic is no larger than all this together: in two intervals on
+//! both sides of the fold at most.
 
 use super::distance::{Cells, Distance, hessian};
-use super::expansion::THIRD;
+use super::expansion::{ORDER, TERMS, WIDE};
 use super::leaf::{Seen, Window, over_all};
+use super::powers::powers_of;
 use crate::simd::{LANES, Part, PerLane, Singles};
 
 /// Share of a sum that rounding may change, many roundings wide.
@@ -26,6 +28,45 @@ const PLACE: f32 = 1e-6;
 /// Parts are worth while if they are less than this share of a window.
 const LEFT: f32 = 0.7;
 
+/// The terms that count in third derivatives, by how often these are by `y`, and how much.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "bounds grow by more than the rounding"
+)]
+const THIRD: [[(usize, f32); 6]; 4] = {
+    let wide = powers_of::<{ 2 * ORDER }>(WIDE);
+    let mut thirds = [[(0, 0.0); 6]; 4];
+    let mut by_y = 0;
+    while by_y < 4 {
+        let (mut t, mut place) = (0, 0);
+        while t < TERMS {
+            let (k, l) = (t / ORDER, t % ORDER);
+            if k + by_y >= 3 && l >= by_y {
+                let count = falling(k, 3 - by_y) * falling(l, by_y);
+                let most = count as f64 * wide[k + l - 3] * (1.0 + ROUNDED);
+                thirds[by_y][place] = (t, most as f32);
+                place += 1;
+            }
+            t += 1;
+        }
+        by_y += 1;
+    }
+    thirds
+};
+
+/// Growth of bounds that covers their rounding to single precision, and that of sums of them.
+const ROUNDED: f64 = 1e-5;
+
+/// What a power is multiplied by when it is differentiated so often.
+const fn falling(power: usize, times: usize) -> usize {
+    let (mut product, mut k) = (1, 0);
+    while k < times {
+        product *= power - k;
+        k += 1;
+    }
+    product
+}
+
 /// What is left of windows, in up to two parts of each.
 pub(super) struct Folded {
     /// A bit for each window that has the first part, and the second.
@@ -42,7 +83,7 @@ impl Folded {
         high: [[[0.0; LANES]; 2]; 2],
     };
 
-    /// The second or the first part of window `k`, if it has one: least and greatest coordinates.
+    /// The first part of window `k`, number 0, or the second, if it has one: least and greatest coordinates.
     #[inline(always)]
     pub(super) fn part(&self, part: usize, k: usize) -> Option<([f32; 2], [f32; 2])> {
         let has_one = self.lanes[part] >> k & 1 == 1;
@@ -51,7 +92,7 @@ impl Folded {
     }
 }
 
-/// Looks for the parts of windows; the result has a bit for each that is little beside them.
+/// Looks for the parts of windows; the result has a bit for each beside which they are small.
 pub(super) struct Fold<'a, S: Singles, C, const RATIONAL: bool> {
     pub(super) cells: &'a Cells<C>,
     pub(super) seen: &'a Seen<S::F>,
@@ -319,7 +360,6 @@ impl<F: Copy> Quadratic<F> {
 mod tests {
     use super::*;
     use crate::accelerator::distance::distance;
-    use crate::accelerator::expansion::{ORDER, TERMS};
     use crate::random::Random;
     use crate::simd::Portable;
 
