@@ -1,5 +1,6 @@
 //! From a scene to clusters and instances.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DAffine3;
@@ -8,9 +9,10 @@ use kernel::{Aabb, BezierSurface, Child, KnotVector, NodeId, Patch, Scene, TrimR
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::cells::{GROUP, Halvings, Parts, Source};
+use super::cells::{GROUP, Halvings, NewCell, Parts, Source};
 use super::tree::Tree;
-use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Triangle};
+use super::zones::{Zone, zones};
+use super::{Accelerator, Cluster, ClusterItem, Counts, Instance, ItemShape, Stock, Triangle};
 use crate::intersect::Method;
 use crate::memory::reserve;
 use crate::simd::Instructions;
@@ -31,16 +33,21 @@ impl<'a> Accelerator<'a> {
     /// Prepares `scene` for rays that are to be intersected with `method`.
     pub fn build(scene: &'a Scene, method: &'static Method) -> Self {
         let plan = Plan::of(scene);
-        let clusters: Vec<_> = plan
+        let some: Vec<_> = plan
             .roots
             .par_iter()
-            .map(|&root| plan.cluster(scene, root))
+            .map(|&root| plan.clusters(scene, root))
             .collect();
+        let (mut clusters, mut ranges) = (Vec::new(), Vec::new());
+        for some in some {
+            ranges.push(clusters.len()..clusters.len() + some.len());
+            clusters.extend(some);
+        }
         let mut instances = Vec::new();
         let mut counts = Counts::default();
         if let Some(root) = scene.root() {
             let start = (root, DAffine3::IDENTITY);
-            counts = plan.place(scene, start, &clusters, &mut instances);
+            counts = plan.place(scene, start, (&clusters, &ranges), &mut instances);
         }
         let boxes: Vec<_> = instances
             .iter()
@@ -66,12 +73,11 @@ impl<'a> Accelerator<'a> {
     }
 }
 
-/// Which nodes begin a cluster.
+/// Which nodes begin clusters.
 struct Plan {
-    /// First nodes of the clusters.
     roots: Vec<NodeId>,
-    /// For every node the cluster that it begins, if any.
-    cluster_of: Vec<Option<u32>>,
+    /// For every node its place among these, if it is one.
+    root_of: Vec<Option<u32>>,
     /// For every node how many shapes it shows with all below.
     counts: Vec<Counts>,
 }
@@ -94,17 +100,17 @@ impl Plan {
             }
             counts.push(sum);
         }
-        // A node used by several, or below one, begins a cluster; so does the root.
+        // A node used by several, or below one, begins clusters; so does the root.
         let mut plan = Self {
             roots: Vec::new(),
-            cluster_of: vec![None; nodes.len()],
+            root_of: vec![None; nodes.len()],
             counts,
         };
         for id in scene.node_ids() {
             let shared = uses[id.index()] > 1 && plan.counts[id.index()] != Counts::default();
             if shared || scene.root() == Some(id) {
                 let number = u32::try_from(plan.roots.len()).expect("fewer nodes than fit");
-                plan.cluster_of[id.index()] = Some(number);
+                plan.root_of[id.index()] = Some(number);
                 plan.roots.push(id);
             }
         }
@@ -123,7 +129,7 @@ impl Plan {
                     visit(child, place, before);
                     before = before.plus(Counts::one(ItemShape::of(scene, item.shape)));
                 }
-                Child::Node(id) if !first && self.cluster_of[id.index()].is_some() => {
+                Child::Node(id) if !first && self.root_of[id.index()].is_some() => {
                     visit(child, place, before);
                     before = before.plus(self.counts[id.index()]);
                 }
@@ -142,8 +148,8 @@ impl Plan {
         }
     }
 
-    /// Gathers and divides the shapes of the cluster that begins at `root`.
-    fn cluster<'a>(&self, scene: &'a Scene, root: NodeId) -> Cluster<'a> {
+    /// Gathers and divides the shapes of the clusters that begin at `root`.
+    fn clusters<'a>(&self, scene: &'a Scene, root: NodeId) -> Vec<Cluster<'a>> {
         let mut triangles: Vec<Triangle> = Vec::new();
         let mut items: Vec<ClusterItem<'a>> = Vec::new();
         let mut maps: Vec<DAffine3> = Vec::new();
@@ -194,32 +200,30 @@ impl Plan {
             });
         });
         let halvings = self.halvings(scene, &items);
-        let all = divided(halvings, &items, &maps, &regions);
-        let groups = &all.groups;
-        let (tree, order) = Tree::pack(&all.boxes(), |group| groups[group].len(), GROUP);
-        let block = |leaf: usize| {
-            let groups = order[tree.leaf(leaf)].iter().map(|&k| &groups[k as usize]);
-            let cells = groups.flat_map(|group| &all.cells[group.clone()]);
-            Block::new(cells.map(|new| (new.cell, new.frame)), &tree)
-        };
-        let mut blocks = Vec::new();
-        reserve(&mut blocks, tree.leaf_count());
-        blocks.par_extend((0..tree.leaf_count()).into_par_iter().map(block));
-        let (pieces, cell_count) = (all.pieces, all.cells.len());
-        let boxes: Vec<_> = triangles.iter().map(|t| Aabb::around(t.corners)).collect();
-        let (triangle_tree, order) = Tree::build(&boxes, TRIANGLES_OF_A_LEAF);
-        let triangles = order.iter().map(|&k| triangles[k as usize]).collect();
-        Cluster {
-            pieces,
-            blocks,
-            cell_count,
-            tree,
-            triangles,
-            triangle_tree,
+        let mut parts = divided(halvings, &items, &maps, &regions);
+        let boxes = parts.boxes();
+        let zones = zones(&parts, &boxes, items.len());
+        let stock = Arc::new(Stock {
+            pieces: std::mem::take(&mut parts.pieces),
             items,
             maps,
             regions,
+        });
+        if zones.is_empty() {
+            let groups = parts.groups.iter().cloned().zip(boxes).collect();
+            return vec![Cluster::of(&stock, (&parts.cells, groups), &triangles)];
         }
+        let cluster = |(k, zone): (usize, Zone)| {
+            let group = |&k: &usize| (parts.groups[k].clone(), boxes[k]);
+            let groups = zone.groups.iter().map(group).collect();
+            let triangles = if k == 0 { &triangles[..] } else { &[] };
+            Cluster {
+                reach: zone.reach,
+                seams: Some(zone.seams),
+                ..Cluster::of(&stock, (&parts.cells, groups), triangles)
+            }
+        };
+        zones.into_iter().enumerate().map(cluster).collect()
     }
 
     /// How often the pieces of a cluster are halved.
@@ -240,21 +244,24 @@ impl Plan {
         &self,
         scene: &Scene,
         start: (NodeId, DAffine3),
-        clusters: &[Cluster<'_>],
+        (clusters, ranges): (&[Cluster<'_>], &[Range<usize>]),
         instances: &mut Vec<Instance>,
     ) -> Counts {
         let mut stack = vec![(start, Counts::default())];
         while let Some(((node, world_from_parent), base)) = stack.pop() {
-            let Some(cluster) = self.cluster_of[node.index()] else {
+            let Some(root) = self.root_of[node.index()] else {
                 continue;
             };
             let world_from_cluster = world_from_parent * scene.node(node).parent_from_node;
-            if !clusters[cluster as usize].bounds().is_empty() {
+            for cluster in ranges[root as usize].clone() {
+                if clusters[cluster].bounds().is_empty() {
+                    continue;
+                }
                 let matrix = &world_from_cluster.matrix3;
                 let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
                 instances.push(Instance {
                     stretch: axes.iter().fold(0.0, |max, axis| axis.length().max(max)),
-                    cluster,
+                    cluster: u32::try_from(cluster).expect("fewer clusters than fit"),
                     before: base,
                     world_from_cluster,
                     cluster_from_world: world_from_cluster.inverse(),
@@ -268,6 +275,40 @@ impl Plan {
             });
         }
         self.counts[start.0.index()]
+    }
+}
+
+impl<'a> Cluster<'a> {
+    /// Builds the hierarchies over groups of cells, each with the box around it, and over triangles.
+    fn of(
+        stock: &Arc<Stock<'a>>,
+        (cells, groups): (&[NewCell], Vec<(Range<usize>, Aabb)>),
+        triangles: &[Triangle],
+    ) -> Self {
+        let boxes: Vec<_> = groups.iter().map(|group| group.1).collect();
+        let (tree, order) = Tree::pack(&boxes, |group| groups[group].0.len(), GROUP);
+        let block = |leaf: usize| {
+            let groups = order[tree.leaf(leaf)]
+                .iter()
+                .map(|&k| &groups[k as usize].0);
+            let cells = groups.flat_map(|group| &cells[group.clone()]);
+            Block::new(cells.map(|new| (new.cell, new.frame)), &tree)
+        };
+        let mut blocks = Vec::new();
+        reserve(&mut blocks, tree.leaf_count());
+        blocks.par_extend((0..tree.leaf_count()).into_par_iter().map(block));
+        let boxes: Vec<_> = triangles.iter().map(|t| Aabb::around(t.corners)).collect();
+        let (triangle_tree, order) = Tree::build(&boxes, TRIANGLES_OF_A_LEAF);
+        Self {
+            stock: Arc::clone(stock),
+            blocks,
+            cell_count: groups.iter().map(|group| group.0.len()).sum(),
+            reach: tree.bounds(),
+            tree,
+            triangles: order.iter().map(|&k| triangles[k as usize]).collect(),
+            triangle_tree,
+            seams: None,
+        }
     }
 }
 

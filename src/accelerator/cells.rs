@@ -379,6 +379,12 @@ impl Parts {
         reserve(&mut self.groups, room(|s| s.groups.len()));
     }
 
+    /// The item of a group.
+    pub(crate) fn item(&self, group: usize) -> usize {
+        let cell = &self.cells[self.groups[group].start].cell;
+        self.pieces.pieces[cell.piece as usize].item as usize
+    }
+
     /// The box around each group.
     pub(crate) fn boxes(&self) -> Vec<Aabb> {
         let around = |group: &Range<usize>| {

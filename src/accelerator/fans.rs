@@ -79,8 +79,8 @@ impl Task for Divide<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         let Self { fan, cluster, cell } = self;
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
-        let (net, tree) = (cluster.pieces.net(piece), &cluster.tree);
+        let piece = cluster.piece(cell.piece);
+        let (net, tree) = (cluster.net(piece), &cluster.tree);
         let frames = if piece.degrees.p.max(piece.degrees.q) < ORDER {
             fan.octet.fill(s, (piece, &net), cell, tree)
         } else {

@@ -126,7 +126,7 @@ impl Accelerator<'_> {
     pub(crate) fn places(&self) -> Vec<(u32, u32)> {
         let mut places = vec![(0, 0); self.counts.patches as usize];
         for (k, instance) in (0..).zip(&self.instances) {
-            let items = &self.clusters[instance.cluster as usize].items;
+            let items = &self.clusters[instance.cluster as usize].stock.items;
             for (item, number) in items.iter().zip(0..) {
                 if let ItemShape::Patch(_) = item.shape {
                     let patch = instance.before.patches + item.offset;
@@ -140,7 +140,7 @@ impl Accelerator<'_> {
     pub(super) fn item(&self, hit: &Hit) -> &ClusterItem<'_> {
         let (instance, item) = hit.place;
         let cluster = self.instances[instance as usize].cluster;
-        &self.clusters[cluster as usize].items[item as usize]
+        self.clusters[cluster as usize].item(item)
     }
 
     /// Completes a candidate: point, normal, parameters and number in the world.
@@ -185,7 +185,7 @@ impl Accelerator<'_> {
             size(piece.degrees.q, piece.v.1),
         ];
         let normal = kernel::regular_normal([du, dv], sizes).or_else(|| {
-            let item = &cluster.items[piece.item as usize];
+            let item = cluster.item(piece.item);
             let ItemShape::Patch(patch) = item.shape else {
                 return None;
             };
@@ -203,12 +203,12 @@ impl Accelerator<'_> {
     pub(super) fn shown(&self, number: u32, piece: u32) -> Shown<'_> {
         let instance = &self.instances[number as usize];
         let cluster = &self.clusters[instance.cluster as usize];
-        let part = &cluster.pieces.pieces[piece as usize];
+        let part = cluster.piece(piece);
         Shown {
             number: (number, piece),
             piece: part,
             size: part.radius * instance.stretch,
-            shape: instance.before.patches + cluster.items[part.item as usize].offset,
+            shape: instance.before.patches + cluster.item(part.item).offset,
         }
     }
 
@@ -219,7 +219,7 @@ impl Accelerator<'_> {
         triangle: &Triangle,
         barycentric: DVec2,
     ) -> Hit {
-        let item = &cluster.items[triangle.item as usize];
+        let item = cluster.item(triangle.item);
         let world = &instance.world_from_cluster;
         let corners = triangle.corners.map(|c| world.transform_point3(c));
         let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
@@ -301,7 +301,7 @@ impl Shown<'_> {
 
 /// Point and first derivatives by the patch's parameters, in the cluster.
 fn evaluate_piece(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> [DVec3; 3] {
-    let [h, hu, hv] = evaluate_at(&cluster.pieces.net(piece), local.x, local.y);
+    let [h, hu, hv] = evaluate_at(&cluster.net(piece), local.x, local.y);
     let own = h.truncate() / h.w;
     let along = |d: DVec4| (d.truncate() - own * d.w) / h.w * piece.radius;
     [

@@ -1,9 +1,10 @@
 //! The search structure between a scene and its rays.
 //!
 //! Two levels. A cluster holds what hangs below one node without passing a node that is
-//! shown more than once; its pieces are divided into nearly flat cells, over which stands a
-//! hierarchy of boxes. Instances place clusters in the world; over them stands another
-//! hierarchy. Shapes shown many times are so stored once.
+//! shown more than once, or a part of that which is far smaller than the rest (`zones.rs`). Its
+//! pieces are divided into nearly flat cells, over which stands a hierarchy of boxes. Instances
+//! place clusters in the world; over them stands another hierarchy. Shapes shown many times are
+//! so stored once.
 
 mod approach;
 mod beam;
@@ -35,20 +36,22 @@ mod trace;
 mod tree;
 mod walk;
 mod windows;
+mod zones;
 
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use kernel::{Aabb, MaterialId, Mesh, Patch, Scene, Shape, TrimRegion};
 
-use crate::intersect::{Method, Scratch};
+use crate::intersect::{Method, PieceNet, Scratch};
 use crate::simd::Instructions;
 use block::Block;
-use cells::Pieces;
+use cells::{Piece, Pieces};
 pub use leaving::Start;
 use room::PacketRoom;
 use seal::Seal;
 use tree::Tree;
+use zones::{BESIDE, Seams};
 
 /// Everything that rays can meet, prepared for the search.
 #[derive(Debug)]
@@ -73,10 +76,22 @@ struct Counts {
     meshes: u32,
 }
 
-/// Shapes in common coordinates, with a hierarchy over their cells and one over triangles.
+/// Shapes in common coordinates: what clusters are made of.
+#[derive(Debug)]
+struct Stock<'a> {
+    pieces: Pieces,
+    items: Vec<ClusterItem<'a>>,
+    /// From the objects of items to the clusters.
+    maps: Vec<DAffine3>,
+    /// What belongs to the faces that do not show all of their surface.
+    regions: Vec<TrimRegion>,
+}
+
+/// Shapes with a hierarchy over their cells and one over triangles.
 #[derive(Debug)]
 struct Cluster<'a> {
-    pieces: Pieces,
+    /// Others may be made of the same.
+    stock: Arc<Stock<'a>>,
     /// The cells of each leaf of `tree`.
     blocks: Vec<Block>,
     cell_count: usize,
@@ -84,21 +99,45 @@ struct Cluster<'a> {
     /// In the order of the leaves of `triangle_tree`.
     triangles: Vec<Triangle>,
     triangle_tree: Tree,
-    items: Vec<ClusterItem<'a>>,
-    /// From the objects of items to the cluster.
-    maps: Vec<DAffine3>,
-    /// What belongs to the faces that do not show all of their surface.
-    regions: Vec<TrimRegion>,
+    /// The box around cells and what closes gaps.
+    reach: Aabb,
+    /// The items of which gaps are closed here, if not all of the stock.
+    seams: Option<Seams>,
 }
 
-impl Cluster<'_> {
+impl<'a> Cluster<'a> {
     fn bounds(&self) -> Aabb {
-        self.tree.bounds().union(self.triangle_tree.bounds())
+        self.reach.union(self.triangle_tree.bounds())
+    }
+
+    /// How wide strips may be to lie within the bounds.
+    fn widest_strip(&self) -> f64 {
+        let has_more = |seams: &Seams| !seams.beside.is_empty();
+        if self.seams.as_ref().is_some_and(has_more) {
+            BESIDE * self.tree.bounds().diagonal()
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    #[inline(always)]
+    fn piece(&self, number: u32) -> &Piece {
+        &self.stock.pieces.pieces[number as usize]
+    }
+
+    #[inline(always)]
+    fn net(&self, piece: &Piece) -> PieceNet<'_> {
+        self.stock.pieces.net(piece)
+    }
+
+    #[inline(always)]
+    fn item(&self, number: u32) -> &ClusterItem<'a> {
+        &self.stock.items[number as usize]
     }
 
     /// The map from an item's object.
     fn map_of(&self, item: &ClusterItem<'_>) -> &DAffine3 {
-        &self.maps[item.map as usize]
+        &self.stock.maps[item.map as usize]
     }
 }
 
@@ -221,16 +260,17 @@ impl<'a> Accelerator<'a> {
 
     /// Memory of all nets, cells and hierarchies.
     pub fn bytes(&self) -> usize {
+        let stocks = self
+            .clusters
+            .chunk_by(|a, b| Arc::ptr_eq(&a.stock, &b.stock));
+        let stocks = stocks.map(|clusters| clusters[0].stock.bytes());
         let clusters = self.clusters.iter().map(|c| {
-            c.pieces.bytes()
-                + size_of_val(&c.triangles[..])
+            size_of_val(&c.triangles[..])
                 + size_of_val(&c.blocks[..])
                 + c.triangle_tree.bytes()
-                + c.regions.iter().map(TrimRegion::bytes).sum::<usize>()
-                + size_of_val(&c.items[..])
-                + size_of_val(&c.maps[..])
                 + c.tree.bytes()
         });
+        let clusters = stocks.chain(clusters);
         let seals = self.seals.iter().map(Seal::bytes).sum::<usize>();
         clusters.sum::<usize>() + seals + size_of_val(&self.instances[..]) + self.top.bytes()
     }
@@ -251,6 +291,16 @@ impl<'a> Accelerator<'a> {
     /// The scene it was built for.
     pub fn scene(&self) -> &'a Scene {
         self.scene
+    }
+}
+
+impl Stock<'_> {
+    /// Memory in use.
+    fn bytes(&self) -> usize {
+        self.pieces.bytes()
+            + self.regions.iter().map(TrimRegion::bytes).sum::<usize>()
+            + size_of_val(&self.items[..])
+            + size_of_val(&self.maps[..])
     }
 }
 

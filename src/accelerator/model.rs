@@ -66,9 +66,9 @@ impl Model {
         reason = "bounds grow by more than the rounding"
     )]
     fn fill<S: Simd>(&mut self, s: S, cluster: &Cluster<'_>, cell: &Cell) {
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let piece = cluster.piece(cell.piece);
         let rect = cell.rect();
-        let local = Expansion::of::<S, SOLVER>(s, &cluster.pieces.net(piece), &rect);
+        let local = Expansion::of::<S, SOLVER>(s, &cluster.net(piece), &rect);
         let size = piece.radius * cluster.tree.scale();
         self.center = cluster
             .tree

@@ -350,9 +350,10 @@ mod tests {
 
         fn run<S: Simd>(self, s: S) -> Self::Output {
             let (mut octet, mut block) = (Octet::NONE, Block::EMPTY);
-            let Cluster { pieces, tree, .. } = self.cluster;
-            let piece = &pieces.pieces[self.cell.piece as usize];
-            let frames = octet.fill(s, (piece, &pieces.net(piece)), self.cell, tree)?;
+            let cluster = self.cluster;
+            let piece = cluster.piece(self.cell.piece);
+            let net = cluster.net(piece);
+            let frames = octet.fill(s, (piece, &net), self.cell, &cluster.tree)?;
             block.take(s, self.cell, &frames);
             Some((octet, block))
         }
@@ -360,11 +361,11 @@ mod tests {
 
     /// Compares the parts of a cell with what each of them is alone.
     fn compare(cluster: &Cluster<'_>, cell: &Cell, octet: &Octet, block: &Block) {
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let piece = cluster.piece(cell.piece);
         let size = piece.radius * cluster.tree.scale();
         for (slot, part) in cell.parts().enumerate() {
             assert_eq!(block.cells[slot], part);
-            let net = cluster.pieces.net(piece);
+            let net = cluster.net(piece);
             let alone = Expansion::of::<_, SOLVER>(Portable, &net, &part.rect());
             let center = (cluster.tree).to_local(piece.center + alone.center * piece.radius);
             let (near, single) = (1e-12, 1e-6);
@@ -412,7 +413,7 @@ mod tests {
             for cluster in &accelerator.clusters {
                 let cells = cluster.blocks.iter().flat_map(|block| &block.cells);
                 for cell in cells.filter(|cell| cell.is_coarse()) {
-                    let piece = &cluster.pieces.pieces[cell.piece as usize];
+                    let piece = cluster.piece(cell.piece);
                     if piece.degrees.p.max(piece.degrees.q) >= ORDER {
                         continue;
                     }

@@ -445,7 +445,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
                 if lanes != 0 && cell.is_coarse() {
                     coarse[divided] = (cell, start, lanes);
                     divided += 1;
-                    cluster.pieces.call(&cell);
+                    cluster.stock.pieces.call(&cell);
                 } else if lanes != 0 {
                     let part = fan.map(|fan| (fan, slot));
                     self.cell(cluster, (&cell, part), lanes);
@@ -502,7 +502,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         } else {
             (&beam.spread, &few::ALL)
         };
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let piece = cluster.piece(cell.piece);
         let place = (self.instance, instance.is_mirrored);
         starts.fill(self.starts, (lanes, own), place, (piece, model));
         let mut company = OneCell {

@@ -42,14 +42,14 @@ impl<S: Simd> Tracer<'_, '_, S> {
             ..
         } = ready;
         let number = cells[0].piece;
-        let piece = &cluster.pieces.pieces[number as usize];
+        let piece = cluster.piece(number);
         let eight = Eight::new(*lanes);
         let beam = &self.packet.beam;
         let (center, radius) = finish::ball(piece, &cluster.tree);
         let lines = Lines::of(beam, &eight, center, radius);
         let axes = [beam.across[0], beam.across[1], beam.main];
         let wanted = (1_u32 << count) - 1;
-        let net = cluster.pieces.net(piece);
+        let net = cluster.net(piece);
         let finish = Finish {
             net: (net.degrees, net.points),
             axes,
@@ -150,7 +150,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
         if !(t >= self.packet.from[lane] && t < self.packet.until[lane]) {
             return;
         }
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let piece = cluster.piece(cell.piece);
         let uv = DVec2::new(roots.u[k], roots.v[k]).clamp(DVec2::ZERO, DVec2::ONE);
         if cell.is_trimmed && !keeps(cluster, piece, uv) {
             return;
@@ -210,14 +210,14 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let instance = &self.accelerator.instances[self.instance as usize];
         let ray = self.rays[lane].transformed(&instance.cluster_from_world);
         let ray = ClusterRay::new(&ray, cluster);
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let piece = cluster.piece(cell.piece);
         let line = ray.line(piece);
         // The piece lies in the unit ball.
         if line.c1 * line.c1 + line.c2 * line.c2 > 1.0 + 1e-9 {
             return;
         }
         let target = Target {
-            piece: cluster.pieces.net(piece),
+            piece: cluster.net(piece),
             line,
             cell: part,
             start: [0.0; 2],

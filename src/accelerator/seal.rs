@@ -121,10 +121,11 @@ impl Accelerator<'_> {
         let clusters = self.clusters.par_iter().zip(stretches);
         self.seals = clusters
             .map(|(cluster, stretch)| {
-                let own = TOLERANCE * cluster.tree.bounds().diagonal();
+                let own = TOLERANCE * cluster.reach.diagonal();
                 let stated = self.scene.resolution.unwrap_or(0.0) / stretch;
                 let usual = stated.clamp(own, 10.0 * own);
-                Seal::of(cluster, tolerance.map_or(usual, |given| given / stretch))
+                let tolerance = tolerance.map_or(usual, |given| given / stretch);
+                Seal::of(cluster, tolerance.min(cluster.widest_strip()))
             })
             .collect();
         if self.seals.iter().all(|seal| seal.strips.is_empty()) {
@@ -269,7 +270,7 @@ impl Accelerator<'_> {
         } = *fill;
         let place = &self.instances[instance as usize];
         let cluster = &self.clusters[place.cluster as usize];
-        let owner = &cluster.items[item as usize];
+        let owner = cluster.item(item);
         let world = place.world_from_cluster * *cluster.map_of(owner);
         let mut normal = DVec3::ZERO;
         if let ItemShape::Patch(patch) = owner.shape {
@@ -433,7 +434,7 @@ impl<F: FnMut(Fill, &mut Range<f64>)> Visitor for StripVisitor<'_, F> {
 impl Seal {
     /// The strips of a cluster that are no wider than `tolerance`.
     fn of(cluster: &Cluster<'_>, tolerance: f64) -> Self {
-        let bounds = cluster.tree.bounds();
+        let bounds = cluster.reach;
         let size = bounds.diagonal();
         let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
         let exact = EXACT * size + 64.0 * f64::EPSILON * reach;

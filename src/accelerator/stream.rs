@@ -79,7 +79,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                         let model = models.of(self.s, at.0, cluster, cell, move || {
                             slot.map(|slot| (fans.of(instructions, at, coarse), slot))
                         });
-                        let piece = &cluster.pieces.pieces[cell.piece as usize];
+                        let piece = cluster.piece(cell.piece);
                         let lengths = [range.start, range.end].map(|t| walker.ray.length(t));
                         let ray = (lane, &walker.course, lengths);
                         if let Some(start) = self.starts.get(lane) {
@@ -155,7 +155,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         let k = usize::from(self.packet.roots.lanes[k]);
         let instance = &self.accelerator.instances[meetings.instance[k] as usize];
         let cluster = &self.accelerator.clusters[instance.cluster as usize];
-        &cluster.pieces.pieces[meetings.cell[k].piece as usize]
+        cluster.piece(meetings.cell[k].piece)
     }
 
     /// Finishes roots from `first` on in double precision and takes those that count; the
@@ -206,7 +206,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         } else {
             let cluster = self.enter(usize::from(self.packet.roots.lanes[first]));
             let finish = Finish {
-                net: (degrees, cluster.pieces.net(self.piece(first)).points),
+                net: (degrees, cluster.net(self.piece(first)).points),
                 axes: batch.axes[0],
                 lines,
                 start,
@@ -238,7 +238,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
         batch.start[0][k] = middle[0] + half[0] * x;
         batch.start[1][k] = middle[1] + half[1] * y;
         (batch.half[0][k], batch.half[1][k]) = (half[0], half[1]);
-        let piece = &cluster.pieces.pieces[meetings.cell[meeting].piece as usize];
+        let piece = cluster.piece(meetings.cell[meeting].piece);
         let (center, radius) = finish::ball(piece, &cluster.tree);
         let Course {
             origin, direction, ..
@@ -255,7 +255,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
             batch.lines.constant[axis][k] = place[side] - slope * place[main];
         }
         (batch.axes[k], batch.way[k]) = ([i, j, main], way);
-        for (to, from) in nets.iter_mut().zip(cluster.pieces.net(piece).points) {
+        for (to, from) in nets.iter_mut().zip(cluster.net(piece).points) {
             (to[0][k], to[1][k], to[2][k]) = (from[i], from[j], from[main]);
             if piece.is_rational {
                 to[3][k] = from[3];
@@ -289,7 +289,7 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
             }
             own
         };
-        let (_, radius) = finish::ball(&cluster.pieces.pieces[cell.piece as usize], &cluster.tree);
+        let (_, radius) = finish::ball(cluster.piece(cell.piece), &cluster.tree);
         let point = turn(DVec3::from_array(roots.point.map(|x| x[k])));
         let t = course.time(batch.way[k] + radius * point.dot(course.direction));
         self.offer(lane, (cluster, &cell), (t, roots, k), turn);

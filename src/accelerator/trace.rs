@@ -182,8 +182,8 @@ pub(super) type Rooms<'a> = (
 /// Whether a point of a piece belongs to its face, or to its border.
 pub(super) fn keeps(cluster: &Cluster<'_>, piece: &Piece, local: DVec2) -> bool {
     let uv = piece.parameters(local);
-    let region = cluster.items[piece.item as usize].region;
-    region.is_none_or(|k| cluster.regions[k as usize].holds(uv))
+    let region = cluster.item(piece.item).region;
+    region.is_none_or(|k| cluster.stock.regions[k as usize].holds(uv))
 }
 
 /// Asks again about roots with a piece that are blurred, or not proven to be simple crossings;
@@ -194,7 +194,7 @@ pub(super) fn settle(
     (piece, slack): (&Piece, f64),
     roots: &mut Vec<Root>,
 ) {
-    let item = &cluster.items[piece.item as usize];
+    let item = cluster.item(piece.item);
     let ItemShape::Patch(patch) = item.shape else {
         return;
     };
@@ -372,13 +372,13 @@ impl<I: Intersector, C: Collector> CellVisitor<'_, I, C> {
     fn meet(&mut self, block: &Block, encounter: &Encounter, range: &mut Range<f64>) -> bool {
         let Self { cluster, ray, .. } = self;
         let cell = &block.cells[encounter.slot];
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
-        if !self.collector.wants(&cluster.items[piece.item as usize]) {
+        let piece = cluster.piece(cell.piece);
+        if !self.collector.wants(cluster.item(piece.item)) {
             return true;
         }
         let (rect, stray) = (cell.rect(), f64::from(encounter.stray));
         let target = Target {
-            piece: cluster.pieces.net(piece),
+            piece: cluster.net(piece),
             line: ray.line(piece),
             // What goes by the frame of the cell needs all of it.
             cell: if stray < UNIQUE {
@@ -438,10 +438,7 @@ impl<C: Collector> Visitor for TriangleVisitor<'_, C> {
     fn leaf(&mut self, number: usize, range: &mut Range<f64>) -> bool {
         for number in self.cluster.triangle_tree.leaf(number) {
             let triangle = &self.cluster.triangles[number];
-            if !self
-                .collector
-                .wants(&self.cluster.items[triangle.item as usize])
-            {
+            if !self.collector.wants(self.cluster.item(triangle.item)) {
                 continue;
             }
             let hit = self.ray.meet(&triangle.corners);

@@ -367,12 +367,11 @@ mod tests {
     /// A point of a cell.
     fn point(cluster: &Cluster<'_>, block: &Block, slot: usize, random: &mut Random) -> DVec3 {
         let cell = block.cells[slot];
-        let piece = &cluster.pieces.pieces[cell.piece as usize];
+        let piece = cluster.piece(cell.piece);
         let rect = cell.rect();
         let mut within = |(a, b): (f64, f64)| a + (b - a) * random.unit();
         let (u, v) = (within(rect.u), within(rect.v));
-        let [[x, y, z, w], ..] =
-            evaluate_at(&cluster.pieces.net(piece), u, v).map(|h| h.to_array());
+        let [[x, y, z, w], ..] = evaluate_at(&cluster.net(piece), u, v).map(|h| h.to_array());
         piece.center + DVec3::new(x, y, z) / w * piece.radius
     }
 

@@ -26,12 +26,20 @@ const BACK: f64 = 0.5;
 pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<Strip> {
     let mut items = Vec::new();
     let mut patches: Vec<Cow<'_, Patch>> = Vec::new();
-    for (number, item) in (0..).zip(&cluster.items) {
+    let mut add = |number: u32| {
+        let item = cluster.item(number);
         if let ItemShape::Patch(patch) = item.shape {
             items.push(number);
             patches.push(placed(patch, cluster.map_of(item)));
         }
-    }
+        items.len()
+    };
+    let own = match &cluster.seams {
+        None => (0..).zip(&cluster.stock.items).map(|(k, _)| add(k)).last(),
+        Some(seams) => seams.own.iter().map(|&k| add(k)).last(),
+    };
+    let beside = cluster.seams.iter().flat_map(|seams| &seams.beside);
+    beside.for_each(|&k| _ = add(k));
     // Boundaries are sewn within half of the tolerance.
     let faces: Vec<Face<'_>> = patches
         .par_iter()
@@ -67,6 +75,7 @@ pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<S
         let seams = Seams {
             faces: &faces,
             items: &items,
+            own: own.unwrap_or(0),
             edge,
             exact,
             widths: noise..=tolerance,
@@ -173,6 +182,8 @@ fn spreads(sewn: &Sewn, faces: &[Face<'_>]) -> Vec<f64> {
 struct Seams<'a, 's> {
     faces: &'a [Face<'s>],
     items: &'a [u32],
+    /// How many of the faces are the cluster's own.
+    own: usize,
     edge: &'a Edge,
     exact: f64,
     /// How wide strips may be: less matters to no ray, more is no gap.
@@ -200,6 +211,9 @@ impl Seams<'_, '_> {
                 faces: uses.map(|used| &self.faces[used.face]),
                 uses,
             };
+            if first.face.min(other.face) >= self.own {
+                continue;
+            }
             let item = self.items[first.face];
             for part in pair.breaks(*self.widths.end()).windows(2) {
                 self.divide(&pair, part[0]..part[1], DEPTH, &mut |sides, uv, apart| {

@@ -105,6 +105,29 @@ fn answers(accelerator: Accelerator<'_>, rays: &[Ray]) -> Vec<Option<bool>> {
     expected
 }
 
+/// What hangs together says what is a gap, not what else is in the scene.
+#[test]
+fn small_faces_close_gaps_of_their_size_to_what_is_beside_them_in_a_large_scene() {
+    let (gap, wide) = (1e-3, 0.5);
+    let mut faces = Vec::new();
+    for k in 0..100 {
+        let shift = if k / 10 < 5 { 0.0 } else { wide };
+        let min = DVec2::new(f64::from(k / 10) * 2.0 + shift, f64::from(k % 10) * 2.0);
+        faces.push(flat(min, min + 2.0));
+    }
+    faces.push(flat(DVec2::new(0.0, -10.0), DVec2::new(2.0, -gap)));
+    faces.push(flat(DVec2::splat(8000.0), DVec2::splat(9000.0)));
+    let scene = scene(faces);
+    let sealed = Accelerator::build(&scene, &METHODS[0]).sealed(None);
+    assert_eq!(sealed.clusters.len(), 2);
+    let at = |k: usize| (k as f64 + 0.5) / 64.0;
+    let beside = (0..64).map(|k| DVec2::new(2.0 * at(k), -gap * at(k * 7 % 64)));
+    let between = (0..64).map(|k| DVec2::new(10.0 + wide * at(k), 20.0 * at(k * 7 % 64)));
+    let answers = answers(sealed, &rays(beside.chain(between)));
+    assert!(answers[..64].iter().all(|&a| a == Some(false)));
+    assert!(answers[64..].iter().all(Option::is_none));
+}
+
 #[test]
 fn a_gap_between_borders_is_closed_and_a_free_border_is_not_moved() {
     let gap = 1e-5;

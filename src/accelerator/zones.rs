@@ -1,0 +1,233 @@
+//! Small things in large scenes.
+//!
+//! A cluster is searched in single precision, relative to its size: what is much smaller than
+//! that cannot be told from what is next to it. Where many small cells lie together, they are
+//! searched on their own, as a zone.
+
+use glam::DVec3;
+use kernel::Aabb;
+
+use super::cells::Parts;
+
+/// Cells below this share of the size of their cluster are small.
+const SMALL: f64 = 1.0 / 2048.0;
+
+/// A zone is no larger than this share of the size of what it is in.
+const ZONE: f64 = 1.0 / 128.0;
+
+/// Zones have no fewer cells: so many are gone through as fast.
+const CELLS: usize = 64;
+
+/// A gap of this share of the extent is a border between zones.
+const GAP: f64 = 1.0 / 8.0;
+
+/// Gaps between a zone and what lies beside it are closed up to this share of its size.
+pub(super) const BESIDE: f64 = 1.0 / 128.0;
+
+/// What lies beside a zone is larger than the zone so many times at most: more has no details
+/// that fit to it.
+const LARGER: f64 = 4096.0;
+
+/// A part of what clusters have in common that is a cluster.
+pub(super) struct Zone {
+    /// Groups of cells.
+    pub(super) groups: Vec<usize>,
+    /// The box around the cells, and around what closes gaps between its items.
+    pub(super) reach: Aabb,
+    pub(super) seams: Seams,
+}
+
+/// The items of which the gaps are closed in a cluster.
+#[derive(Debug)]
+pub(super) struct Seams {
+    pub(super) own: Vec<u32>,
+    /// Those of other clusters that have gaps to its own.
+    pub(super) beside: Vec<u32>,
+}
+
+/// The zones of cells of so many items, with the boxes around their groups: none if all are best
+/// searched together. The first is around the others.
+pub(super) fn zones(parts: &Parts, boxes: &[Aabb], items: usize) -> Vec<Zone> {
+    let mut lists: Vec<Vec<usize>> = vec![(0..boxes.len()).collect()];
+    let mut next = 0;
+    while next < lists.len() {
+        let found = within(&lists[next], parts, boxes);
+        if !found.is_empty() {
+            let mut is_left = vec![true; boxes.len()];
+            found.iter().flatten().for_each(|&k| is_left[k] = false);
+            lists[next].retain(|&k| is_left[k]);
+        }
+        lists.extend(found);
+        next += 1;
+    }
+    if lists.len() == 1 {
+        return Vec::new();
+    }
+    // An item belongs to the zone that has all of it.
+    let mut keepers: Vec<Option<usize>> = vec![None; items];
+    let mut outlines = vec![Aabb::EMPTY; items];
+    for (zone, groups) in lists.iter().enumerate() {
+        for &group in groups {
+            let item = parts.item(group);
+            let keeper = &mut keepers[item];
+            *keeper = Some(keeper.map_or(zone, |known| if known == zone { zone } else { 0 }));
+            outlines[item] = outlines[item].union(boxes[group]);
+        }
+    }
+    let numbered = |is_wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
+        let numbers = (0_u32..).zip(0..items);
+        let wanted = numbers.filter(|(_, item)| is_wanted(*item));
+        wanted.map(|(number, _)| number).collect()
+    };
+    let zone = |(zone, groups): (usize, Vec<usize>)| {
+        let is_own = |item: usize| keepers[item].unwrap_or(0) == zone;
+        let own = numbered(&is_own);
+        if zone == 0 {
+            return Zone {
+                groups,
+                reach: around(boxes.iter().copied()),
+                seams: Seams {
+                    own,
+                    beside: Vec::new(),
+                },
+            };
+        }
+        let cells = around(groups.iter().map(|&k| boxes[k]));
+        let size = cells.diagonal();
+        let margin = DVec3::splat(BESIDE * size);
+        let reach = Aabb {
+            min: cells.min - margin,
+            max: cells.max + margin,
+        };
+        let is_beside = |item: usize| {
+            let outline = &outlines[item];
+            !own.is_empty()
+                && !is_own(item)
+                && outline.meets(&reach)
+                && outline.diagonal() <= LARGER * size
+        };
+        Zone {
+            groups,
+            reach,
+            seams: Seams {
+                beside: numbered(&is_beside),
+                own,
+            },
+        }
+    };
+    lists.into_iter().enumerate().map(zone).collect()
+}
+
+/// Where many small cells lie together among some groups.
+fn within(groups: &[usize], parts: &Parts, boxes: &[Aabb]) -> Vec<Vec<usize>> {
+    let size = around(groups.iter().map(|&k| boxes[k])).diagonal();
+    let is_small = |k: &usize| boxes[*k].diagonal() < SMALL * size;
+    let small: Vec<usize> = groups.iter().copied().filter(is_small).collect();
+    let (mut zones, mut waiting) = (Vec::new(), vec![small]);
+    while let Some(mut some) = waiting.pop() {
+        if some.iter().map(|&k| parts.groups[k].len()).sum::<usize>() < CELLS {
+            continue;
+        }
+        if around(some.iter().map(|&k| boxes[k])).diagonal() <= ZONE * size {
+            zones.push(some);
+            continue;
+        }
+        let middles = around(some.iter().map(|&k| {
+            let middle = boxes[k].center();
+            Aabb {
+                min: middle,
+                max: middle,
+            }
+        }));
+        let axis = middles.size().max_position();
+        let place = |k: usize| boxes[k].center()[axis];
+        some.sort_by(|&a, &b| place(a).total_cmp(&place(b)));
+        let gap = |k: usize| place(some[k]) - place(some[k - 1]);
+        let widest = (1..some.len()).max_by(|&a, &b| gap(a).total_cmp(&gap(b)));
+        let border = match widest {
+            Some(k) if gap(k) >= GAP * middles.size()[axis] => k,
+            _ => some.partition_point(|&k| place(k) < middles.center()[axis]),
+        };
+        // Rounding may leave nothing on one side.
+        let rest = some.split_off(border.clamp(1, some.len() - 1));
+        waiting.extend([some, rest]);
+    }
+    zones
+}
+
+fn around(boxes: impl Iterator<Item = Aabb>) -> Aabb {
+    boxes.fold(Aabb::EMPTY, Aabb::union)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use kernel::{KnotVector, Patch, Ray, Surface};
+
+    use super::super::tests::{all_hits, ball, scene_of};
+    use super::super::{Accelerator, Workspace};
+    use crate::intersect::{Hit, METHODS};
+    use crate::random::Random;
+
+    /// A flat square below everything.
+    fn ground(half: f64) -> Patch {
+        let knots = || KnotVector::bezier(1, 0.0..1.0).unwrap();
+        let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]];
+        let points = corners.map(|[x, y]| DVec3::new(x * half, y * half, -2.0));
+        Patch::from(Surface::new(knots(), knots(), &points, None).unwrap())
+    }
+
+    /// Balls in a row, far from the middle of what is around them.
+    fn balls() -> Vec<Patch> {
+        let place = |k: u32| DVec3::new(f64::from(k) * 3.0, 40.0, 0.0);
+        (0..8).map(|k| ball(1.0, place(k))).collect()
+    }
+
+    #[test]
+    fn small_shapes_in_a_large_scene_are_met_as_if_alone() {
+        let alone = scene_of(balls());
+        let alone = Accelerator::build(&alone, &METHODS[0]);
+        for half in [1e3, 1e5, 1e7, 1e12] {
+            let mut patches = balls();
+            patches.push(ground(half));
+            let scene = scene_of(patches);
+            let accelerator = Accelerator::build(&scene, &METHODS[0]);
+            assert!(half < 1e5 || accelerator.clusters.len() == 2, "{half}");
+            assert_eq!(accelerator.cell_count(), alone.cell_count() + 1);
+            let mut random = Random(7);
+            let mut share = || random.signed();
+            let rays: Vec<_> = (0..2000)
+                .map(|_| {
+                    let target = DVec3::new(10.0 + 12.0 * share(), 40.0 + 2.0 * share(), share());
+                    let origin = target + DVec3::new(9.0 * share(), 9.0 * share(), 20.0);
+                    Ray {
+                        origin,
+                        direction: target - origin,
+                    }
+                })
+                .collect();
+            let ranges = vec![0.0..f64::INFINITY; rays.len()];
+            let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
+            accelerator.nearest_many(&rays, &ranges, &mut workspace, &mut hits);
+            // Not all the cells for each of them.
+            let most = 4 * rays.len() as u64;
+            assert!(workspace.cells_examined() < most, "{half}");
+            for (ray, hit) in rays.iter().zip(&hits) {
+                let all = all_hits(&accelerator, ray);
+                let same = |a: &Hit, b: &Hit| {
+                    let size = if a.shape < 8 { 10.0 } else { half };
+                    a.shape == b.shape
+                        && a.point.distance(b.point) < 1e-10 * size
+                        && a.tangential == b.tangential
+                };
+                let on_balls = all_hits(&alone, ray);
+                assert_eq!(all.len(), on_balls.len() + 1, "{half} {ray:?}");
+                assert!(
+                    all.iter().zip(&on_balls).all(|(a, b)| same(a, b)),
+                    "{half} {ray:?}"
+                );
+                assert!(same(&all[0], &hit.unwrap()), "{half} {ray:?}");
+            }
+        }
+    }
+}
