@@ -52,7 +52,7 @@ pub use material::{
 };
 pub use measure::{Integrals, VolumeRule};
 pub use mesh::Mesh;
-pub use normal::regular as regular_normal;
+pub use normal::{moved as moved_normal, regular as regular_normal};
 pub use patch::Patch;
 pub use ray::Ray;
 pub use scene::{

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec2, DVec3, DVec4, Vec4Swizzles as _};
+use glam::{DAffine3, DMat3, DVec2, DVec3, DVec4, Vec4Swizzles as _};
 
 use crate::bernstein::binomials;
 use crate::{KnotVector, Surface};
@@ -44,6 +44,19 @@ pub fn regular([du, dv]: [DVec3; 2], sizes: [f64; 2]) -> Option<DVec3> {
         return Some(normal / square.sqrt());
     }
     irregular([du, dv], sizes)
+}
+
+/// The unit normal along `du x dv` of a surface after `map`, from that before; `None` where the map
+/// leaves no area.
+pub fn moved(normal: DVec3, map: &DAffine3) -> Option<DVec3> {
+    let axes = map.matrix3.to_cols_array_2d().map(DVec3::from_array);
+    let longest = axes
+        .iter()
+        .fold(0.0, |max: f64, a| max.max(a.abs().max_element()));
+    let [x, y, z] = axes.map(|axis| axis / longest);
+    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
+        .mul_vec3(normal)
+        .try_normalize()
 }
 
 /// [`regular`] for derivatives that are nearly singular, very long or very short.

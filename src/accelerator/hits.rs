@@ -190,10 +190,8 @@ impl Accelerator<'_> {
                 return None;
             };
             let map = *world * *cluster.map_of(item);
-            patch
-                .surface
-                .transformed(&map)
-                .normal(piece.parameters(local))
+            let normal = patch.surface.normal(piece.parameters(local))?;
+            kernel::moved_normal(normal, &map)
         });
         [world.transform_point3(point), normal.unwrap_or(DVec3::ZERO)]
     }

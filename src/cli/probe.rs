@@ -376,8 +376,8 @@ impl Evaluator<'_> {
         let [du, dv, duu, duv, dvv] =
             [d.du, d.dv, d.duu, d.duv, d.dvv].map(|x| world.transform_vector3(x));
         let normal = surface
-            .transformed(&world)
             .normal(uv)
+            .and_then(|normal| kernel::moved_normal(normal, &world))
             .unwrap_or(DVec3::ZERO);
         if self.json {
             let row = json!({

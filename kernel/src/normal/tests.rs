@@ -1,9 +1,9 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 
 use crate::modelling::{Frame, cone, sphere};
-use crate::{KnotVector, Surface};
+use crate::{KnotVector, Surface, moved_normal};
 
 /// A Bézier patch over the unit square from rows of points along v.
 fn patch<const N: usize>(rows: &[[DVec3; N]]) -> Surface {
@@ -72,6 +72,43 @@ fn poles_of_a_rational_sphere_look_along_the_axis() {
             }
         }
     }
+}
+
+/// Mirrored, scaled unevenly, far too large, and flattened.
+#[test]
+fn a_moved_normal_is_that_of_the_moved_surface() {
+    let ball = sphere(
+        &Frame::about(p(1.0, 2.0, 3.0), DVec3::Z).unwrap(),
+        1.0,
+        0.0..TAU,
+        -FRAC_PI_2..FRAC_PI_2,
+    )
+    .unwrap();
+    let skew = DMat3::from_cols(p(2.0, 0.3, 0.0), p(0.0, -0.5, 0.1), p(0.7, 0.0, 1.0));
+    let flat = DMat3::from_diagonal(p(1.0, 2.0, 0.0));
+    for matrix in [DMat3::IDENTITY, skew, -skew, skew * 1e30, flat] {
+        let map = DAffine3::from_mat3_translation(matrix, p(-1.0, 0.0, 5.0));
+        let moved = ball.transformed(&map);
+        for u in [0.1, 0.3, 0.55] {
+            for v in [0.0, 0.2, 0.7, 1.0] {
+                let domains = [ball.knots_u(), ball.knots_v()].map(KnotVector::domain);
+                let share =
+                    |k: usize, x: f64| domains[k].start + (domains[k].end - domains[k].start) * x;
+                let uv = DVec2::new(share(0, u), share(1, v));
+                let normal = moved_normal(ball.normal(uv).unwrap(), &map).unwrap();
+                assert!(
+                    normal.distance(moved.normal(uv).unwrap()) < 1e-11,
+                    "{matrix} {uv}"
+                );
+            }
+        }
+    }
+    let line = DAffine3::from_scale(p(1.0, 0.0, 0.0));
+    assert_eq!(moved_normal(DVec3::Z, &line), None);
+    assert_eq!(
+        moved_normal(DVec3::Z, &DAffine3::from_scale(DVec3::ZERO)),
+        None
+    );
 }
 
 #[test]
