@@ -4,10 +4,13 @@
 //! that cannot be told from what is next to it. Where many small cells lie together, they are
 //! searched on their own, as a zone.
 
+use std::collections::HashSet;
+
 use glam::DVec3;
 use kernel::Aabb;
 
 use super::cells::Parts;
+use crate::box_tree::BoxTree;
 
 /// Cells below this share of the size of their cluster are small.
 const SMALL: f64 = 1.0 / 2048.0;
@@ -52,10 +55,9 @@ pub(super) fn zones(parts: &Parts, boxes: &[Aabb], items: usize) -> Vec<Zone> {
     let mut next = 0;
     while next < lists.len() {
         let found = within(&lists[next], parts, boxes);
-        if !found.is_empty() {
-            let mut is_left = vec![true; boxes.len()];
-            found.iter().flatten().for_each(|&k| is_left[k] = false);
-            lists[next].retain(|&k| is_left[k]);
+        let taken: HashSet<usize> = found.iter().flatten().copied().collect();
+        if !taken.is_empty() {
+            lists[next].retain(|k| !taken.contains(k));
         }
         lists.extend(found);
         next += 1;
@@ -74,48 +76,39 @@ pub(super) fn zones(parts: &Parts, boxes: &[Aabb], items: usize) -> Vec<Zone> {
             outlines[item] = outlines[item].union(boxes[group]);
         }
     }
-    let numbered = |is_wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
-        let numbers = (0_u32..).zip(0..items);
-        let wanted = numbers.filter(|(_, item)| is_wanted(*item));
-        wanted.map(|(number, _)| number).collect()
-    };
-    let zone = |(zone, groups): (usize, Vec<usize>)| {
-        let is_own = |item: usize| keepers[item].unwrap_or(0) == zone;
-        let own = numbered(&is_own);
+    let keeper = |item: u32| keepers[item as usize].unwrap_or(0);
+    let mut own: Vec<Vec<u32>> = vec![Vec::new(); lists.len()];
+    (0..)
+        .zip(&keepers)
+        .for_each(|(item, _)| own[keeper(item)].push(item));
+    let outlined: Vec<(u32, Aabb)> = (0..).zip(outlines).filter(|o| !o.1.is_empty()).collect();
+    let tree = BoxTree::new(&outlined.iter().map(|o| o.1).collect::<Vec<_>>());
+    let zone = |(zone, (groups, own)): (usize, (Vec<usize>, Vec<u32>))| {
+        let mut reach = around(groups.iter().map(|&k| boxes[k]));
+        let mut beside = Vec::new();
         if zone == 0 {
-            return Zone {
-                groups,
-                reach: around(boxes.iter().copied()),
-                seams: Seams {
-                    own,
-                    beside: Vec::new(),
-                },
-            };
+            reach = around(boxes.iter().copied());
+        } else if !own.is_empty() {
+            let size = reach.diagonal();
+            let margin = DVec3::splat(BESIDE * size);
+            (reach.min, reach.max) = (reach.min - margin, reach.max + margin);
+            tree.near(&reach, |k| {
+                let (item, outline) = &outlined[k as usize];
+                let is_near = outline.meets(&reach) && outline.diagonal() <= LARGER * size;
+                if keeper(*item) != zone && is_near {
+                    beside.push(*item);
+                }
+            });
+            beside.sort_unstable();
         }
-        let cells = around(groups.iter().map(|&k| boxes[k]));
-        let size = cells.diagonal();
-        let margin = DVec3::splat(BESIDE * size);
-        let reach = Aabb {
-            min: cells.min - margin,
-            max: cells.max + margin,
-        };
-        let is_beside = |item: usize| {
-            let outline = &outlines[item];
-            !own.is_empty()
-                && !is_own(item)
-                && outline.meets(&reach)
-                && outline.diagonal() <= LARGER * size
-        };
         Zone {
             groups,
             reach,
-            seams: Seams {
-                beside: numbered(&is_beside),
-                own,
-            },
+            seams: Seams { own, beside },
         }
     };
-    lists.into_iter().enumerate().map(zone).collect()
+    let lists = lists.into_iter().zip(own);
+    lists.enumerate().map(zone).collect()
 }
 
 /// Where many small cells lie together among some groups.
