@@ -12,7 +12,11 @@ use crate::Instructions;
 use crate::intersect::{Hit, METHODS};
 use crate::random::Random;
 
-fn leaf_node(scene: &mut Scene, patches: Vec<Patch>, parent_from_node: DAffine3) -> NodeId {
+pub(super) fn leaf_node(
+    scene: &mut Scene,
+    patches: Vec<Patch>,
+    parent_from_node: DAffine3,
+) -> NodeId {
     let children = patches
         .into_iter()
         .map(|patch| {

@@ -21,9 +21,6 @@ const ZONE: f64 = 1.0 / 128.0;
 /// Zones have no fewer cells: so many are gone through as fast.
 const CELLS: usize = 64;
 
-/// A gap of this share of the extent is a border between zones.
-const GAP: f64 = 1.0 / 8.0;
-
 /// Gaps between a zone and what lies beside it are closed up to this share of its size.
 pub(super) const BESIDE: f64 = 1.0 / 128.0;
 
@@ -114,7 +111,8 @@ pub(super) fn zones(parts: &Parts, boxes: &[Aabb], items: usize) -> Vec<Zone> {
 /// Where many small cells lie together among some groups.
 fn within(groups: &[usize], parts: &Parts, boxes: &[Aabb]) -> Vec<Vec<usize>> {
     let size = around(groups.iter().map(|&k| boxes[k])).diagonal();
-    let is_small = |k: &usize| boxes[*k].diagonal() < SMALL * size;
+    // Beyond all numbers nothing is small.
+    let is_small = |k: &usize| size.is_finite() && boxes[*k].diagonal() < SMALL * size;
     let small: Vec<usize> = groups.iter().copied().filter(is_small).collect();
     let (mut zones, mut waiting) = (Vec::new(), vec![small]);
     while let Some(mut some) = waiting.pop() {
@@ -125,24 +123,19 @@ fn within(groups: &[usize], parts: &Parts, boxes: &[Aabb]) -> Vec<Vec<usize>> {
             zones.push(some);
             continue;
         }
-        let middles = around(some.iter().map(|&k| {
-            let middle = boxes[k].center();
-            Aabb {
-                min: middle,
-                max: middle,
-            }
-        }));
+        let middles = Aabb::around(some.iter().map(|&k| boxes[k].center()));
         let axis = middles.size().max_position();
         let place = |k: usize| boxes[k].center()[axis];
         some.sort_by(|&a, &b| place(a).total_cmp(&place(b)));
         let gap = |k: usize| place(some[k]) - place(some[k - 1]);
-        let widest = (1..some.len()).max_by(|&a, &b| gap(a).total_cmp(&gap(b)));
-        let border = match widest {
-            Some(k) if gap(k) >= GAP * middles.size()[axis] => k,
-            _ => some.partition_point(|&k| place(k) < middles.center()[axis]),
-        };
-        // Rounding may leave nothing on one side.
-        let rest = some.split_off(border.clamp(1, some.len() - 1));
+        let quarter = 0.25 * middles.size()[axis];
+        let inner = middles.min[axis] + quarter..middles.max[axis] - quarter;
+        let is_inner = |k: &usize| inner.contains(&place(some[*k - 1]).midpoint(place(some[*k])));
+        let border = (1..some.len())
+            .filter(is_inner)
+            .max_by(|&a, &b| gap(a).total_cmp(&gap(b)));
+        // Rounding may leave none.
+        let rest = some.split_off(border.unwrap_or(some.len() / 2));
         waiting.extend([some, rest]);
     }
     zones
@@ -154,10 +147,10 @@ fn around(boxes: impl Iterator<Item = Aabb>) -> Aabb {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-    use kernel::{KnotVector, Patch, Ray, Surface};
+    use glam::{DAffine3, DVec3};
+    use kernel::{Child, KnotVector, Node, Patch, Ray, Scene, Surface};
 
-    use super::super::tests::{all_hits, ball, scene_of};
+    use super::super::tests::{all_hits, ball, leaf_node, scene_of};
     use super::super::{Accelerator, Workspace};
     use crate::intersect::{Hit, METHODS};
     use crate::random::Random;
@@ -174,6 +167,28 @@ mod tests {
     fn balls() -> Vec<Patch> {
         let place = |k: u32| DVec3::new(f64::from(k) * 3.0, 40.0, 0.0);
         (0..8).map(|k| ball(1.0, place(k))).collect()
+    }
+
+    #[test]
+    fn no_scene_is_too_large_to_be_built() {
+        for scale in [1.0, 1e50, 1e80, 1e100] {
+            let mut patches = balls();
+            patches.extend([ground(1e99), ball(1e88, DVec3::splat(1e10))]);
+            let mut scene = Scene::default();
+            let inner = leaf_node(
+                &mut scene,
+                patches,
+                DAffine3::from_scale(DVec3::splat(scale)),
+            );
+            let node = Node {
+                children: vec![Child::Node(inner)],
+                ..Node::default()
+            };
+            let root = scene.add_node(node).unwrap();
+            scene.set_root(root).unwrap();
+            let accelerator = Accelerator::build(&scene, &METHODS[0]).sealed(None);
+            assert!(accelerator.cell_count() > 0, "{scale}");
+        }
     }
 
     #[test]
