@@ -210,17 +210,18 @@ impl Plan {
             regions,
         });
         if zones.is_empty() {
-            let groups = parts.groups.iter().cloned().zip(boxes).collect();
-            return vec![Cluster::of(&stock, (&parts.cells, groups), &triangles)];
+            let groups = (&parts.groups[..], &boxes[..]);
+            return vec![Cluster::of(&stock, &parts.cells, groups, &triangles)];
         }
         let cluster = |(k, zone): (usize, Zone)| {
             let group = |&k: &usize| (parts.groups[k].clone(), boxes[k]);
-            let groups = zone.groups.iter().map(group).collect();
+            let (groups, boxes): (Vec<_>, Vec<_>) = zone.groups.iter().map(group).unzip();
+            let groups = (&groups[..], &boxes[..]);
             let triangles = if k == 0 { &triangles[..] } else { &[] };
             Cluster {
                 reach: zone.reach,
                 seams: Some(zone.seams),
-                ..Cluster::of(&stock, (&parts.cells, groups), triangles)
+                ..Cluster::of(&stock, &parts.cells, groups, triangles)
             }
         };
         zones.into_iter().enumerate().map(cluster).collect()
@@ -279,18 +280,16 @@ impl Plan {
 }
 
 impl<'a> Cluster<'a> {
-    /// Builds the hierarchies over groups of cells, each with the box around it, and over triangles.
+    /// Builds the hierarchies over groups of cells, with the boxes around these, and over triangles.
     fn of(
         stock: &Arc<Stock<'a>>,
-        (cells, groups): (&[NewCell], Vec<(Range<usize>, Aabb)>),
+        cells: &[NewCell],
+        (groups, boxes): (&[Range<usize>], &[Aabb]),
         triangles: &[Triangle],
     ) -> Self {
-        let boxes: Vec<_> = groups.iter().map(|group| group.1).collect();
-        let (tree, order) = Tree::pack(&boxes, |group| groups[group].0.len(), GROUP);
+        let (tree, order) = Tree::pack(boxes, |group| groups[group].len(), GROUP);
         let block = |leaf: usize| {
-            let groups = order[tree.leaf(leaf)]
-                .iter()
-                .map(|&k| &groups[k as usize].0);
+            let groups = order[tree.leaf(leaf)].iter().map(|&k| &groups[k as usize]);
             let cells = groups.flat_map(|group| &cells[group.clone()]);
             Block::new(cells.map(|new| (new.cell, new.frame)), &tree)
         };
@@ -302,7 +301,7 @@ impl<'a> Cluster<'a> {
         Self {
             stock: Arc::clone(stock),
             blocks,
-            cell_count: groups.iter().map(|group| group.0.len()).sum(),
+            cell_count: groups.iter().map(Range::len).sum(),
             reach: tree.bounds(),
             tree,
             triangles: order.iter().map(|&k| triangles[k as usize]).collect(),

@@ -126,8 +126,9 @@ impl Accelerator<'_> {
     pub(crate) fn places(&self) -> Vec<(u32, u32)> {
         let mut places = vec![(0, 0); self.counts.patches as usize];
         for (k, instance) in (0..).zip(&self.instances) {
-            let items = &self.clusters[instance.cluster as usize].stock.items;
-            for (item, number) in items.iter().zip(0..) {
+            let cluster = &self.clusters[instance.cluster as usize];
+            for &number in &*cluster.own() {
+                let item = cluster.item(number);
                 if let ItemShape::Patch(_) = item.shape {
                     let patch = instance.before.patches + item.offset;
                     places[patch as usize] = (k, number);

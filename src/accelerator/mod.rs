@@ -38,6 +38,7 @@ mod walk;
 mod windows;
 mod zones;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
@@ -108,6 +109,14 @@ struct Cluster<'a> {
 impl<'a> Cluster<'a> {
     fn bounds(&self) -> Aabb {
         self.reach.union(self.triangle_tree.bounds())
+    }
+
+    /// The items that no other cluster of the stock closes the gaps of.
+    fn own(&self) -> Cow<'_, [u32]> {
+        match &self.seams {
+            Some(seams) => Cow::Borrowed(&seams.own),
+            None => (0..).zip(&self.stock.items).map(|(k, _)| k).collect(),
+        }
     }
 
     /// How wide strips may be to lie within the bounds.

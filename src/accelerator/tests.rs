@@ -12,11 +12,7 @@ use crate::Instructions;
 use crate::intersect::{Hit, METHODS};
 use crate::random::Random;
 
-pub(super) fn leaf_node(
-    scene: &mut Scene,
-    patches: Vec<Patch>,
-    parent_from_node: DAffine3,
-) -> NodeId {
+fn leaf_node(scene: &mut Scene, patches: Vec<Patch>, parent_from_node: DAffine3) -> NodeId {
     let children = patches
         .into_iter()
         .map(|patch| {

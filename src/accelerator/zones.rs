@@ -148,9 +148,9 @@ fn around(boxes: impl Iterator<Item = Aabb>) -> Aabb {
 #[cfg(test)]
 mod tests {
     use glam::{DAffine3, DVec3};
-    use kernel::{Child, KnotVector, Node, Patch, Ray, Scene, Surface};
+    use kernel::{Child, KnotVector, Node, Patch, Ray, Surface};
 
-    use super::super::tests::{all_hits, ball, leaf_node, scene_of};
+    use super::super::tests::{all_hits, ball, scene_of};
     use super::super::{Accelerator, Workspace};
     use crate::intersect::{Hit, METHODS};
     use crate::random::Random;
@@ -174,18 +174,19 @@ mod tests {
         for scale in [1.0, 1e50, 1e80, 1e100] {
             let mut patches = balls();
             patches.extend([ground(1e99), ball(1e88, DVec3::splat(1e10))]);
-            let mut scene = Scene::default();
-            let inner = leaf_node(
-                &mut scene,
-                patches,
+            let mut scene = scene_of(patches);
+            for parent_from_node in [
                 DAffine3::from_scale(DVec3::splat(scale)),
-            );
-            let node = Node {
-                children: vec![Child::Node(inner)],
-                ..Node::default()
-            };
-            let root = scene.add_node(node).unwrap();
-            scene.set_root(root).unwrap();
+                DAffine3::IDENTITY,
+            ] {
+                let node = Node {
+                    parent_from_node,
+                    children: scene.root().map(Child::Node).into_iter().collect(),
+                    ..Node::default()
+                };
+                let outer = scene.add_node(node).unwrap();
+                scene.set_root(outer).unwrap();
+            }
             let accelerator = Accelerator::build(&scene, &METHODS[0]).sealed(None);
             assert!(accelerator.cell_count() > 0, "{scale}");
         }

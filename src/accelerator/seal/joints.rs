@@ -24,22 +24,20 @@ const BACK: f64 = 0.5;
 
 /// The strips between the faces of a cluster.
 pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<Strip> {
-    let mut items = Vec::new();
-    let mut patches: Vec<Cow<'_, Patch>> = Vec::new();
-    let mut add = |number: u32| {
+    let face = |&number: &u32| {
         let item = cluster.item(number);
-        if let ItemShape::Patch(patch) = item.shape {
-            items.push(number);
-            patches.push(placed(patch, cluster.map_of(item)));
+        match item.shape {
+            ItemShape::Patch(patch) => Some((number, placed(patch, cluster.map_of(item)))),
+            ItemShape::Mesh(_) => None,
         }
-        items.len()
     };
-    let own = match &cluster.seams {
-        None => (0..).zip(&cluster.stock.items).map(|(k, _)| add(k)).last(),
-        Some(seams) => seams.own.iter().map(|&k| add(k)).last(),
-    };
+    let (mut items, mut patches): (Vec<_>, Vec<_>) = cluster.own().iter().filter_map(face).unzip();
+    let own = items.len();
     let beside = cluster.seams.iter().flat_map(|seams| &seams.beside);
-    beside.for_each(|&k| _ = add(k));
+    for (number, patch) in beside.filter_map(face) {
+        items.push(number);
+        patches.push(patch);
+    }
     // Boundaries are sewn within half of the tolerance.
     let faces: Vec<Face<'_>> = patches
         .par_iter()
@@ -75,7 +73,7 @@ pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<S
         let seams = Seams {
             faces: &faces,
             items: &items,
-            own: own.unwrap_or(0),
+            own,
             edge,
             exact,
             widths: noise..=tolerance,
