@@ -347,7 +347,7 @@ fn soak_hull_and_pipe() {
 #[ignore = "soak: five thousand rays at every file of the corpus, five ways"]
 fn soak_every_file() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/corpus");
-    let folders = ["iges", "obj", "vrml", "x3d"].map(|folder| corpus.join(folder));
+    let folders = ["iges", "obj", "step", "vrml", "x3d"].map(|folder| corpus.join(folder));
     let files = folders
         .iter()
         .filter_map(|folder| fs::read_dir(folder).ok());

@@ -164,6 +164,7 @@ fn worse_samples_are_read_or_refused_at_once() {
 #[test]
 #[ignore = "takes minutes"]
 fn worse_files_of_others_are_read_or_refused_at_once() {
-    let corpus = ["iges", "obj", "x3d", "vrml"].map(|kind| format!("../shared/corpus/{kind}"));
+    let corpus =
+        ["iges", "obj", "step", "x3d", "vrml"].map(|kind| format!("../shared/corpus/{kind}"));
     try_all(&corpus.each_ref().map(String::as_str), 100);
 }

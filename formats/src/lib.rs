@@ -34,6 +34,7 @@ mod nodes;
 mod obj;
 mod pictures;
 mod points;
+mod step;
 pub mod triangulate;
 mod uneven;
 mod vrml;
@@ -86,6 +87,8 @@ pub struct Import {
 pub struct Tally {
     /// The type, as the format names and numbers it.
     pub kind: String,
+    /// What stands before the numbers of its entities.
+    pub mark: &'static str,
     /// How many there are.
     pub count: usize,
     /// Those that the scene is made of.
@@ -108,7 +111,13 @@ pub struct Level {
 }
 
 /// All formats, those with the surest signs first.
-pub const FORMATS: &[Format] = &[x3d::FORMAT, vrml::FORMAT, iges::FORMAT, obj::FORMAT];
+pub const FORMATS: &[Format] = &[
+    x3d::FORMAT,
+    vrml::FORMAT,
+    step::FORMAT,
+    iges::FORMAT,
+    obj::FORMAT,
+];
 
 /// Why a file could not be opened.
 #[derive(Debug)]

@@ -260,12 +260,20 @@ fn ledger(text: &mut String, ledger: &[Tally]) -> std::fmt::Result {
     }
     for tally in ledger {
         let Tally {
-            kind, count, used, ..
+            kind,
+            mark,
+            count,
+            used,
+            ..
         } = tally;
         write!(text, "    {kind}: {count} read, {} used", used.len())?;
         for (what, list) in [("repaired", &tally.repaired), ("refused", &tally.refused)] {
             if !list.is_empty() {
-                let shown: Vec<_> = list.iter().take(NUMBERS).map(|n| format!("D{n}")).collect();
+                let shown: Vec<_> = list
+                    .iter()
+                    .take(NUMBERS)
+                    .map(|n| format!("{mark}{n}"))
+                    .collect();
                 let more = if list.len() > NUMBERS { ", ..." } else { "" };
                 write!(text, ", {} {what} ({}{more})", list.len(), shown.join(", "))?;
             }

@@ -27,7 +27,7 @@ use self::say::say;
 
 /// Turns NURBS files into exact pictures and numbers, and into each other.
 ///
-/// Reads OBJ free-form, IGES, X3D and VRML 97. Surfaces are intersected as they are, never as
+/// Reads STEP, IGES, OBJ free-form, X3D and VRML 97. Surfaces are intersected as they are, never as
 /// triangles; what could not be used of a file is counted and named.
 #[derive(Debug, Parser)]
 #[command(name = "nurbray", version, max_term_width = 100, after_help = EXAMPLES)]

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, OnceCell, RefCell};
 
+use super::draft::Drafted;
 use super::global::Global;
 use super::parameters::{self, Parameters};
 use super::records::Card;
@@ -144,6 +145,8 @@ pub(super) struct File<'a> {
     budget: Cell<usize>,
     /// Entries of which the parameters have been asked for.
     asked: RefCell<Vec<bool>>,
+    /// More about entities that are not from an IGES file.
+    pub drafted: Drafted,
 }
 
 /// Cards of a record that is known to be short: a matrix, a colour, a name.
@@ -172,6 +175,7 @@ impl<'a> File<'a> {
             owners,
             budget,
             asked,
+            drafted: Drafted::default(),
         }
     }
 
@@ -210,6 +214,9 @@ impl<'a> File<'a> {
 
     /// What an entry is, in words.
     pub(super) fn source(&self, index: usize) -> String {
+        if let Some(source) = self.drafted.sources.get(index) {
+            return source.clone();
+        }
         let Entry { kind, number, .. } = self.entries[index];
         format!("{} D{number} (type {kind})", types::noun(kind))
     }

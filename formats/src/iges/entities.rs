@@ -411,6 +411,7 @@ const COLORS: [(&str, DVec3); 8] = [
 
 /// The material of a colour number or of a negative pointer to a colour (type 314).
 pub(super) fn material(file: &File<'_>, color: i64) -> Result<Option<Material>, Problem> {
+    let mut opacity = 1.0;
     let (name, srgb) = match usize::try_from(color) {
         Ok(0) => return Ok(None),
         Ok(number) => match COLORS.get(number - 1) {
@@ -423,6 +424,7 @@ pub(super) fn material(file: &File<'_>, color: i64) -> Result<Option<Material>, 
         Err(_) => {
             let pointer = color.saturating_neg();
             let index = file.follow(pointer, "a colour")?;
+            opacity = *file.drafted.opacities.get(&index).unwrap_or(&1.0);
             defined_color(file, index)?
         }
     };
@@ -431,6 +433,7 @@ pub(super) fn material(file: &File<'_>, color: i64) -> Result<Option<Material>, 
         name,
         ambient: linear,
         diffuse: linear,
+        opacity,
         ..Material::default()
     }))
 }

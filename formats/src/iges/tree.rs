@@ -454,6 +454,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         for (index, entry) in self.file.entries.iter().enumerate() {
             let row = rows.entry(entry.kind).or_insert_with(|| Tally {
                 kind: format!("{} {}", entry.kind, types::noun(entry.kind)),
+                mark: "D",
                 ..Tally::default()
             });
             row.count += 1;

@@ -1,0 +1,590 @@
+//! Products, assemblies and representations, with their units.
+
+use std::collections::{HashMap, HashSet};
+
+use glam::{DAffine3, DVec3};
+
+use super::part21::Exchange;
+use super::translator::Translator;
+use super::units::Units;
+use super::values::{Attributes, Record};
+use crate::Problem;
+
+/// A representation that is placed in another one.
+#[derive(Clone, Copy, Debug)]
+struct Relation {
+    id: u64,
+    /// What is placed, and in what.
+    reps: [u64; 2],
+    /// The instance that says where; `None` where both have the same axes.
+    place: Option<u64>,
+}
+
+/// An occurrence of a product in another one.
+#[derive(Clone, Copy, Debug)]
+struct Occurrence {
+    id: u64,
+    parent: u64,
+    child: u64,
+}
+
+/// Which products and representations there are, and how they hang together.
+#[derive(Debug, Default)]
+pub(super) struct Structure {
+    /// The representations of products.
+    reps: HashMap<u64, Vec<u64>>,
+    /// All representations of shapes, in order.
+    shapes: Vec<u64>,
+    /// All products, in order.
+    products: Vec<u64>,
+    relations: HashMap<u64, Relation>,
+    occurrences: Vec<Occurrence>,
+    /// The relations that place occurrences.
+    places: HashMap<u64, Vec<u64>>,
+    /// Representations with the axes of another one.
+    beside: HashMap<u64, Vec<u64>>,
+    /// The relations that place others in a representation.
+    inside: HashMap<u64, Vec<Relation>>,
+    /// The relations that place occurrences.
+    of_occurrences: HashSet<u64>,
+}
+
+impl Structure {
+    /// Collects what a file says; what is not readable is told by `problem`.
+    pub(super) fn read(exchange: &Exchange<'_>, mut problem: impl FnMut(u64, Problem)) -> Self {
+        let mut structure = Self::default();
+        // What is defined by shapes, the representations of definitions, and relations of occurrences.
+        let (mut defined, mut shown, mut placed) = (HashMap::new(), Vec::new(), Vec::new());
+        for id in exchange.ids() {
+            let keyword = exchange.keyword(id).to_ascii_uppercase();
+            let wanted = keyword.starts_with(b"PRODUCT_DEFINITION")
+                || keyword.ends_with(b"REPRESENTATION")
+                || keyword.ends_with(b"REPRESENTATION_RELATIONSHIP")
+                || keyword.ends_with(b"_USAGE_OCCURRENCE");
+            if !wanted {
+                continue;
+            }
+            let mut read = || -> Result<(), Problem> {
+                let record = exchange.get(id)?;
+                let at = record.attributes();
+                match record.name() {
+                    "PRODUCT_DEFINITION" | "PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS" => {
+                        structure.products.push(id);
+                    }
+                    "PRODUCT_DEFINITION_SHAPE" => {
+                        defined.insert(id, at.reference(2)?);
+                    }
+                    "SHAPE_DEFINITION_REPRESENTATION" => {
+                        shown.push((at.reference(0)?, at.reference(1)?));
+                    }
+                    "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION" => {
+                        placed.push((at.reference(1)?, at.reference(0)?));
+                    }
+                    name if name.ends_with("_USAGE_OCCURRENCE") => {
+                        structure.occurrences.push(Occurrence {
+                            id,
+                            parent: at.reference(3)?,
+                            child: at.reference(4)?,
+                        });
+                    }
+                    _ => structure.relate(&record)?,
+                }
+                Ok(())
+            };
+            if let Err(found) = read() {
+                problem(id, found);
+            }
+        }
+        for (definition, rep) in shown {
+            if let Some(of) = defined.get(&definition) {
+                structure.reps.entry(*of).or_default().push(rep);
+            }
+        }
+        for (definition, relation) in placed {
+            if let Some(of) = defined.get(&definition) {
+                structure.places.entry(*of).or_default().push(relation);
+            }
+            structure.of_occurrences.insert(relation);
+        }
+        structure.connect();
+        structure
+    }
+
+    /// Takes in a relation of two representations, or a representation of a shape.
+    fn relate(&mut self, record: &Record<'_>) -> Result<(), Problem> {
+        let parts: Vec<&str> = record.parts.iter().map(|part| part.0.as_str()).collect();
+        let is_relation = |name: &&str| name.ends_with("REPRESENTATION_RELATIONSHIP");
+        if parts.iter().any(is_relation) {
+            let at = record.part("REPRESENTATION_RELATIONSHIP");
+            let at = at.unwrap_or_else(|| record.attributes());
+            let place = record.part("REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION");
+            let place = place.map(|at| at.reference(at.0.len().saturating_sub(1)));
+            let relation = Relation {
+                id: record.id,
+                reps: [at.reference(2)?, at.reference(3)?],
+                place: place.transpose()?,
+            };
+            self.relations.insert(record.id, relation);
+        } else if parts
+            .iter()
+            .any(|name| name.ends_with("SHAPE_REPRESENTATION"))
+        {
+            self.shapes.push(record.id);
+        }
+        Ok(())
+    }
+
+    /// Notes which representations have the same axes as others.
+    fn connect(&mut self) {
+        let mut relations: Vec<_> = self.relations.values().copied().collect();
+        relations.sort_by_key(|relation| relation.id);
+        let of_products: HashSet<u64> = self.reps.values().flatten().copied().collect();
+        for relation in relations {
+            let [a, b] = relation.reps;
+            if relation.place.is_some() {
+                self.inside.entry(b).or_default().push(relation);
+                continue;
+            }
+            for (own, other) in [(a, b), (b, a)] {
+                if !of_products.contains(&other) {
+                    self.beside.entry(own).or_default().push(other);
+                }
+            }
+        }
+    }
+
+    /// Representations with the same axes as those of a product, these among them.
+    fn of(&self, product: u64) -> Vec<u64> {
+        let mut all = self.reps.get(&product).cloned().unwrap_or_default();
+        let mut seen: HashSet<u64> = all.iter().copied().collect();
+        let mut at = 0;
+        while let Some(rep) = all.get(at) {
+            at += 1;
+            let beside = self.beside.get(rep).map_or(&[][..], Vec::as_slice);
+            all.extend(beside.iter().copied().filter(|&other| seen.insert(other)));
+        }
+        all
+    }
+}
+
+/// The attributes of a representation: its name, items and context.
+pub(super) fn of_representation<'r, 'a>(record: &'r Record<'a>) -> Attributes<'r, 'a> {
+    let at = record.part("REPRESENTATION");
+    at.unwrap_or_else(|| record.attributes())
+}
+
+impl Translator<'_> {
+    /// Writes down all that a file shows; the unit of the file, if it has one.
+    pub(super) fn products(&mut self, structure: &Structure) -> Option<Units> {
+        let children: HashSet<u64> = structure.occurrences.iter().map(|o| o.child).collect();
+        let mut by_parent: HashMap<u64, Vec<Occurrence>> = HashMap::new();
+        for occurrence in &structure.occurrences {
+            by_parent
+                .entry(occurrence.parent)
+                .or_default()
+                .push(*occurrence);
+        }
+        // What items of shapes show is not shown for its own sake.
+        let items = structure
+            .shapes
+            .iter()
+            .flat_map(|&rep| self.rep_items(rep).unwrap_or_default());
+        let mapped: HashSet<u64> = items.filter_map(|item| self.shown_by(item)).collect();
+        let is_mapped =
+            |reps: &[u64]| !reps.is_empty() && reps.iter().all(|rep| mapped.contains(rep));
+        let mut file = None;
+        let mut assembly = Assembly {
+            structure,
+            by_parent,
+            made: HashMap::new(),
+            seen: HashSet::new(),
+            inside: HashMap::new(),
+            placed: HashSet::new(),
+            skips_known: false,
+        };
+        for &product in &structure.products {
+            let reps = structure.of(product);
+            if children.contains(&product) || is_mapped(&reps) {
+                continue;
+            }
+            if let Some((definition, units)) = self.product(&mut assembly, product, 0) {
+                self.root(definition, units, product, &mut file);
+            }
+        }
+        // What belongs to no product, or to products that are part of each other.
+        assembly.skips_known = true;
+        let mut rest = structure.shapes.clone();
+        rest.sort_by_key(|rep| mapped.contains(rep));
+        for rep in rest {
+            if assembly.seen.contains(&rep) || self.items.contains_key(&rep) {
+                continue;
+            }
+            let units = self.units(rep);
+            let members = self.representation(&mut assembly, rep, 0);
+            if !members.is_empty() {
+                let name = self.name_of(rep);
+                let definition = self.definition(members, rep, name);
+                self.root(definition, units, rep, &mut file);
+            }
+        }
+        file
+    }
+
+    /// Shows a definition for its own sake, in the unit of the file, which is that of the first.
+    fn root(&mut self, definition: i64, units: Units, id: u64, file: &mut Option<Units>) {
+        let file = file.get_or_insert(units);
+        let scale = units.metres / file.metres;
+        let map = scaled(scale);
+        self.placed(definition, &map, id, String::new());
+    }
+
+    /// The definition of a product with all that it is assembled of, and its units.
+    fn product(
+        &mut self,
+        assembly: &mut Assembly<'_>,
+        id: u64,
+        depth: usize,
+    ) -> Option<(i64, Units)> {
+        if let Some(known) = assembly.made.get(&id) {
+            return *known;
+        }
+        if depth > self.limits.nesting {
+            let text = format!(
+                "assemblies are nested more than {} deep",
+                self.limits.nesting
+            );
+            self.fail(id, Problem::Unsupported(text));
+            return None;
+        }
+        if !self.busy.insert(id) {
+            self.fail(id, Problem::Invalid("it is a part of itself".to_owned()));
+            return None;
+        }
+        let reps = assembly.structure.of(id);
+        let units = reps.first().map(|&rep| self.units(rep));
+        let parts = assembly.by_parent.get(&id).cloned().unwrap_or_default();
+        let structure = assembly.structure;
+        let placed = parts
+            .iter()
+            .filter(|part| structure.places.contains_key(&part.id));
+        let placed = placed.flat_map(|part| structure.of(part.child)).collect();
+        let before = std::mem::replace(&mut assembly.placed, placed);
+        let mut members = Vec::new();
+        for &rep in &reps {
+            let own = self.units(rep);
+            let scale = units.map_or(1.0, |units| own.metres / units.metres);
+            let shown = self.representation(assembly, rep, depth);
+            members.extend(self.scaled_members(shown, scale, rep));
+        }
+        assembly.placed = before;
+        let mut units = units;
+        for part in parts {
+            let is_shown = !structure.places.contains_key(&part.id)
+                && self.is_mapped_in(&reps, &structure.of(part.child));
+            if is_shown {
+                continue;
+            }
+            let Some((child, own)) = self.product(assembly, part.child, depth + 1) else {
+                continue;
+            };
+            let units = *units.get_or_insert(own);
+            let map = self.occurrence(assembly.structure, part, &reps, [own, units]);
+            let record = self.exchange.get(part.id);
+            let name = record.map_or_else(|_| String::new(), |r| occurrence_name(&r));
+            members.push(self.placed(child, &map, part.id, name));
+        }
+        self.busy.remove(&id);
+        let units = units.filter(|_| !members.is_empty());
+        let made = units.map(|units| {
+            let name = self.product_name(id);
+            (self.definition(members, id, name), units)
+        });
+        assembly.made.insert(id, made);
+        made
+    }
+
+    /// Members in another unit, as one.
+    fn scaled_members(&mut self, members: Vec<i64>, scale: f64, id: u64) -> Vec<i64> {
+        let map = scaled(scale);
+        if members.is_empty() || map == DAffine3::IDENTITY {
+            return members;
+        }
+        let definition = self.definition(members, id, String::new());
+        vec![self.placed(definition, &map, id, String::new())]
+    }
+
+    /// What a representation shows.
+    fn representation(&mut self, assembly: &mut Assembly<'_>, rep: u64, depth: usize) -> Vec<i64> {
+        if !assembly.seen.insert(rep) && self.busy.contains(&rep) {
+            self.fail(
+                rep,
+                Problem::Invalid("it is shown inside itself".to_owned()),
+            );
+            return Vec::new();
+        }
+        self.busy.insert(rep);
+        let units = self.units(rep);
+        let before = std::mem::replace(&mut self.angle, units.radians);
+        let mut members = Vec::new();
+        match self.rep_items(rep) {
+            Ok(items) => {
+                for item in items {
+                    let is_known = self.items.get(&item).is_some_and(Option::is_some);
+                    let is_there = assembly.skips_known && is_known;
+                    if !is_there && !self.is_placed(assembly, item) {
+                        members.extend(self.item(item, depth));
+                    }
+                }
+            }
+            Err(problem) => self.fail(rep, problem),
+        }
+        // Those that are placed in it, and are no occurrences of products.
+        let inside = assembly
+            .structure
+            .inside
+            .get(&rep)
+            .cloned()
+            .unwrap_or_default();
+        for relation in inside {
+            let of_occurrence = assembly.structure.of_occurrences.contains(&relation.id);
+            if of_occurrence || depth > self.limits.nesting {
+                continue;
+            }
+            let [child, parent] = relation.reps;
+            let Some(definition) = self.inside(assembly, child, depth + 1) else {
+                continue;
+            };
+            let units = [self.units(child), self.units(parent)];
+            match self.relation(relation, relation.reps, units) {
+                Ok(map) => members.push(self.placed(definition, &map, relation.id, String::new())),
+                Err(problem) => self.fail(relation.id, problem),
+            }
+        }
+        self.busy.remove(&rep);
+        self.angle = before;
+        members
+    }
+
+    /// The definition of a representation that is placed in others.
+    fn inside(&mut self, assembly: &mut Assembly<'_>, rep: u64, depth: usize) -> Option<i64> {
+        if let Some(known) = assembly.inside.get(&rep) {
+            return *known;
+        }
+        let shown = self.representation(assembly, rep, depth);
+        let name = self.name_of(rep);
+        let made = (!shown.is_empty()).then(|| self.definition(shown, rep, name));
+        assembly.inside.insert(rep, made);
+        made
+    }
+
+    /// Whether items of some representations show one of others.
+    fn is_mapped_in(&self, reps: &[u64], others: &[u64]) -> bool {
+        let items = reps
+            .iter()
+            .flat_map(|&rep| self.rep_items(rep).unwrap_or_default());
+        let mut shown = items.filter_map(|item| self.shown_by(item));
+        shown.any(|rep| others.contains(&rep))
+    }
+
+    /// Whether an item shows a representation that an occurrence shows, too.
+    fn is_placed(&self, assembly: &Assembly<'_>, item: u64) -> bool {
+        let shown = || self.shown_by(item);
+        !assembly.placed.is_empty() && shown().is_some_and(|rep| assembly.placed.contains(&rep))
+    }
+
+    /// The representation that an item shows, if it shows one.
+    fn shown_by(&self, item: u64) -> Option<u64> {
+        let is_mapped = self.exchange.keyword(item).ends_with(b"MAPPED_ITEM");
+        let record = self.exchange.get(item).ok().filter(|_| is_mapped)?;
+        let source = record.attributes().reference(1).ok()?;
+        let source = self.exchange.get(source).ok()?;
+        source.attributes().reference(1).ok()
+    }
+
+    fn rep_items(&self, rep: u64) -> Result<Vec<u64>, Problem> {
+        let record = self.exchange.get(rep)?;
+        of_representation(&record).references(1)
+    }
+
+    /// The name of a representation.
+    fn name_of(&self, rep: u64) -> String {
+        let record = self.exchange.get(rep);
+        record.map_or_else(
+            |_| String::new(),
+            |record| of_representation(&record).text(0),
+        )
+    }
+
+    /// The name of a product, or else its number.
+    fn product_name(&self, definition: u64) -> String {
+        let product = || -> Result<String, Problem> {
+            let formation = self.exchange.get(definition)?.attributes().reference(2)?;
+            let product = self.exchange.get(formation)?.attributes().reference(2)?;
+            let record = self.exchange.get(product)?;
+            let at = record.attributes();
+            let [number, name] = [at.text(0), at.text(1)];
+            Ok(if name.is_empty() { number } else { name })
+        };
+        product().unwrap_or_default()
+    }
+
+    /// Where an occurrence of a product is in its parent, which has these representations.
+    fn occurrence(
+        &mut self,
+        structure: &Structure,
+        part: Occurrence,
+        parents: &[u64],
+        units: [Units; 2],
+    ) -> DAffine3 {
+        let places = structure.places.get(&part.id);
+        let relation = places.and_then(|list| structure.relations.get(list.first()?));
+        let Some(relation) = relation else {
+            let text = "its place is not told; it is shown where it is for itself";
+            self.tell(part.id, text);
+            return scaled(units[0].metres / units[1].metres);
+        };
+        let children = structure.of(part.child);
+        let [first, second] = relation.reps;
+        // Some write the parent first.
+        let is_turned = !children.contains(&first) && children.contains(&second)
+            || parents.contains(&first) && !parents.contains(&second);
+        let reps = if is_turned {
+            [second, first]
+        } else {
+            [first, second]
+        };
+        match self.relation(*relation, reps, units) {
+            Ok(map) => map,
+            Err(problem) => {
+                self.fail(relation.id, problem);
+                scaled(units[0].metres / units[1].metres)
+            }
+        }
+    }
+
+    /// The map from a child to its parent, each with its representation and units.
+    fn relation(
+        &self,
+        relation: Relation,
+        [child, parent]: [u64; 2],
+        [own, other]: [Units; 2],
+    ) -> Result<DAffine3, Problem> {
+        let scale = scaled(own.metres / other.metres);
+        let Some(place) = relation.place else {
+            return Ok(scale);
+        };
+        let record = self.exchange.get(place)?;
+        if record.name() != "ITEM_DEFINED_TRANSFORMATION" {
+            let map = self.geometry().map(place)?;
+            let is_turned = relation.reps != [child, parent];
+            let map = if is_turned { map.inverse() } else { map };
+            return checked(map * scale);
+        }
+        let at = record.attributes();
+        let mut items = [at.reference(2)?, at.reference(3)?];
+        // The first item is in the first representation, the second in the second.
+        if relation.reps != [child, parent] {
+            items.swap(0, 1);
+        }
+        let lists = [child, parent].map(|rep| self.rep_items(rep).unwrap_or_default());
+        let is_in = |rep: usize, item: usize| lists[rep].contains(&items[item]);
+        if is_in(0, 1) && is_in(1, 0) && !(is_in(0, 0) && is_in(1, 1)) {
+            items.swap(0, 1);
+        }
+        let [from, to] = [
+            self.geometry().map(items[0])?,
+            self.geometry().map(items[1])?,
+        ];
+        checked(to * scale * from.inverse())
+    }
+
+    /// A representation that is shown as an item of another one.
+    pub(super) fn mapped(
+        &mut self,
+        id: u64,
+        record: &Record<'_>,
+        depth: usize,
+    ) -> Result<Option<i64>, Problem> {
+        let at = record.attributes();
+        let source = self.exchange.get(at.reference(1)?)?;
+        let of = source.attributes();
+        let [origin, rep] = [of.reference(0)?, of.reference(1)?];
+        let geometry = self.geometry();
+        let [from, to] = [geometry.map(origin)?, geometry.map(at.reference(2)?)?];
+        let map = checked(to * from.inverse())?;
+        let Some(definition) = self.mapped_definition(rep, depth) else {
+            return Ok(None);
+        };
+        Ok(Some(self.placed(definition, &map, id, at.text(0))))
+    }
+
+    /// The definition of a representation that items show.
+    fn mapped_definition(&mut self, rep: u64, depth: usize) -> Option<i64> {
+        if let Some(known) = self.items.get(&rep) {
+            return *known;
+        }
+        if !self.busy.insert(rep) {
+            self.fail(
+                rep,
+                Problem::Invalid("it is shown inside itself".to_owned()),
+            );
+            return None;
+        }
+        let items = self.rep_items(rep).unwrap_or_else(|problem| {
+            self.fail(rep, problem);
+            Vec::new()
+        });
+        let members: Vec<i64> = items
+            .into_iter()
+            .filter_map(|item| self.item(item, depth + 1))
+            .collect();
+        self.busy.remove(&rep);
+        let name = self.name_of(rep);
+        let made = (!members.is_empty()).then(|| self.definition(members, rep, name));
+        self.items.insert(rep, made);
+        made
+    }
+}
+
+/// What is made of products while they are gone through.
+struct Assembly<'s> {
+    structure: &'s Structure,
+    by_parent: HashMap<u64, Vec<Occurrence>>,
+    /// Definitions of products, with their units.
+    made: HashMap<u64, Option<(i64, Units)>>,
+    /// Representations that are shown.
+    seen: HashSet<u64>,
+    /// Definitions of those that are placed in others.
+    inside: HashMap<u64, Option<i64>>,
+    /// Those of products that occur in the one that is made: where items show them, they are there
+    /// twice.
+    placed: HashSet<u64>,
+    /// Whether items that are shown already are left out.
+    skips_known: bool,
+}
+
+/// The name of an occurrence: its designator, name or number.
+fn occurrence_name(record: &Record<'_>) -> String {
+    let at = record.attributes();
+    let names = [5, 1, 0].map(|place| at.text(place));
+    let name = names.into_iter().find(|name| !name.is_empty());
+    name.unwrap_or_default()
+}
+
+/// The map that makes all larger.
+fn scaled(scale: f64) -> DAffine3 {
+    if (scale - 1.0).abs() < 1e-12 {
+        DAffine3::IDENTITY
+    } else {
+        DAffine3::from_scale(DVec3::splat(scale))
+    }
+}
+
+/// A map that can be undone.
+fn checked(map: DAffine3) -> Result<DAffine3, Problem> {
+    let is_sound = map.is_finite() && map.matrix3.determinant().is_normal();
+    let text = "its placement cannot be undone";
+    is_sound
+        .then_some(map)
+        .ok_or_else(|| Problem::Invalid(text.to_owned()))
+}

@@ -1,0 +1,202 @@
+//! Solids by construction: primitives, swept areas and faces, and their unions.
+
+use std::f64::consts::TAU;
+
+use glam::{DAffine3, DVec3};
+use kernel::Curve;
+
+use super::translator::Translator;
+use super::values::{Record, Value};
+use crate::Problem;
+use crate::iges::Fields;
+
+/// A curve no farther from an axis than this share of its size lies on it.
+const ON_AXIS: f64 = 1e-9;
+
+/// A turn that lacks no more than this share is whole.
+const WHOLE: f64 = 1e-9;
+
+impl Translator<'_> {
+    /// What a solid by construction becomes; `None` if the record is none that is read.
+    pub(super) fn constructed(
+        &mut self,
+        id: u64,
+        record: &Record<'_>,
+        depth: usize,
+    ) -> Result<Option<i64>, Problem> {
+        let at = record.attributes();
+        let geometry = self.geometry();
+        let fields = match record.name() {
+            "CSG_SOLID" => return Ok(self.item(at.reference(1)?, depth + 1)),
+            "BOOLEAN_RESULT" | "BOOLEAN_CLIPPING_RESULT" => {
+                if !matches!(at.get(1), Some(Value::Word(b"UNION"))) {
+                    let text = "intersections and differences of solids are not read yet";
+                    return Err(Problem::Unsupported(text.to_owned()));
+                }
+                let bodies = [at.reference(2)?, at.reference(3)?];
+                let bodies = bodies.map(|body| self.item(body, depth + 1));
+                let [Some(first), Some(second)] = bodies else {
+                    let text = "one of the solids that it unites is not read";
+                    return Err(Problem::Unsupported(text.to_owned()));
+                };
+                Fields::new(180).integers([3, -first, -second, 1])
+            }
+            "BLOCK" | "RIGHT_ANGULAR_WEDGE" => {
+                let frame = geometry.frame(at.reference(1)?)?;
+                let lengths = [at.number(2)?, at.number(3)?, at.number(4)?];
+                let axes = [frame.origin(), frame.x(), frame.z()];
+                let fields = if record.name() == "BLOCK" {
+                    Fields::new(150).reals(lengths)
+                } else {
+                    Fields::new(152).reals(lengths).reals([at.number(5)?])
+                };
+                points(fields, axes)
+            }
+            "ELLIPSOID" => {
+                let frame = geometry.frame(at.reference(1)?)?;
+                let lengths = [at.number(2)?, at.number(3)?, at.number(4)?];
+                let axes = [frame.origin(), frame.x(), frame.z()];
+                points(Fields::new(168).reals(lengths), axes)
+            }
+            "RIGHT_CIRCULAR_CYLINDER" => {
+                let axis = geometry.axis(at.reference(1)?)?;
+                let fields = Fields::new(154).reals([at.number(2)?, at.number(3)?]);
+                points(fields, axis)
+            }
+            "RIGHT_CIRCULAR_CONE" => {
+                let axis = geometry.axis(at.reference(1)?)?;
+                let [height, radius, angle] = [at.number(2)?, at.number(3)?, at.number(4)?];
+                let other = radius + height * (angle * self.angle).tan();
+                let fields = Fields::new(156).reals([height, radius, other]);
+                points(fields, axis)
+            }
+            "SPHERE" => {
+                let center = geometry.point(at.reference(2)?)?;
+                points(Fields::new(158).reals([at.number(1)?]), [center])
+            }
+            "TORUS" => {
+                let axis = geometry.axis(at.reference(1)?)?;
+                let fields = Fields::new(160).reals([at.number(2)?, at.number(3)?]);
+                points(fields, axis)
+            }
+            "EXTRUDED_AREA_SOLID" | "EXTRUDED_FACE_SOLID" => {
+                let along = geometry.vector(at.reference(2)?)?.try_normalize();
+                let along = along.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
+                let sweep = Sweep::Along(along * at.number(3)?);
+                let members = self.swept(id, at.reference(1)?, sweep)?;
+                return Ok(self.group(members, id, at.text(0)));
+            }
+            "REVOLVED_AREA_SOLID" | "REVOLVED_FACE_SOLID" => {
+                let axis = geometry.axis(at.reference(2)?)?;
+                let sweep = Sweep::Around(axis, at.number(3)? * self.angle);
+                let members = self.swept(id, at.reference(1)?, sweep)?;
+                return Ok(self.group(members, id, at.text(0)));
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(self.add_named(0, &fields, id, at.text(0))))
+    }
+
+    /// The faces of what an area or a face sweeps: one for each of its edges, and itself at both ends.
+    fn swept(&mut self, id: u64, area: u64, sweep: Sweep) -> Result<Vec<i64>, Problem> {
+        let record = self.geometry().get(area)?;
+        let at = record.attributes();
+        // It is not shown for its own sake.
+        self.items.insert(area, None);
+        let mut outlines: Vec<Vec<Curve<DVec3>>> = Vec::new();
+        let base = if record.name() == "CURVE_BOUNDED_SURFACE" {
+            for boundary in at.references(2)? {
+                outlines.push(self.geometry().pieces(boundary, 0)?);
+            }
+            at.reference(1)?
+        } else {
+            for stretches in self.loops(&at.references(1)?)? {
+                let pieces = stretches.iter().flat_map(|(edge, _)| edge.pieces.clone());
+                outlines.push(pieces.collect());
+            }
+            at.reference(2)?
+        };
+        let mut members = Vec::new();
+        for curve in outlines.iter().flatten() {
+            let count = curve.homogeneous().len();
+            self.spend(count)?;
+            members.extend(self.side(id, curve, &sweep)?);
+        }
+        let ends = match sweep.end() {
+            None => Vec::new(),
+            Some(end) => vec![DAffine3::IDENTITY, end],
+        };
+        let hull: Vec<DVec3> = outlines.iter().flatten().flat_map(Curve::points).collect();
+        for map in ends {
+            let surface = self.moved(&map, id, |own| own.surface(base, &hull, 0))?;
+            let mut boundaries = Vec::new();
+            for outline in &outlines {
+                let moved: Vec<_> = outline.iter().map(|c| c.transformed(&map)).collect();
+                let curve = self.wire(&moved, id)?;
+                boundaries.extend(curve.map(|curve| self.boundary(surface.pointer, curve, id)));
+            }
+            let fields = Fields::new(143).integers([0, surface.pointer]);
+            let fields = fields.count(boundaries.len()).integers(boundaries);
+            members.push(self.add(0, &fields, id));
+        }
+        Ok(members)
+    }
+
+    /// What a curve passes over; nothing if it stays where it is.
+    fn side(
+        &mut self,
+        id: u64,
+        curve: &Curve<DVec3>,
+        sweep: &Sweep,
+    ) -> Result<Option<i64>, Problem> {
+        let fields = match sweep {
+            Sweep::Along(vector) => {
+                let rail = self.curve(curve, id);
+                let fields = Fields::new(122).integers([rail]);
+                points(fields, [curve.start() + *vector])
+            }
+            Sweep::Around([origin, axis], angle) => {
+                let near = curve.hull_bounds().diagonal() * ON_AXIS;
+                let off = |p: DVec3| (p - *origin).reject_from(*axis).length();
+                if curve.points().all(|p| off(p) <= near) {
+                    return Ok(None);
+                }
+                let line = Curve::line(*origin, *origin + *axis, 0.0..1.0);
+                let line = line.map_err(Problem::Geometry)?;
+                let pointers = [self.curve(&line, id), self.curve(curve, id)];
+                let fields = Fields::new(120).integers(pointers);
+                fields.reals([0.0, angle.min(TAU)])
+            }
+        };
+        Ok(Some(self.add(0, &fields, id)))
+    }
+}
+
+/// How an area is swept.
+#[derive(Clone, Copy, Debug)]
+enum Sweep {
+    /// Along a vector.
+    Along(DVec3),
+    /// Around an axis, a point and a direction, by an angle.
+    Around([DVec3; 2], f64),
+}
+
+impl Sweep {
+    /// Where it ends; `None` if that is where it begins.
+    fn end(&self) -> Option<DAffine3> {
+        match self {
+            Self::Along(vector) => Some(DAffine3::from_translation(*vector)),
+            Self::Around(_, angle) if *angle >= TAU * (1.0 - WHOLE) => None,
+            Self::Around([origin, axis], angle) => {
+                let turn = DAffine3::from_axis_angle(axis.normalize_or_zero(), *angle);
+                let to = DAffine3::from_translation(*origin);
+                Some(to * turn * to.inverse())
+            }
+        }
+    }
+}
+
+/// With the coordinates of points.
+fn points(fields: Fields, points: impl IntoIterator<Item = DVec3>) -> Fields {
+    fields.reals(points.into_iter().flat_map(|point| point.to_array()))
+}

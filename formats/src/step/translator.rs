@@ -1,0 +1,293 @@
+//! What instances become in the draft, one by one.
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
+
+use glam::{DAffine3, DVec3};
+use kernel::Curve;
+
+use super::curves::Geometry;
+use super::nets::matrix;
+use super::part21::Exchange;
+use super::styles::{Style, Styles};
+use super::surfaces::Sheet;
+use super::topology::Edge;
+use crate::iges::{Draft, Fields, Look};
+use crate::{Error, Limits, Problem, Warnings};
+
+/// How many times as much as the file what is written down of it may have, in bytes, and how much it
+/// may have anyway.
+const GROWTH: usize = 50;
+const GROWTH_FREE: usize = 1 << 26;
+
+/// Solids, shells and faces have ranks below this among shapes: they may stand for themselves.
+const LOOSE: usize = 3;
+
+/// Writes the instances of a file down as entities.
+#[derive(Debug)]
+pub(super) struct Translator<'a> {
+    pub exchange: &'a Exchange<'a>,
+    pub limits: &'a Limits,
+    pub draft: Draft,
+    pub warnings: Warnings,
+    pub styles: Styles,
+    /// Radians in the unit of angles that holds where we are.
+    pub angle: f64,
+    /// The pointer to the transformation of the surfaces that are made, or zero.
+    pub transform: i64,
+    pub surfaces: HashMap<u64, Result<Sheet, Problem>>,
+    pub edges: HashMap<u64, Result<Rc<Edge>, Problem>>,
+    /// What items became.
+    pub items: HashMap<u64, Option<i64>>,
+    /// Items, representations and products that are being made.
+    pub busy: HashSet<u64>,
+    /// Instances that could not be used.
+    pub refused: BTreeSet<u64>,
+    /// The first of them.
+    pub failure: Option<Error>,
+    /// A limit that was passed.
+    pub fatal: Option<Error>,
+    pub points_left: usize,
+    /// How many bytes may be written down.
+    most: usize,
+}
+
+impl<'a> Translator<'a> {
+    pub(super) fn new(
+        exchange: &'a Exchange<'a>,
+        limits: &'a Limits,
+        styles: Styles,
+        warnings: Warnings,
+    ) -> Self {
+        Self {
+            exchange,
+            limits,
+            draft: Draft::default(),
+            warnings,
+            styles,
+            angle: 1.0,
+            transform: 0,
+            surfaces: HashMap::new(),
+            edges: HashMap::new(),
+            items: HashMap::new(),
+            busy: HashSet::new(),
+            refused: BTreeSet::new(),
+            failure: None,
+            fatal: None,
+            points_left: limits.points,
+            most: exchange
+                .size()
+                .saturating_mul(GROWTH)
+                .saturating_add(GROWTH_FREE),
+        }
+    }
+
+    /// What reads geometry.
+    pub(super) fn geometry(&self) -> Geometry<'a> {
+        Geometry {
+            exchange: self.exchange,
+            angle: self.angle,
+            limit: self.points_left,
+        }
+    }
+
+    /// What an entity made of an instance is called.
+    fn look(&self, id: u64) -> Look {
+        Look {
+            place: self.exchange.place(id),
+            origin: id,
+            ..Look::default()
+        }
+    }
+
+    /// Adds an entity.
+    pub(super) fn add(&mut self, form: i64, fields: &Fields, id: u64) -> i64 {
+        let look = self.look(id);
+        self.draft.add(form, fields, &look)
+    }
+
+    /// Adds an entity that has a name, a colour of its own, or is hidden.
+    pub(super) fn add_named(&mut self, form: i64, fields: &Fields, id: u64, name: String) -> i64 {
+        let look = Look {
+            name,
+            color: self.color(self.styles.of_surfaces(id)),
+            blanked: self.styles.hidden.contains(&id),
+            ..self.look(id)
+        };
+        self.draft.add(form, fields, &look)
+    }
+
+    /// Adds a point (type 116) or a direction (type 123).
+    pub(super) fn vector(&mut self, kind: i64, vector: DVec3, id: u64) -> i64 {
+        self.add(0, &Fields::new(kind).reals(vector.to_array()), id)
+    }
+
+    /// Adds a curve.
+    pub(super) fn curve(&mut self, curve: &Curve<DVec3>, id: u64) -> i64 {
+        let look = Look {
+            color: self.color(self.styles.of_curve(id)),
+            ..self.look(id)
+        };
+        self.draft.add_curve(curve, &look)
+    }
+
+    /// The pointer to a colour; zero for none.
+    fn color(&mut self, style: Option<Style>) -> i64 {
+        let Some(style) = style else {
+            return 0;
+        };
+        if let Some(known) = self.styles.known.get(&style.key()) {
+            return *known;
+        }
+        let look = self.look(style.color);
+        let pointer = self.draft.add_color(style.srgb, style.opacity, &look);
+        self.styles.known.insert(style.key(), pointer);
+        pointer
+    }
+
+    /// Adds a surface.
+    pub(super) fn add_surface(&mut self, form: i64, fields: &Fields, id: u64) -> i64 {
+        let look = Look {
+            transform: self.transform,
+            ..self.look(id)
+        };
+        self.draft.add(form, fields, &look)
+    }
+
+    /// What `make` makes of surfaces, moved by a map.
+    pub(super) fn moved<T>(
+        &mut self,
+        map: &DAffine3,
+        id: u64,
+        make: impl FnOnce(&mut Self) -> T,
+    ) -> T {
+        let pointer = if *map == DAffine3::IDENTITY {
+            self.transform
+        } else {
+            self.add_surface(0, &matrix(map), id)
+        };
+        let before = std::mem::replace(&mut self.transform, pointer);
+        let made = make(self);
+        self.transform = before;
+        made
+    }
+
+    /// Shows a definition in a place.
+    pub(super) fn placed(&mut self, definition: i64, map: &DAffine3, id: u64, name: String) -> i64 {
+        let transform = if *map == DAffine3::IDENTITY {
+            0
+        } else {
+            self.add(0, &matrix(map), id)
+        };
+        let look = Look {
+            name,
+            color: self.color(self.styles.of_surfaces(id)),
+            blanked: self.styles.hidden.contains(&id),
+            transform,
+            ..self.look(id)
+        };
+        let fields = Fields::new(408).integers([definition]);
+        let fields = fields.reals([0.0, 0.0, 0.0, 1.0]);
+        self.draft.add(0, &fields, &look)
+    }
+
+    /// A definition (type 308) of members.
+    pub(super) fn definition(&mut self, members: Vec<i64>, id: u64, name: String) -> i64 {
+        let fields = Fields::new(308).integers([0]).blank().count(members.len());
+        self.add_named(0, &fields.integers(members), id, name)
+    }
+
+    /// Counts control points.
+    pub(super) fn spend(&mut self, count: usize) -> Result<(), Problem> {
+        self.points_left = self.points_left.checked_sub(count).ok_or_else(|| {
+            let text = format!("more than {} control points", self.limits.points);
+            Problem::TooLarge(text)
+        })?;
+        Ok(())
+    }
+
+    /// Stops where far more would be written down than is in the file.
+    pub(super) fn check_size(&mut self, id: u64) {
+        if self.draft.size() > self.most && self.fatal.is_none() {
+            let text = "too many instances are made of the same large ones";
+            let problem = Problem::Unsupported(text.to_owned());
+            self.fatal = Some(super::error(self.exchange.place(id), problem));
+        }
+    }
+
+    /// Notes that an instance cannot be shown.
+    pub(super) fn fail(&mut self, id: u64, problem: Problem) {
+        let place = self.exchange.place(id);
+        self.refused.insert(id);
+        // The place says already who it is.
+        let own = format!("{}: ", place.what);
+        let problem = match problem {
+            Problem::Invalid(text) => Problem::Invalid(without(text, &own)),
+            Problem::Unsupported(text) => Problem::Unsupported(without(text, &own)),
+            other => other,
+        };
+        if let Problem::TooLarge(_) = problem {
+            let error = super::error(place, problem);
+            self.fatal.get_or_insert(error);
+            return;
+        }
+        self.failure
+            .get_or_insert_with(|| super::error(place.clone(), problem.clone()));
+        self.warnings.add(place, problem);
+    }
+
+    /// Notes what is not as the file means it.
+    pub(super) fn tell(&mut self, id: u64, text: impl Into<String>) {
+        let place = self.exchange.place(id);
+        self.warnings.unsupported(place, text);
+    }
+
+    /// Solids, shells, faces and the like that nothing shows, in this order, each with its rank.
+    fn unseen(&self) -> Vec<(usize, u64)> {
+        let shown: HashSet<u64> = self.draft.origins().iter().copied().collect();
+        let rank = |id: u64| {
+            let keyword = self.exchange.keyword(id).to_ascii_uppercase();
+            match keyword.as_slice() {
+                b"MANIFOLD_SOLID_BREP" | b"BREP_WITH_VOIDS" | b"FACETED_BREP" => Some(0),
+                b"CLOSED_SHELL" | b"OPEN_SHELL" => Some(1),
+                b"ADVANCED_FACE" | b"FACE_SURFACE" => Some(2),
+                b"RECTANGULAR_TRIMMED_SURFACE" | b"CURVE_BOUNDED_SURFACE" => Some(3),
+                name if name.starts_with(b"TRIANGULATED")
+                    || name.starts_with(b"COMPLEX_TRIANGULATED") =>
+                {
+                    Some(4)
+                }
+                _ => None,
+            }
+        };
+        let is_new = |id: &u64| !shown.contains(id) && !self.refused.contains(id);
+        let ids = self.exchange.ids().filter(is_new);
+        let mut ranked: Vec<_> = ids.filter_map(|id| Some((rank(id)?, id))).collect();
+        ranked.sort_unstable();
+        ranked
+    }
+
+    /// Where no representation shows anything, shows all shapes that there are; else tells those that
+    /// none shows.
+    pub(super) fn leftovers(&mut self) {
+        let is_empty = self.draft.origins().is_empty();
+        for (rank, id) in self.unseen() {
+            if self.items.contains_key(&id) {
+                continue;
+            }
+            let text = if is_empty && rank < LOOSE && self.item(id, 0).is_some() {
+                "no representation of a shape has it; it is shown for its own sake"
+            } else {
+                "it is not shown: no representation of a shape that is shown has it"
+            };
+            if !self.refused.contains(&id) {
+                self.tell(id, text);
+            }
+        }
+    }
+}
+
+/// A text without its beginning, if it begins so.
+fn without(text: String, start: &str) -> String {
+    text.strip_prefix(start).map(str::to_owned).unwrap_or(text)
+}

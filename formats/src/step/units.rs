@@ -1,0 +1,139 @@
+//! Units of length and angle, and how exact points are.
+
+use kernel::Unit;
+
+use super::products::of_representation;
+use super::translator::Translator;
+use super::values::{Attributes, Record, Value};
+use crate::Problem;
+
+/// The names of units of length, and how long they are.
+const METRES: [(&str, f64); 9] = [
+    ("in", 0.0254),
+    ("ft", 0.3048),
+    ("mi", 1609.344),
+    ("yd", 0.9144),
+    ("mil", 2.54e-5),
+    ("mm", 1e-3),
+    ("cm", 1e-2),
+    ("m", 1.0),
+    ("um", 1e-6),
+];
+
+/// What the prefixes of units are worth.
+const PREFIXES: [(&[u8], f64); 16] = [
+    (b"EXA", 1e18),
+    (b"PETA", 1e15),
+    (b"TERA", 1e12),
+    (b"GIGA", 1e9),
+    (b"MEGA", 1e6),
+    (b"KILO", 1e3),
+    (b"HECTO", 1e2),
+    (b"DECA", 1e1),
+    (b"DECI", 1e-1),
+    (b"CENTI", 1e-2),
+    (b"MILLI", 1e-3),
+    (b"MICRO", 1e-6),
+    (b"NANO", 1e-9),
+    (b"PICO", 1e-12),
+    (b"FEMTO", 1e-15),
+    (b"ATTO", 1e-18),
+];
+
+/// How deep units may be made of others.
+const NESTING: usize = 8;
+
+/// The units of a representation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Units {
+    pub metres: f64,
+    pub radians: f64,
+    /// Points no farther apart are meant to be one, in its own length; zero if nothing is said.
+    pub uncertainty: f64,
+}
+
+impl Translator<'_> {
+    /// The units of a representation; millimetres and radians where it says nothing.
+    pub(super) fn units(&self, rep: u64) -> Units {
+        let mut units = Units {
+            metres: 1e-3,
+            radians: 1.0,
+            uncertainty: 0.0,
+        };
+        // What is not readable leaves the usual.
+        let _ = self.read_units(rep, &mut units);
+        units
+    }
+
+    fn read_units(&self, rep: u64, units: &mut Units) -> Result<(), Problem> {
+        let record = self.exchange.get(rep)?;
+        let context = self
+            .exchange
+            .get(of_representation(&record).reference(2)?)?;
+        if let Some(at) = context.part("GLOBAL_UNIT_ASSIGNED_CONTEXT") {
+            for unit in at.references(0)? {
+                let record = self.exchange.get(unit)?;
+                if record.part("LENGTH_UNIT").is_some() {
+                    units.metres = self.unit(&record, 0)?;
+                } else if record.part("PLANE_ANGLE_UNIT").is_some() {
+                    units.radians = self.unit(&record, 0)?;
+                }
+            }
+        }
+        if let Some(at) = context.part("GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT") {
+            for measure in at.references(0)? {
+                let record = self.exchange.get(measure)?;
+                let at = record.attributes();
+                let unit = self.exchange.get(at.reference(1)?)?;
+                let value = at.number(0)?;
+                if unit.part("LENGTH_UNIT").is_some() && value > 0.0 {
+                    let own = value * self.unit(&unit, 0)? / units.metres;
+                    units.uncertainty = units.uncertainty.max(own);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How much a unit is in metres, or in radians.
+    fn unit(&self, record: &Record<'_>, depth: usize) -> Result<f64, Problem> {
+        let positive = |value: f64| {
+            let text = format!("a unit is {value:e} of another one");
+            let is_sound = value.is_normal() && value > 0.0;
+            is_sound.then_some(value).ok_or(Problem::Invalid(text))
+        };
+        if let Some(at) = record.part("SI_UNIT") {
+            let Some(Value::Word(prefix)) = at.get(at.0.len().saturating_sub(2)) else {
+                return Ok(1.0);
+            };
+            let known = PREFIXES.iter().find(|(name, _)| name == prefix);
+            return Ok(known.map_or(1.0, |(_, value)| *value));
+        }
+        if let Some(at) = record.part("CONVERSION_BASED_UNIT") {
+            let measure = self.exchange.get(at.reference(1)?)?;
+            let measure = measure
+                .parts
+                .iter()
+                .find(|part| part.1.len() == 2)
+                .map(|part| Attributes(&part.1))
+                .ok_or_else(|| Problem::Invalid("its unit is not told".to_owned()))?;
+            let base = self.exchange.get(measure.reference(1)?)?;
+            if depth > NESTING {
+                let text = "units are made of each other";
+                return Err(Problem::Invalid(text.to_owned()));
+            }
+            return positive(measure.number(0)? * self.unit(&base, depth + 1)?);
+        }
+        Ok(1.0)
+    }
+}
+
+/// A unit with its name, by its length.
+pub(super) fn unit(metres: f64) -> Unit {
+    let same = |known: f64| (known - metres).abs() <= known * 1e-9;
+    let known = METRES.iter().find(|(_, value)| same(*value));
+    Unit {
+        name: known.map_or_else(|| format!("{metres} m"), |(name, _)| (*name).to_owned()),
+        metres,
+    }
+}
