@@ -448,7 +448,9 @@ fn real_files_measure_as_elsewhere() {
     };
     let oracle: Value = serde_json::from_str(&text).expect("JSON");
     let (mut compared, mut bad) = (0, Vec::new());
-    for (name, known) in oracle.as_object().expect("an object") {
+    let files = oracle.as_object().expect("an object").iter();
+    // Those of STEP have tests of their own.
+    for (name, known) in files.filter(|(name, _)| !name.starts_with("step/")) {
         let Ok(import) = open(folder.join(name), &Limits::default()) else {
             continue;
         };
