@@ -133,6 +133,19 @@ fn compare(most: u64) {
 }
 
 #[test]
+fn an_assembly_of_files_is_as_large_as_its_parts() {
+    let folder = path("../shared/corpus/step/s1-c5-214");
+    if !folder.is_dir() {
+        return;
+    }
+    let area = |name: &str| measure(&read(&folder.join(name)).unwrap().scene).area;
+    let parts = area("HEAD_FRONT.stp") + area("HEAD_BACK.stp");
+    assert!((area("HEAD.stp") - parts).abs() < 1e-9 * parts);
+    let whole = read(&folder.join("s1-c5-214.stp")).unwrap();
+    assert_eq!(whole.scene.placements().len(), 182);
+}
+
+#[test]
 fn small_real_files_are_what_another_program_finds() {
     compare(200_000);
 }

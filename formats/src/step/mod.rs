@@ -1,23 +1,29 @@
 //! STEP (ISO 10303-21 with the application protocols 203, 214 and 242): bodies by their boundaries.
 //!
-//! `part21` finds the instances, `curves` (with `arcs`) and `surfaces` (with `nets`) read geometry, `topology` edges, faces,
-//! shells and solids, `solids` those by construction, `products` assemblies with their units, and `styles` colours. Bodies of STEP
+//! `part21` finds the instances and `values` what they say, `curves` (with `arcs`) and `surfaces`
+//! (with `nets`) read geometry, `topology` edges, faces, shells and solids, `solids` those by
+//! construction; `structure` tells products and representations, `products` assembles them, with their
+//! `units`, and `external` finds those in other files; `styles` has the colours. Bodies of STEP
 //! have the make of those of IGES, so that `translator` writes them down as its entities (types 186,
 //! 514, 510 and 508), and its reader makes the scene of these: trim curves are laid onto surfaces,
 //! and repaired, in one way for both.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::{Error, Format, Import, Place, Problem, ReadOptions, Tally, Warnings};
+use crate::{Error, Format, Import, Place, Problem, ReadOptions, Tally};
 
 mod arcs;
 mod curves;
+mod external;
+#[cfg(test)]
+mod external_tests;
 mod nets;
 mod part21;
 #[cfg(test)]
 mod part21_tests;
 mod products;
 mod solids;
+mod structure;
 mod styles;
 mod surfaces;
 #[cfg(test)]
@@ -27,8 +33,9 @@ mod translator;
 mod units;
 mod values;
 
+use external::Files;
 use part21::Exchange;
-use products::Structure;
+use structure::Structure;
 use styles::Styles;
 use translator::Translator;
 
@@ -74,31 +81,14 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     let limits = options.limits;
     let exchange = Exchange::new(bytes, limits.entities);
     let exchange = exchange.map_err(|problem| error(Place::default(), problem))?;
-    let mut warnings = Warnings::default();
-    if let Some((line, count)) = exchange.stray {
-        let text = match count {
-            1 => "a statement is no instance; it is skipped".to_owned(),
-            _ => format!("{count} statements are no instances; they are skipped"),
-        };
-        warnings.invalid(Place::line(line), text);
-    }
-    if let Some((line, count)) = exchange.doubled {
-        let text = match count {
-            1 => "an instance has the number of one before it, which counts".to_owned(),
-            _ => format!("{count} instances have numbers of others before them, which count"),
-        };
-        warnings.invalid(Place::line(line), text);
-    }
-    if !exchange.is_ended {
-        let text = "END-ISO-10303-21 is missing; the file may be cut short";
-        warnings.invalid(Place::default(), text);
-    }
-    let mut tell = |id, problem| warnings.add(exchange.place(id), problem);
-    let styles = Styles::read(&exchange, &mut tell);
-    let structure = Structure::read(&exchange, &mut tell);
-    let mut translator = Translator::new(&exchange, limits, styles, warnings);
-    let units = translator.products(&structure);
-    translator.leftovers();
+    let files = Files::new(options);
+    let mut translator = Translator::new(&exchange, limits, &files);
+    translator.greet();
+    let styles = Styles::read(&exchange, |id, problem| translator.note(id, problem));
+    translator.styles = styles;
+    let structure = Structure::read(&exchange, |id, problem| translator.note(id, problem));
+    let (shown, units) = translator.products(&structure, 0);
+    translator.leftovers(shown.is_empty());
     let Translator {
         draft,
         warnings,
@@ -146,7 +136,7 @@ fn ledger(
     lost.extend(refused);
     let kind = |id: u64| String::from_utf8_lossy(exchange.keyword(id)).to_uppercase();
     let mut rows: BTreeMap<String, Tally> = BTreeMap::new();
-    for &id in origins.iter().chain(&lost) {
+    for &id in origins.iter().chain(&lost).filter(|id| **id != 0) {
         rows.entry(kind(id)).or_default();
     }
     let number = |id: u64| usize::try_from(id).unwrap_or(usize::MAX);

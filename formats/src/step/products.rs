@@ -4,168 +4,11 @@ use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DVec3};
 
-use super::part21::Exchange;
+use super::structure::{Occurrence, Relation, Structure};
 use super::translator::Translator;
 use super::units::Units;
 use super::values::{Attributes, Record};
 use crate::Problem;
-
-/// A representation that is placed in another one.
-#[derive(Clone, Copy, Debug)]
-struct Relation {
-    id: u64,
-    /// What is placed, and in what.
-    reps: [u64; 2],
-    /// The instance that says where; `None` where both have the same axes.
-    place: Option<u64>,
-}
-
-/// An occurrence of a product in another one.
-#[derive(Clone, Copy, Debug)]
-struct Occurrence {
-    id: u64,
-    parent: u64,
-    child: u64,
-}
-
-/// Which products and representations there are, and how they hang together.
-#[derive(Debug, Default)]
-pub(super) struct Structure {
-    /// The representations of products.
-    reps: HashMap<u64, Vec<u64>>,
-    /// All representations of shapes, in order.
-    shapes: Vec<u64>,
-    /// All products, in order.
-    products: Vec<u64>,
-    relations: HashMap<u64, Relation>,
-    occurrences: Vec<Occurrence>,
-    /// The relations that place occurrences.
-    places: HashMap<u64, Vec<u64>>,
-    /// Representations with the axes of another one.
-    beside: HashMap<u64, Vec<u64>>,
-    /// The relations that place others in a representation.
-    inside: HashMap<u64, Vec<Relation>>,
-    /// The relations that place occurrences.
-    of_occurrences: HashSet<u64>,
-}
-
-impl Structure {
-    /// Collects what a file says; what is not readable is told by `problem`.
-    pub(super) fn read(exchange: &Exchange<'_>, mut problem: impl FnMut(u64, Problem)) -> Self {
-        let mut structure = Self::default();
-        // What is defined by shapes, the representations of definitions, and relations of occurrences.
-        let (mut defined, mut shown, mut placed) = (HashMap::new(), Vec::new(), Vec::new());
-        for id in exchange.ids() {
-            let keyword = exchange.keyword(id).to_ascii_uppercase();
-            let wanted = keyword.starts_with(b"PRODUCT_DEFINITION")
-                || keyword.ends_with(b"REPRESENTATION")
-                || keyword.ends_with(b"REPRESENTATION_RELATIONSHIP")
-                || keyword.ends_with(b"_USAGE_OCCURRENCE");
-            if !wanted {
-                continue;
-            }
-            let mut read = || -> Result<(), Problem> {
-                let record = exchange.get(id)?;
-                let at = record.attributes();
-                match record.name() {
-                    "PRODUCT_DEFINITION" | "PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS" => {
-                        structure.products.push(id);
-                    }
-                    "PRODUCT_DEFINITION_SHAPE" => {
-                        defined.insert(id, at.reference(2)?);
-                    }
-                    "SHAPE_DEFINITION_REPRESENTATION" => {
-                        shown.push((at.reference(0)?, at.reference(1)?));
-                    }
-                    "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION" => {
-                        placed.push((at.reference(1)?, at.reference(0)?));
-                    }
-                    name if name.ends_with("_USAGE_OCCURRENCE") => {
-                        structure.occurrences.push(Occurrence {
-                            id,
-                            parent: at.reference(3)?,
-                            child: at.reference(4)?,
-                        });
-                    }
-                    _ => structure.relate(&record)?,
-                }
-                Ok(())
-            };
-            if let Err(found) = read() {
-                problem(id, found);
-            }
-        }
-        for (definition, rep) in shown {
-            if let Some(of) = defined.get(&definition) {
-                structure.reps.entry(*of).or_default().push(rep);
-            }
-        }
-        for (definition, relation) in placed {
-            if let Some(of) = defined.get(&definition) {
-                structure.places.entry(*of).or_default().push(relation);
-            }
-            structure.of_occurrences.insert(relation);
-        }
-        structure.connect();
-        structure
-    }
-
-    /// Takes in a relation of two representations, or a representation of a shape.
-    fn relate(&mut self, record: &Record<'_>) -> Result<(), Problem> {
-        let parts: Vec<&str> = record.parts.iter().map(|part| part.0.as_str()).collect();
-        let is_relation = |name: &&str| name.ends_with("REPRESENTATION_RELATIONSHIP");
-        if parts.iter().any(is_relation) {
-            let at = record.part("REPRESENTATION_RELATIONSHIP");
-            let at = at.unwrap_or_else(|| record.attributes());
-            let place = record.part("REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION");
-            let place = place.map(|at| at.reference(at.0.len().saturating_sub(1)));
-            let relation = Relation {
-                id: record.id,
-                reps: [at.reference(2)?, at.reference(3)?],
-                place: place.transpose()?,
-            };
-            self.relations.insert(record.id, relation);
-        } else if parts
-            .iter()
-            .any(|name| name.ends_with("SHAPE_REPRESENTATION"))
-        {
-            self.shapes.push(record.id);
-        }
-        Ok(())
-    }
-
-    /// Notes which representations have the same axes as others.
-    fn connect(&mut self) {
-        let mut relations: Vec<_> = self.relations.values().copied().collect();
-        relations.sort_by_key(|relation| relation.id);
-        let of_products: HashSet<u64> = self.reps.values().flatten().copied().collect();
-        for relation in relations {
-            let [a, b] = relation.reps;
-            if relation.place.is_some() {
-                self.inside.entry(b).or_default().push(relation);
-                continue;
-            }
-            for (own, other) in [(a, b), (b, a)] {
-                if !of_products.contains(&other) {
-                    self.beside.entry(own).or_default().push(other);
-                }
-            }
-        }
-    }
-
-    /// Representations with the same axes as those of a product, these among them.
-    fn of(&self, product: u64) -> Vec<u64> {
-        let mut all = self.reps.get(&product).cloned().unwrap_or_default();
-        let mut seen: HashSet<u64> = all.iter().copied().collect();
-        let mut at = 0;
-        while let Some(rep) = all.get(at) {
-            at += 1;
-            let beside = self.beside.get(rep).map_or(&[][..], Vec::as_slice);
-            all.extend(beside.iter().copied().filter(|&other| seen.insert(other)));
-        }
-        all
-    }
-}
 
 /// The attributes of a representation: its name, items and context.
 pub(super) fn of_representation<'r, 'a>(record: &'r Record<'a>) -> Attributes<'r, 'a> {
@@ -174,8 +17,12 @@ pub(super) fn of_representation<'r, 'a>(record: &'r Record<'a>) -> Attributes<'r
 }
 
 impl Translator<'_> {
-    /// Writes down all that a file shows; the unit of the file, if it has one.
-    pub(super) fn products(&mut self, structure: &Structure) -> Option<Units> {
+    /// Writes down all that a file shows: pointers to it, in the units of the file, if it has them.
+    pub(super) fn products(
+        &mut self,
+        structure: &Structure,
+        depth: usize,
+    ) -> (Vec<i64>, Option<Units>) {
         let children: HashSet<u64> = structure.occurrences.iter().map(|o| o.child).collect();
         let mut by_parent: HashMap<u64, Vec<Occurrence>> = HashMap::new();
         for occurrence in &structure.occurrences {
@@ -185,14 +32,10 @@ impl Translator<'_> {
                 .push(*occurrence);
         }
         // What items of shapes show is not shown for its own sake.
-        let items = structure
-            .shapes
-            .iter()
-            .flat_map(|&rep| self.rep_items(rep).unwrap_or_default());
-        let mapped: HashSet<u64> = items.filter_map(|item| self.shown_by(item)).collect();
+        let mapped = self.mapped_in(&structure.shapes);
         let is_mapped =
             |reps: &[u64]| !reps.is_empty() && reps.iter().all(|rep| mapped.contains(rep));
-        let mut file = None;
+        let (mut shown, mut file) = (Vec::new(), None);
         let mut assembly = Assembly {
             structure,
             by_parent,
@@ -207,8 +50,8 @@ impl Translator<'_> {
             if children.contains(&product) || is_mapped(&reps) {
                 continue;
             }
-            if let Some((definition, units)) = self.product(&mut assembly, product, 0) {
-                self.root(definition, units, product, &mut file);
+            if let Some((definition, units)) = self.product(&mut assembly, product, depth) {
+                shown.push(self.root(definition, units, product, &mut file));
             }
         }
         // What belongs to no product, or to products that are part of each other.
@@ -220,22 +63,22 @@ impl Translator<'_> {
                 continue;
             }
             let units = self.units(rep);
-            let members = self.representation(&mut assembly, rep, 0);
+            let members = self.representation(&mut assembly, rep, depth);
             if !members.is_empty() {
                 let name = self.name_of(rep);
                 let definition = self.definition(members, rep, name);
-                self.root(definition, units, rep, &mut file);
+                shown.push(self.root(definition, units, rep, &mut file));
             }
         }
-        file
+        (shown, file)
     }
 
     /// Shows a definition for its own sake, in the unit of the file, which is that of the first.
-    fn root(&mut self, definition: i64, units: Units, id: u64, file: &mut Option<Units>) {
+    fn root(&mut self, definition: i64, units: Units, id: u64, file: &mut Option<Units>) -> i64 {
         let file = file.get_or_insert(units);
         let scale = units.metres / file.metres;
         let map = scaled(scale);
-        self.placed(definition, &map, id, String::new());
+        self.placed(definition, &map, id, String::new())
     }
 
     /// The definition of a product with all that it is assembled of, and its units.
@@ -278,10 +121,15 @@ impl Translator<'_> {
         }
         assembly.placed = before;
         let mut units = units;
+        let is_placed = |part: &Occurrence| structure.places.contains_key(&part.id);
+        let mapped = if parts.iter().all(is_placed) {
+            HashSet::new()
+        } else {
+            self.mapped_in(&reps)
+        };
         for part in parts {
-            let is_shown = !structure.places.contains_key(&part.id)
-                && self.is_mapped_in(&reps, &structure.of(part.child));
-            if is_shown {
+            let children = structure.of(part.child);
+            if !is_placed(&part) && children.iter().any(|rep| mapped.contains(rep)) {
                 continue;
             }
             let Some((child, own)) = self.product(assembly, part.child, depth + 1) else {
@@ -292,6 +140,15 @@ impl Translator<'_> {
             let record = self.exchange.get(part.id);
             let name = record.map_or_else(|_| String::new(), |r| occurrence_name(&r));
             members.push(self.placed(child, &map, part.id, name));
+        }
+        // Without a shape of its own it may have one in another file.
+        if let Some((document, name)) = structure.documents.get(&id)
+            && members.is_empty()
+            && let Some((definition, own)) = self.external(*document, name, depth + 1)
+        {
+            let units = *units.get_or_insert(own);
+            let map = scaled(own.metres / units.metres);
+            members.push(self.placed(definition, &map, id, String::new()));
         }
         self.busy.remove(&id);
         let units = units.filter(|_| !members.is_empty());
@@ -377,13 +234,15 @@ impl Translator<'_> {
         made
     }
 
-    /// Whether items of some representations show one of others.
-    fn is_mapped_in(&self, reps: &[u64], others: &[u64]) -> bool {
+    /// The representations that items of some others show.
+    fn mapped_in(&self, reps: &[u64]) -> HashSet<u64> {
         let items = reps
             .iter()
-            .flat_map(|&rep| self.rep_items(rep).unwrap_or_default());
-        let mut shown = items.filter_map(|item| self.shown_by(item));
-        shown.any(|rep| others.contains(&rep))
+            .map(|&rep| self.rep_items(rep).unwrap_or_default());
+        items
+            .flatten()
+            .filter_map(|item| self.shown_by(item))
+            .collect()
     }
 
     /// Whether an item shows a representation that an occurrence shows, too.

@@ -25,7 +25,7 @@ fn read(data: &str) -> (Scene, Vec<String>) {
 }
 
 /// Millimetres and radians, and a product with the items of a representation.
-fn product(items: &str, data: &str) -> String {
+pub(super) fn product(items: &str, data: &str) -> String {
     format!(
         "#900=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));
 #901=(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.));
@@ -42,14 +42,14 @@ REPRESENTATION_CONTEXT('',''));
 }
 
 /// The usual axes, as number 10.
-const AXES: &str = "#1=CARTESIAN_POINT('',(0.,0.,0.));
+pub(super) const AXES: &str = "#1=CARTESIAN_POINT('',(0.,0.,0.));
 #2=DIRECTION('',(0.,0.,1.));
 #3=DIRECTION('',(1.,0.,0.));
 #10=AXIS2_PLACEMENT_3D('',#1,#2,#3);
 ";
 
 /// A disk of radius 2 at the origin as number 20, with its edge as number 17.
-const DISK: &str = "#11=CARTESIAN_POINT('',(2.,0.,0.));
+pub(super) const DISK: &str = "#11=CARTESIAN_POINT('',(2.,0.,0.));
 #12=VERTEX_POINT('',#11);
 #13=CIRCLE('',#10,2.);
 #17=EDGE_CURVE('',#12,#12,#13,.T.);
@@ -63,7 +63,7 @@ const DISK: &str = "#11=CARTESIAN_POINT('',(2.,0.,0.));
 ";
 
 /// The only place at which a patch is shown.
-fn shown(scene: &Scene) -> Vec<glam::DAffine3> {
+pub(super) fn shown(scene: &Scene) -> Vec<glam::DAffine3> {
     let places = scene.placements();
     let places = places.iter();
     places

@@ -273,7 +273,7 @@ impl Translator<'_> {
             },
         ) {
             let text = "its curve ends beside its vertex; a line joins them";
-            self.warnings.invalid(self.exchange.place(id), text);
+            self.note(id, Problem::Invalid(text.to_owned()));
         }
         let pointer = self.wire(&pieces, id)?.unwrap_or_default();
         Ok(Edge {

@@ -7,13 +7,14 @@ use glam::{DAffine3, DVec3};
 use kernel::Curve;
 
 use super::curves::Geometry;
+use super::external::Files;
 use super::nets::matrix;
 use super::part21::Exchange;
 use super::styles::{Style, Styles};
 use super::surfaces::Sheet;
 use super::topology::Edge;
 use crate::iges::{Draft, Fields, Look};
-use crate::{Error, Limits, Problem, Warnings};
+use crate::{Error, Limits, Place, Problem, Warnings};
 
 /// How many times as much as the file what is written down of it may have, in bytes, and how much it
 /// may have anyway.
@@ -28,7 +29,12 @@ const LOOSE: usize = 3;
 pub(super) struct Translator<'a> {
     pub exchange: &'a Exchange<'a>,
     pub limits: &'a Limits,
+    pub files: &'a Files<'a>,
+    /// The name of the file, if another one names it; else nothing.
+    pub file: String,
     pub draft: Draft,
+    /// Instances of which entities were made.
+    made: HashSet<u64>,
     pub warnings: Warnings,
     pub styles: Styles,
     /// Radians in the unit of angles that holds where we are.
@@ -56,15 +62,17 @@ impl<'a> Translator<'a> {
     pub(super) fn new(
         exchange: &'a Exchange<'a>,
         limits: &'a Limits,
-        styles: Styles,
-        warnings: Warnings,
+        files: &'a Files<'a>,
     ) -> Self {
         Self {
             exchange,
             limits,
+            files,
+            file: String::new(),
             draft: Draft::default(),
-            warnings,
-            styles,
+            made: HashSet::new(),
+            warnings: Warnings::default(),
+            styles: Styles::default(),
             angle: 1.0,
             transform: 0,
             surfaces: HashMap::new(),
@@ -82,6 +90,57 @@ impl<'a> Translator<'a> {
         }
     }
 
+    /// Takes over from another file what is common to all.
+    pub(super) fn continue_with(&mut self, other: &mut Translator<'_>) {
+        self.draft = std::mem::take(&mut other.draft);
+        self.warnings = std::mem::take(&mut other.warnings);
+        self.failure = self.failure.take().or(other.failure.take());
+        self.fatal = self.fatal.take().or(other.fatal.take());
+        self.points_left = other.points_left;
+        self.most = self.most.saturating_add(other.most);
+    }
+
+    /// Where an instance stands.
+    fn place(&self, id: u64) -> Place {
+        let place = self.exchange.place(id);
+        if self.file.is_empty() {
+            return place;
+        }
+        Place {
+            what: format!("{} of {}", place.what, self.file),
+            ..place
+        }
+    }
+
+    /// Notes what is wrong with an instance that is needed for nothing.
+    pub(super) fn note(&mut self, id: u64, problem: Problem) {
+        let place = self.place(id);
+        self.warnings.add(place, problem);
+    }
+
+    /// Notes what is wrong with the file as a whole.
+    pub(super) fn greet(&mut self) {
+        let at = |line: usize| Place::item(line, self.file.clone());
+        if let Some((line, count)) = self.exchange.stray {
+            let text = match count {
+                1 => "a statement is no instance; it is skipped".to_owned(),
+                _ => format!("{count} statements are no instances; they are skipped"),
+            };
+            self.warnings.invalid(at(line), text);
+        }
+        if let Some((line, count)) = self.exchange.doubled {
+            let text = match count {
+                1 => "an instance has the number of one before it, which counts".to_owned(),
+                _ => format!("{count} instances have numbers of others before them, which count"),
+            };
+            self.warnings.invalid(at(line), text);
+        }
+        if !self.exchange.is_ended {
+            let text = "END-ISO-10303-21 is missing; the file may be cut short";
+            self.warnings.invalid(at(0), text);
+        }
+    }
+
     /// What reads geometry.
     pub(super) fn geometry(&self) -> Geometry<'a> {
         Geometry {
@@ -92,10 +151,12 @@ impl<'a> Translator<'a> {
     }
 
     /// What an entity made of an instance is called.
-    fn look(&self, id: u64) -> Look {
+    fn look(&mut self, id: u64) -> Look {
+        self.made.insert(id);
         Look {
-            place: self.exchange.place(id),
-            origin: id,
+            place: self.place(id),
+            // Numbers of other files mean nothing in the first.
+            origin: if self.file.is_empty() { id } else { 0 },
             ..Look::default()
         }
     }
@@ -211,16 +272,16 @@ impl<'a> Translator<'a> {
         if self.draft.size() > self.most && self.fatal.is_none() {
             let text = "too many instances are made of the same large ones";
             let problem = Problem::Unsupported(text.to_owned());
-            self.fatal = Some(super::error(self.exchange.place(id), problem));
+            self.fatal = Some(super::error(self.place(id), problem));
         }
     }
 
     /// Notes that an instance cannot be shown.
     pub(super) fn fail(&mut self, id: u64, problem: Problem) {
-        let place = self.exchange.place(id);
+        let place = self.place(id);
         self.refused.insert(id);
         // The place says already who it is.
-        let own = format!("{}: ", place.what);
+        let own = format!("{}: ", self.exchange.source(id));
         let problem = match problem {
             Problem::Invalid(text) => Problem::Invalid(without(text, &own)),
             Problem::Unsupported(text) => Problem::Unsupported(without(text, &own)),
@@ -238,13 +299,12 @@ impl<'a> Translator<'a> {
 
     /// Notes what is not as the file means it.
     pub(super) fn tell(&mut self, id: u64, text: impl Into<String>) {
-        let place = self.exchange.place(id);
+        let place = self.place(id);
         self.warnings.unsupported(place, text);
     }
 
     /// Solids, shells, faces and the like that nothing shows, in this order, each with its rank.
     fn unseen(&self) -> Vec<(usize, u64)> {
-        let shown: HashSet<u64> = self.draft.origins().iter().copied().collect();
         let rank = |id: u64| {
             let keyword = self.exchange.keyword(id).to_ascii_uppercase();
             match keyword.as_slice() {
@@ -260,30 +320,34 @@ impl<'a> Translator<'a> {
                 _ => None,
             }
         };
-        let is_new = |id: &u64| !shown.contains(id) && !self.refused.contains(id);
+        let is_new = |id: &u64| !self.made.contains(id) && !self.refused.contains(id);
         let ids = self.exchange.ids().filter(is_new);
         let mut ranked: Vec<_> = ids.filter_map(|id| Some((rank(id)?, id))).collect();
         ranked.sort_unstable();
         ranked
     }
 
-    /// Where no representation shows anything, shows all shapes that there are; else tells those that
-    /// none shows.
-    pub(super) fn leftovers(&mut self) {
-        let is_empty = self.draft.origins().is_empty();
+    /// Where no representation shows anything (`is_empty`), shows all shapes that there are: pointers
+    /// to them; else tells those that none shows.
+    pub(super) fn leftovers(&mut self, is_empty: bool) -> Vec<i64> {
+        let mut all = Vec::new();
         for (rank, id) in self.unseen() {
             if self.items.contains_key(&id) {
                 continue;
             }
-            let text = if is_empty && rank < LOOSE && self.item(id, 0).is_some() {
-                "no representation of a shape has it; it is shown for its own sake"
-            } else {
-                "it is not shown: no representation of a shape that is shown has it"
+            let shown = (is_empty && rank < LOOSE)
+                .then(|| self.item(id, 0))
+                .flatten();
+            let text = match shown {
+                Some(_) => "no representation of a shape has it; it is shown for its own sake",
+                None => "it is not shown: no representation of a shape that is shown has it",
             };
             if !self.refused.contains(&id) {
                 self.tell(id, text);
             }
+            all.extend(shown);
         }
+        all
     }
 }
 
