@@ -180,7 +180,7 @@ fn sweep(name: &str, accelerator: &Accelerator<'_>, size: [u32; 2], found: &mut 
 fn look(choose: impl Fn(&str) -> bool, size: [u32; 2], seal: bool) -> Option<Found> {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/corpus");
     let mut files = Vec::new();
-    for folder in ["iges", "x3d", "vrml", "obj"] {
+    for folder in ["iges", "step", "x3d", "vrml", "obj"] {
         let entries = fs::read_dir(corpus.join(folder)).ok()?;
         files.extend(entries.map(|entry| entry.unwrap().path()));
     }

@@ -44,7 +44,7 @@ pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
         let name = named(&body.name);
         let turned = match body.turned {
             0 => String::new(),
-            turned => format!(", {turned} of them inside out"),
+            turned => format!(", {turned} of them with the normal inwards"),
         };
         let _ = writeln!(
             text,
