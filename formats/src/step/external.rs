@@ -4,8 +4,6 @@ use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 
 use super::part21::Exchange;
-use super::structure::Structure;
-use super::styles::Styles;
 use super::translator::Translator;
 use super::units::Units;
 use crate::{Problem, ReadOptions};
@@ -103,12 +101,7 @@ impl Translator<'_> {
         let mut inner = Translator::new(&exchange, self.limits, self.files);
         name.clone_into(&mut inner.file);
         inner.continue_with(self);
-        inner.greet();
-        let styles = Styles::read(&exchange, |id, problem| inner.note(id, problem));
-        inner.styles = styles;
-        let structure = Structure::read(&exchange, |id, problem| inner.note(id, problem));
-        let (mut shown, units) = inner.products(&structure, depth);
-        shown.extend(inner.leftovers(shown.is_empty()));
+        let (shown, units) = inner.whole(depth);
         let loaded = match units.or_else(|| Some(inner.units(0)).filter(|_| !shown.is_empty())) {
             Some(units) if !shown.is_empty() => {
                 Ok((inner.definition(shown, 0, String::new()), units))

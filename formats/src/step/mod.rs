@@ -35,8 +35,6 @@ mod values;
 
 use external::Files;
 use part21::Exchange;
-use structure::Structure;
-use styles::Styles;
 use translator::Translator;
 
 /// The row of this format.
@@ -83,12 +81,7 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     let exchange = exchange.map_err(|problem| error(Place::default(), problem))?;
     let files = Files::new(options);
     let mut translator = Translator::new(&exchange, limits, &files);
-    translator.greet();
-    let styles = Styles::read(&exchange, |id, problem| translator.note(id, problem));
-    translator.styles = styles;
-    let structure = Structure::read(&exchange, |id, problem| translator.note(id, problem));
-    let (shown, units) = translator.products(&structure, 0);
-    translator.leftovers(shown.is_empty());
+    let (_, units) = translator.whole(0);
     let Translator {
         draft,
         warnings,

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use glam::{DAffine3, DVec3};
 
 use super::structure::{Occurrence, Relation, Structure};
+use super::styles::Styles;
 use super::translator::Translator;
 use super::units::Units;
 use super::values::{Attributes, Record};
@@ -17,12 +18,18 @@ pub(super) fn of_representation<'r, 'a>(record: &'r Record<'a>) -> Attributes<'r
 }
 
 impl Translator<'_> {
+    /// Writes a whole file down: pointers to what it shows, also for its own sake, in its units.
+    pub(super) fn whole(&mut self, depth: usize) -> (Vec<i64>, Option<Units>) {
+        self.greet();
+        self.styles = Styles::read(self.exchange, |id, problem| self.note(id, problem));
+        let structure = Structure::read(self.exchange, |id, problem| self.note(id, problem));
+        let (mut shown, units) = self.products(&structure, depth);
+        shown.extend(self.leftovers(shown.is_empty()));
+        (shown, units)
+    }
+
     /// Writes down all that a file shows: pointers to it, in the units of the file, if it has them.
-    pub(super) fn products(
-        &mut self,
-        structure: &Structure,
-        depth: usize,
-    ) -> (Vec<i64>, Option<Units>) {
+    fn products(&mut self, structure: &Structure, depth: usize) -> (Vec<i64>, Option<Units>) {
         let children: HashSet<u64> = structure.occurrences.iter().map(|o| o.child).collect();
         let mut by_parent: HashMap<u64, Vec<Occurrence>> = HashMap::new();
         for occurrence in &structure.occurrences {

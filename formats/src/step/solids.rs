@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DAffine3, DVec3};
 use kernel::Curve;
 
+use super::topology::bounded;
 use super::translator::Translator;
 use super::values::{Record, Value};
 use crate::Problem;
@@ -135,8 +136,7 @@ impl Translator<'_> {
                 let curve = self.wire(&moved, id)?;
                 boundaries.extend(curve.map(|curve| self.boundary(surface.pointer, curve, id)));
             }
-            let fields = Fields::new(143).integers([0, surface.pointer]);
-            let fields = fields.count(boundaries.len()).integers(boundaries);
+            let fields = bounded(surface.pointer, boundaries);
             members.push(self.add(0, &fields, id));
         }
         Ok(members)

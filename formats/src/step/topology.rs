@@ -93,15 +93,9 @@ impl Translator<'_> {
             | "EDGE_BASED_WIREFRAME_MODEL"
             | "SHELL_BASED_WIREFRAME_MODEL"
             | "CONNECTED_EDGE_SET"
-            | "WIRE_SHELL" => {
+            | "WIRE_SHELL"
+            | "EDGE_LOOP" => {
                 let members = self.items(&at.references(1)?, depth);
-                self.group(members, id, name)
-            }
-            "EDGE_LOOP" => {
-                let mut members = Vec::new();
-                for edge in at.references(1)? {
-                    members.extend(self.item(edge, depth + 1));
-                }
                 self.group(members, id, name)
             }
             "EDGE_CURVE" | "ORIENTED_EDGE" | "SUBEDGE" | "EDGE" => {
@@ -261,17 +255,12 @@ impl Translator<'_> {
             },
             _ => return Err(geometry.unread(record.id, "edge")),
         };
-        let [start, end] = points.map(End::Point);
-        let ends = if is_along { [start, end] } else { [end, start] };
-        let mut pieces = between(&basis, Some(ends))?;
-        if reach(
-            &mut pieces,
-            if is_along {
-                points
-            } else {
-                [points[1], points[0]]
-            },
-        ) {
+        let mut ends = points;
+        if !is_along {
+            ends.reverse();
+        }
+        let mut pieces = between(&basis, Some(ends.map(End::Point)))?;
+        if reach(&mut pieces, ends) {
             let text = "its curve ends beside its vertex; a line joins them";
             self.note(id, Problem::Invalid(text.to_owned()));
         }
@@ -438,10 +427,15 @@ impl Translator<'_> {
             };
             pointers.push(self.boundary(surface, curve, boundary));
         }
-        let fields = Fields::new(143).integers([0, surface]);
-        let fields = fields.count(pointers.len()).integers(pointers);
+        let fields = bounded(surface, pointers);
         Ok(self.add_named(0, &fields, id, at.text(0)))
     }
+}
+
+/// The parameters of a surface with its boundaries (type 143).
+pub(super) fn bounded(surface: i64, boundaries: Vec<i64>) -> Fields {
+    let fields = Fields::new(143).integers([0, surface]);
+    fields.count(boundaries.len()).integers(boundaries)
 }
 
 /// Adds lines where a curve in pieces ends far from where it should; whether any was.
