@@ -38,6 +38,7 @@ mod spline;
 mod surface;
 mod texture;
 mod trim;
+mod unit;
 
 pub use bernstein::binomials;
 pub use bezier::BezierSurface;
@@ -57,7 +58,7 @@ pub use patch::Patch;
 pub use ray::Ray;
 pub use scene::{
     Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Seam, SeamSide,
-    Shape, Unit, UpAxis, Wire, WireId, WirePlacement, WireShape,
+    Shape, UpAxis, Wire, WireId, WirePlacement, WireShape,
 };
 pub use sky::Sky;
 pub use spline::{Linear, Point};
@@ -69,3 +70,4 @@ pub use trim::{
     ClosedLoops, Cover, Nest, Orientation, TrimLoop, TrimRegion, close as close_loops, nesting,
     oriented,
 };
+pub use unit::Unit;

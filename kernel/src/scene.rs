@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec2, DVec3};
 mod extent;
 
 use self::extent::Hull;
-use crate::{Aabb, Camera, Curve, Error, Image, Light, Material, Mesh, Patch, Sky};
+use crate::{Aabb, Camera, Curve, Error, Image, Light, Material, Mesh, Patch, Sky, Unit};
 
 /// Index of a patch in its scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -162,15 +162,6 @@ impl UpAxis {
             Self::Z => DVec3::Z,
         }
     }
-}
-
-/// The unit of length of a scene.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Unit {
-    /// The name, such as `mm`.
-    pub name: String,
-    /// Length of one unit in metres.
-    pub metres: f64,
 }
 
 /// Patches, meshes and wires, stored once and placed by a tree of nodes, with all that is needed

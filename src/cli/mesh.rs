@@ -7,7 +7,7 @@ use anyhow::{Context as _, bail};
 use nurbray::convert::{Amount, MeshWriter};
 use nurbray::formats::{Place, Warnings};
 use nurbray::gltf::{Packing, Source};
-use nurbray::kernel::{Camera, Child, Patch, PatchId, Scene, Shape};
+use nurbray::kernel::{Camera, Child, Patch, PatchId, Scene, Shape, Unit};
 use nurbray::{Accuracy, Screen, TessellateOptions, Tessellation, Tolerance};
 use serde_json::{Value, json};
 
@@ -65,15 +65,7 @@ fn positive(text: &str) -> Option<f64> {
 }
 
 pub(super) fn distance(text: &str) -> Result<Distance, String> {
-    let units = [
-        ("mm", 1e-3),
-        ("cm", 1e-2),
-        ("um", 1e-6),
-        ("in", 0.0254),
-        ("ft", 0.3048),
-        ("m", 1.0),
-    ];
-    let with_unit = units.iter().find_map(|(unit, metres)| {
+    let with_unit = Unit::KNOWN.iter().find_map(|(unit, metres)| {
         let number = positive(text.strip_suffix(unit)?.trim_end())?;
         Some(Distance::Metres(number * metres))
     });

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use nurbray::convert::Target;
 use nurbray::formats::{Limits, POINT_FORMATS, PointBody, PointFormat, PointSet, read_points};
 use nurbray::gltf::Source;
@@ -55,8 +56,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "SHARE", value_parser = opacity)]
     opacity: Vec<Opacity>,
     /// Unit of length, if the file names none
-    #[arg(long, value_enum)]
-    unit: Option<LengthUnit>,
+    #[arg(long, value_parser = unit())]
+    unit: Option<Unit>,
     #[command(flatten, next_help_heading = "Grids")]
     grid: GridArgs,
     #[command(flatten, next_help_heading = "Synthetic bodies")]
@@ -189,16 +190,6 @@ enum Kind {
     Skull,
     /// A star-shaped zone inside of it
     Pathology,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum LengthUnit {
-    Um,
-    Mm,
-    Cm,
-    M,
-    In,
-    Ft,
 }
 
 /// An opacity, of one body or of all.
@@ -353,7 +344,7 @@ impl Args {
             return Ok((set, origin, data.clone()));
         }
         let mut set = PointSet {
-            unit: Some(LengthUnit::Mm.unit()),
+            unit: Unit::named("mm"),
             ..PointSet::default()
         };
         for kind in &self.synthetic.synthetic {
@@ -373,21 +364,9 @@ impl Args {
     }
 }
 
-impl LengthUnit {
-    fn unit(self) -> Unit {
-        let (name, metres) = match self {
-            Self::Um => ("um", 1e-6),
-            Self::Mm => ("mm", 1e-3),
-            Self::Cm => ("cm", 1e-2),
-            Self::M => ("m", 1.0),
-            Self::In => ("in", 0.0254),
-            Self::Ft => ("ft", 0.3048),
-        };
-        Unit {
-            name: name.to_owned(),
-            metres,
-        }
-    }
+fn unit() -> impl TypedValueParser<Value = Unit> {
+    let known = |name: String| Unit::named(&name).ok_or("not a known unit");
+    PossibleValuesParser::new(Unit::KNOWN.map(|(name, _)| name)).try_map(known)
 }
 
 /// Makes the bodies of a file.
@@ -475,11 +454,11 @@ fn select(set: &mut PointSet, args: &Args) -> anyhow::Result<()> {
             body.transparency = 1.0 - share;
         }
     }
-    if let (Some(unit), Some(_)) = (&set.unit, args.unit) {
+    if let (Some(unit), Some(_)) = (&set.unit, &args.unit) {
         let name = &unit.name;
         say!("nurbray: warning: --unit is for points without a unit; these are in {name}");
     } else {
-        set.unit = args.unit.map(LengthUnit::unit).or(set.unit.take());
+        set.unit = args.unit.clone().or(set.unit.take());
     }
     Ok(())
 }

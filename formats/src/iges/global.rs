@@ -18,18 +18,18 @@ pub(super) struct Global {
     pub resolution: f64,
 }
 
-/// The unit flags: flag, names, metres.
-const UNITS: [(i64, &[&str], f64); 10] = [
-    (1, &["in", "inch", "inches"], 0.0254),
-    (2, &["mm", "millimeter", "millimetre"], 1e-3),
-    (4, &["ft", "foot", "feet"], 0.3048),
-    (5, &["mi", "mile"], 1609.344),
-    (6, &["m", "meter", "metre"], 1.0),
-    (7, &["km", "kilometer", "kilometre"], 1e3),
-    (8, &["mil"], 2.54e-5),
-    (9, &["um", "micron", "micrometer", "micrometre"], 1e-6),
-    (10, &["cm", "centimeter", "centimetre"], 1e-2),
-    (11, &["uin", "microinch", "microinches"], 2.54e-8),
+/// The flags of units with their names, of which the first is the usual one.
+const UNITS: [(i64, &[&str]); 10] = [
+    (1, &["in", "inch", "inches"]),
+    (2, &["mm", "millimeter", "millimetre"]),
+    (4, &["ft", "foot", "feet"]),
+    (5, &["mi", "mile"]),
+    (6, &["m", "meter", "metre"]),
+    (7, &["km", "kilometer", "kilometre"]),
+    (8, &["mil"]),
+    (9, &["um", "micron", "micrometer", "micrometre"]),
+    (10, &["cm", "centimeter", "centimetre"]),
+    (11, &["uin", "microinch", "microinches"]),
 ];
 
 /// Reads the global section; what is odd goes to `problems`.
@@ -82,9 +82,9 @@ fn fill(
 
 /// The flag and name of a unit with this length in metres.
 pub(super) fn flag(metres: f64) -> Option<(usize, &'static str)> {
-    let same = |known: f64| (known - metres).abs() <= known * 1e-12;
-    let row = UNITS.iter().find(|row| same(row.2))?;
-    Some((usize::try_from(row.0).ok()?, row.1[0]))
+    let unit = Unit::of_length(metres);
+    let (flag, names) = UNITS.iter().find(|(_, names)| names[0] == unit.name)?;
+    Some((usize::try_from(*flag).ok()?, names[0]))
 }
 
 /// The unit of a flag; flags without a meaning of their own leave it to the name, which may be a
@@ -93,14 +93,11 @@ fn unit(flag: i64, name: &str) -> Option<Unit> {
     let lower = name.to_lowercase();
     let one = lower.strip_suffix('s').unwrap_or(&lower);
     let by_flag = UNITS.iter().find(|(known, ..)| *known == flag);
-    let (_, names, metres) = by_flag.or_else(|| {
+    let (_, names) = by_flag.or_else(|| {
         let is_named = |names: &[&str]| names.contains(&lower.as_str()) || names.contains(&one);
-        UNITS.iter().find(|(_, names, _)| is_named(names))
+        UNITS.iter().find(|(_, names)| is_named(names))
     })?;
-    Some(Unit {
-        name: names[0].to_owned(),
-        metres: *metres,
-    })
+    Unit::named(names[0])
 }
 
 /// The delimiters, and what follows their declaration.

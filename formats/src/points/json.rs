@@ -16,16 +16,6 @@ pub(super) const FORMAT: PointFormat = PointFormat {
     write: Some(write),
 };
 
-/// Units that are known by name, in metres.
-const UNITS: [(&str, f64); 6] = [
-    ("mm", 1e-3),
-    ("cm", 1e-2),
-    ("m", 1.0),
-    ("um", 1e-6),
-    ("in", 0.0254),
-    ("ft", 0.3048),
-];
-
 fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
     let value: Value = serde_json::from_slice(bytes).map_err(|error| {
         let text = error.to_string();
@@ -53,16 +43,11 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
         }
     }
     if let Some(name) = value.get("unit").and_then(Value::as_str) {
-        match UNITS.iter().find(|(known, _)| *known == name) {
-            Some(&(_, metres)) => {
-                let name = name.to_owned();
-                set.unit = Some(Unit { name, metres });
-            }
-            None => {
-                let known = UNITS.map(|(known, _)| known).join(", ");
-                let text = format!("the unit '{name}' is not known; use one of {known}");
-                set.warnings.unsupported(Place::default(), text);
-            }
+        set.unit = Unit::named(name);
+        if set.unit.is_none() {
+            let known = Unit::KNOWN.map(|(known, _)| known).join(", ");
+            let text = format!("the unit '{name}' is not known; use one of {known}");
+            set.warnings.unsupported(Place::default(), text);
         }
     }
     Ok(set)

@@ -102,7 +102,7 @@ impl Translator<'_> {
         name.clone_into(&mut inner.file);
         inner.continue_with(self);
         let (shown, units) = inner.whole(depth);
-        let loaded = match units.or_else(|| Some(inner.units(0)).filter(|_| !shown.is_empty())) {
+        let loaded = match units.or_else(|| (!shown.is_empty()).then(Units::default)) {
             Some(units) if !shown.is_empty() => {
                 Ok((inner.definition(shown, 0, String::new()), units))
             }

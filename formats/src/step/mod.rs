@@ -10,6 +10,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use kernel::Unit;
+
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Tally};
 
 mod arcs;
@@ -22,6 +24,8 @@ mod part21;
 #[cfg(test)]
 mod part21_tests;
 mod products;
+#[cfg(test)]
+mod products_tests;
 mod solids;
 mod structure;
 mod styles;
@@ -93,7 +97,7 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     if let Some(fatal) = fatal {
         return Err(fatal);
     }
-    let unit = units.map(|units| units::unit(units.metres));
+    let unit = units.map(|units| Unit::of_length(units.metres));
     let resolution = units.map_or(0.0, |units| units.uncertainty);
     let origins = draft.origins().to_vec();
     let import = draft.into_import(unit, resolution, limits, warnings);

@@ -1,6 +1,7 @@
 //! Products, assemblies and representations, with their units.
 
 use std::collections::{HashMap, HashSet};
+use std::rc::Rc;
 
 use glam::{DAffine3, DVec3};
 
@@ -23,57 +24,42 @@ impl Translator<'_> {
         self.greet();
         self.styles = Styles::read(self.exchange, |id, problem| self.note(id, problem));
         let structure = Structure::read(self.exchange, |id, problem| self.note(id, problem));
-        let (mut shown, units) = self.products(&structure, depth);
+        self.assembly = Assembly::new(structure);
+        let (mut shown, units) = self.products(depth);
         shown.extend(self.leftovers(shown.is_empty()));
         (shown, units)
     }
 
     /// Writes down all that a file shows: pointers to it, in the units of the file, if it has them.
-    fn products(&mut self, structure: &Structure, depth: usize) -> (Vec<i64>, Option<Units>) {
+    fn products(&mut self, depth: usize) -> (Vec<i64>, Option<Units>) {
+        let structure = Rc::clone(&self.assembly.structure);
         let children: HashSet<u64> = structure.occurrences.iter().map(|o| o.child).collect();
-        let mut by_parent: HashMap<u64, Vec<Occurrence>> = HashMap::new();
-        for occurrence in &structure.occurrences {
-            by_parent
-                .entry(occurrence.parent)
-                .or_default()
-                .push(*occurrence);
-        }
         // What items of shapes show is not shown for its own sake.
         let mapped = self.mapped_in(&structure.shapes);
         let is_mapped =
             |reps: &[u64]| !reps.is_empty() && reps.iter().all(|rep| mapped.contains(rep));
         let (mut shown, mut file) = (Vec::new(), None);
-        let mut assembly = Assembly {
-            structure,
-            by_parent,
-            made: HashMap::new(),
-            seen: HashSet::new(),
-            inside: HashMap::new(),
-            placed: HashSet::new(),
-            skips_known: false,
-        };
         for &product in &structure.products {
             let reps = structure.of(product);
             if children.contains(&product) || is_mapped(&reps) {
                 continue;
             }
-            if let Some((definition, units)) = self.product(&mut assembly, product, depth) {
+            if let Some((definition, units)) = self.product(product, depth) {
                 shown.push(self.root(definition, units, product, &mut file));
             }
         }
         // What belongs to no product, or to products that are part of each other.
-        assembly.skips_known = true;
+        self.assembly.skips_known = true;
+        let inside = structure.inside.values().flatten();
+        let inside: HashSet<u64> = inside.map(|relation| relation.reps[0]).collect();
         let mut rest = structure.shapes.clone();
-        rest.sort_by_key(|rep| mapped.contains(rep));
+        rest.sort_by_key(|rep| mapped.contains(rep) || inside.contains(rep));
         for rep in rest {
-            if assembly.seen.contains(&rep) || self.items.contains_key(&rep) {
+            if self.assembly.seen.contains(&rep) {
                 continue;
             }
-            let units = self.units(rep);
-            let members = self.representation(&mut assembly, rep, depth);
-            if !members.is_empty() {
-                let name = self.name_of(rep);
-                let definition = self.definition(members, rep, name);
+            let units = self.units_of(rep);
+            if let Some(definition) = self.inside(rep, depth) {
                 shown.push(self.root(definition, units, rep, &mut file));
             }
         }
@@ -89,13 +75,8 @@ impl Translator<'_> {
     }
 
     /// The definition of a product with all that it is assembled of, and its units.
-    fn product(
-        &mut self,
-        assembly: &mut Assembly<'_>,
-        id: u64,
-        depth: usize,
-    ) -> Option<(i64, Units)> {
-        if let Some(known) = assembly.made.get(&id) {
+    fn product(&mut self, id: u64, depth: usize) -> Option<(i64, Units)> {
+        if let Some(known) = self.assembly.made.get(&id) {
             return *known;
         }
         if depth > self.limits.nesting {
@@ -110,23 +91,23 @@ impl Translator<'_> {
             self.fail(id, Problem::Invalid("it is a part of itself".to_owned()));
             return None;
         }
-        let reps = assembly.structure.of(id);
-        let units = reps.first().map(|&rep| self.units(rep));
-        let parts = assembly.by_parent.get(&id).cloned().unwrap_or_default();
-        let structure = assembly.structure;
+        let structure = Rc::clone(&self.assembly.structure);
+        let reps = structure.of(id);
+        let units = reps.first().map(|&rep| self.units_of(rep));
+        let parts = self.assembly.parts_of(id);
         let placed = parts
             .iter()
             .filter(|part| structure.places.contains_key(&part.id));
         let placed = placed.flat_map(|part| structure.of(part.child)).collect();
-        let before = std::mem::replace(&mut assembly.placed, placed);
+        let before = std::mem::replace(&mut self.assembly.placed, placed);
         let mut members = Vec::new();
         for &rep in &reps {
-            let own = self.units(rep);
+            let own = self.units_of(rep);
             let scale = units.map_or(1.0, |units| own.metres / units.metres);
-            let shown = self.representation(assembly, rep, depth);
+            let shown = self.representation(rep, depth);
             members.extend(self.scaled_members(shown, scale, rep));
         }
-        assembly.placed = before;
+        self.assembly.placed = before;
         let mut units = units;
         let is_placed = |part: &Occurrence| structure.places.contains_key(&part.id);
         let mapped = if parts.iter().all(is_placed) {
@@ -139,11 +120,11 @@ impl Translator<'_> {
             if !is_placed(&part) && children.iter().any(|rep| mapped.contains(rep)) {
                 continue;
             }
-            let Some((child, own)) = self.product(assembly, part.child, depth + 1) else {
+            let Some((child, own)) = self.product(part.child, depth + 1) else {
                 continue;
             };
             let units = *units.get_or_insert(own);
-            let map = self.occurrence(assembly.structure, part, &reps, [own, units]);
+            let map = self.occurrence(&structure, part, &reps, [own, units]);
             let record = self.exchange.get(part.id);
             let name = record.map_or_else(|_| String::new(), |r| occurrence_name(&r));
             members.push(self.placed(child, &map, part.id, name));
@@ -163,7 +144,7 @@ impl Translator<'_> {
             let name = self.product_name(id);
             (self.definition(members, id, name), units)
         });
-        assembly.made.insert(id, made);
+        self.assembly.made.insert(id, made);
         made
     }
 
@@ -178,24 +159,23 @@ impl Translator<'_> {
     }
 
     /// What a representation shows.
-    fn representation(&mut self, assembly: &mut Assembly<'_>, rep: u64, depth: usize) -> Vec<i64> {
-        if !assembly.seen.insert(rep) && self.busy.contains(&rep) {
-            self.fail(
-                rep,
-                Problem::Invalid("it is shown inside itself".to_owned()),
-            );
+    fn representation(&mut self, rep: u64, depth: usize) -> Vec<i64> {
+        if !self.busy.insert(rep) {
+            let text = "it is shown inside itself";
+            self.fail(rep, Problem::Invalid(text.to_owned()));
             return Vec::new();
         }
-        self.busy.insert(rep);
-        let units = self.units(rep);
-        let before = std::mem::replace(&mut self.angle, units.radians);
+        self.assembly.seen.insert(rep);
+        let units = self.units_of(rep);
+        let before = std::mem::replace(&mut self.units, units);
+        // In its place, all of what is shown in another one is shown.
+        let skips_known = std::mem::take(&mut self.assembly.skips_known);
         let mut members = Vec::new();
         match self.rep_items(rep) {
             Ok(items) => {
                 for item in items {
-                    let is_known = self.items.get(&item).is_some_and(Option::is_some);
-                    let is_there = assembly.skips_known && is_known;
-                    if !is_there && !self.is_placed(assembly, item) {
+                    let is_known = || self.items.get(&item).is_some_and(Option::is_some);
+                    if !(skips_known && is_known() || self.is_placed(item)) {
                         members.extend(self.item(item, depth));
                     }
                 }
@@ -203,41 +183,61 @@ impl Translator<'_> {
             Err(problem) => self.fail(rep, problem),
         }
         // Those that are placed in it, and are no occurrences of products.
-        let inside = assembly
-            .structure
-            .inside
-            .get(&rep)
-            .cloned()
-            .unwrap_or_default();
-        for relation in inside {
-            let of_occurrence = assembly.structure.of_occurrences.contains(&relation.id);
-            if of_occurrence || depth > self.limits.nesting {
-                continue;
-            }
+        let structure = Rc::clone(&self.assembly.structure);
+        for relation in structure.inside.get(&rep).into_iter().flatten() {
             let [child, parent] = relation.reps;
-            let Some(definition) = self.inside(assembly, child, depth + 1) else {
+            let is_there = skips_known && self.assembly.seen.contains(&child);
+            if is_there || structure.of_occurrences.contains(&relation.id) {
                 continue;
-            };
-            let units = [self.units(child), self.units(parent)];
-            match self.relation(relation, relation.reps, units) {
-                Ok(map) => members.push(self.placed(definition, &map, relation.id, String::new())),
-                Err(problem) => self.fail(relation.id, problem),
             }
+            let units = [self.units_of(child), units];
+            let map = self.relation(*relation, [child, parent], units);
+            members.extend(self.shown(child, map, relation.id, String::new(), depth));
         }
         self.busy.remove(&rep);
-        self.angle = before;
+        self.assembly.skips_known = skips_known;
+        self.units = before;
         members
     }
 
-    /// The definition of a representation that is placed in others.
-    fn inside(&mut self, assembly: &mut Assembly<'_>, rep: u64, depth: usize) -> Option<i64> {
-        if let Some(known) = assembly.inside.get(&rep) {
+    /// Shows a representation in another one, where `map` says.
+    fn shown(
+        &mut self,
+        rep: u64,
+        map: Result<DAffine3, Problem>,
+        id: u64,
+        name: String,
+        depth: usize,
+    ) -> Option<i64> {
+        let nesting = self.limits.nesting;
+        let map = map.and_then(|map| {
+            let text = || format!("representations are nested more than {nesting} deep");
+            let is_sound = depth <= nesting;
+            is_sound
+                .then_some(map)
+                .ok_or_else(|| Problem::Unsupported(text()))
+        });
+        match map {
+            Ok(map) => {
+                let definition = self.inside(rep, depth + 1)?;
+                Some(self.placed(definition, &map, id, name))
+            }
+            Err(problem) => {
+                self.fail(id, problem);
+                None
+            }
+        }
+    }
+
+    /// The definition of a representation that is shown in others.
+    fn inside(&mut self, rep: u64, depth: usize) -> Option<i64> {
+        if let Some(known) = self.assembly.inside.get(&rep) {
             return *known;
         }
-        let shown = self.representation(assembly, rep, depth);
+        let shown = self.representation(rep, depth);
         let name = self.name_of(rep);
         let made = (!shown.is_empty()).then(|| self.definition(shown, rep, name));
-        assembly.inside.insert(rep, made);
+        self.assembly.inside.insert(rep, made);
         made
     }
 
@@ -253,9 +253,9 @@ impl Translator<'_> {
     }
 
     /// Whether an item shows a representation that an occurrence shows, too.
-    fn is_placed(&self, assembly: &Assembly<'_>, item: u64) -> bool {
-        let shown = || self.shown_by(item);
-        !assembly.placed.is_empty() && shown().is_some_and(|rep| assembly.placed.contains(&rep))
+    fn is_placed(&self, item: u64) -> bool {
+        let (placed, shown) = (&self.assembly.placed, || self.shown_by(item));
+        !placed.is_empty() && shown().is_some_and(|rep| placed.contains(&rep))
     }
 
     /// The representation that an item shows, if it shows one.
@@ -377,56 +377,48 @@ impl Translator<'_> {
         let [origin, rep] = [of.reference(0)?, of.reference(1)?];
         let geometry = self.geometry();
         let [from, to] = [geometry.map(origin)?, geometry.map(at.reference(2)?)?];
-        let map = checked(to * from.inverse())?;
-        let Some(definition) = self.mapped_definition(rep, depth) else {
-            return Ok(None);
-        };
-        Ok(Some(self.placed(definition, &map, id, at.text(0))))
-    }
-
-    /// The definition of a representation that items show.
-    fn mapped_definition(&mut self, rep: u64, depth: usize) -> Option<i64> {
-        if let Some(known) = self.items.get(&rep) {
-            return *known;
-        }
-        if !self.busy.insert(rep) {
-            self.fail(
-                rep,
-                Problem::Invalid("it is shown inside itself".to_owned()),
-            );
-            return None;
-        }
-        let items = self.rep_items(rep).unwrap_or_else(|problem| {
-            self.fail(rep, problem);
-            Vec::new()
-        });
-        let members: Vec<i64> = items
-            .into_iter()
-            .filter_map(|item| self.item(item, depth + 1))
-            .collect();
-        self.busy.remove(&rep);
-        let name = self.name_of(rep);
-        let made = (!members.is_empty()).then(|| self.definition(members, rep, name));
-        self.items.insert(rep, made);
-        made
+        let scale = scaled(self.units_of(rep).metres / self.units.metres);
+        let map = checked(to * scale * from.inverse());
+        Ok(self.shown(rep, map, id, at.text(0), depth))
     }
 }
 
 /// What is made of products while they are gone through.
-struct Assembly<'s> {
-    structure: &'s Structure,
+#[derive(Debug, Default)]
+pub(super) struct Assembly {
+    structure: Rc<Structure>,
     by_parent: HashMap<u64, Vec<Occurrence>>,
     /// Definitions of products, with their units.
     made: HashMap<u64, Option<(i64, Units)>>,
     /// Representations that are shown.
     seen: HashSet<u64>,
-    /// Definitions of those that are placed in others.
+    /// Definitions of those that are shown in others, or for their own sake.
     inside: HashMap<u64, Option<i64>>,
     /// Those of products that occur in the one that is made: where items show them, they are there
     /// twice.
     placed: HashSet<u64>,
     /// Whether items that are shown already are left out.
     skips_known: bool,
+}
+
+impl Assembly {
+    fn new(structure: Structure) -> Self {
+        let mut by_parent: HashMap<u64, Vec<Occurrence>> = HashMap::new();
+        for occurrence in &structure.occurrences {
+            let parts = by_parent.entry(occurrence.parent).or_default();
+            parts.push(*occurrence);
+        }
+        Self {
+            structure: Rc::new(structure),
+            by_parent,
+            ..Self::default()
+        }
+    }
+
+    /// The occurrences in a product.
+    fn parts_of(&self, product: u64) -> Vec<Occurrence> {
+        self.by_parent.get(&product).cloned().unwrap_or_default()
+    }
 }
 
 /// The name of an occurrence: its designator, name or number.

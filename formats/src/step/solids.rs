@@ -67,7 +67,7 @@ impl Translator<'_> {
             "RIGHT_CIRCULAR_CONE" => {
                 let axis = geometry.axis(at.reference(1)?)?;
                 let [height, radius, angle] = [at.number(2)?, at.number(3)?, at.number(4)?];
-                let other = radius + height * (angle * self.angle).tan();
+                let other = radius + height * (angle * self.units.radians).tan();
                 let fields = Fields::new(156).reals([height, radius, other]);
                 points(fields, axis)
             }
@@ -89,7 +89,7 @@ impl Translator<'_> {
             }
             "REVOLVED_AREA_SOLID" | "REVOLVED_FACE_SOLID" => {
                 let axis = geometry.axis(at.reference(2)?)?;
-                let sweep = Sweep::Around(axis, at.number(3)? * self.angle);
+                let sweep = Sweep::Around(axis, at.number(3)? * self.units.radians);
                 let members = self.swept(id, at.reference(1)?, sweep)?;
                 return Ok(self.group(members, id, at.text(0)));
             }

@@ -90,7 +90,7 @@ impl Translator<'_> {
             | "TOROIDAL_SURFACE"
             | "DEGENERATE_TOROIDAL_SURFACE" => {
                 let frame = self.geometry().frame(at.reference(1)?)?;
-                let shape = elementary(record.name(), at, self.angle)?;
+                let shape = elementary(record.name(), at, self.units.radians)?;
                 if let Elementary::Torus(major, minor) = shape
                     && major < minor
                 {
@@ -349,7 +349,7 @@ impl Translator<'_> {
             return part.map_err(Problem::Geometry);
         }
         let frame = geometry.frame(of.reference(1)?)?;
-        let shape = elementary(basis.name(), of, self.angle)?;
+        let shape = elementary(basis.name(), of, self.units.radians)?;
         let angles = match shape {
             Elementary::Plane => [false; 2],
             Elementary::Cylinder(_) | Elementary::Cone(..) => [true, false],
@@ -360,7 +360,7 @@ impl Translator<'_> {
                 range.swap(0, 1);
             }
             if is_angle {
-                *range = range.map(|angle| angle * self.angle);
+                *range = range.map(|angle| angle * self.units.radians);
                 if range[1] <= range[0] {
                     range[1] += TAU;
                 }

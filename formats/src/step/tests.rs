@@ -18,7 +18,7 @@ fn import(data: &str) -> Result<Import, String> {
 }
 
 /// The scene and the warnings of a file of statements.
-fn read(data: &str) -> (Scene, Vec<String>) {
+pub(super) fn read(data: &str) -> (Scene, Vec<String>) {
     let import = import(data).unwrap();
     let warnings = import.warnings.as_slice().iter().map(ToString::to_string);
     (import.scene, warnings.collect())
@@ -272,48 +272,6 @@ fn lines_that_turn_are_planes_cylinders_and_cones() {
 }
 
 #[test]
-fn occurrences_are_placed_whichever_way_they_are_written() {
-    // The child is turned by a quarter and moved to (10, 0, 0); an inch is its unit.
-    let data = |rep_1: u64, rep_2: u64, item_1: u64, item_2: u64| {
-        format!(
-            "{AXES}{DISK}#70=CARTESIAN_POINT('',(10.,0.,0.));
-#71=DIRECTION('',(0.,1.,0.));
-#72=AXIS2_PLACEMENT_3D('',#70,#2,#71);
-#80=(CONVERSION_BASED_UNIT('INCH',#81)LENGTH_UNIT()NAMED_UNIT(#83));
-#81=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#900);
-#82=(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNIT_ASSIGNED_CONTEXT((#80,#901))REPRESENTATION_CONTEXT('',''));
-#85=PRODUCT_DEFINITION('','',#904,$);
-#86=PRODUCT_DEFINITION_SHAPE('','',#85);
-#87=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',(#10,#22),#82);
-#88=SHAPE_DEFINITION_REPRESENTATION(#86,#87);
-#89=NEXT_ASSEMBLY_USAGE_OCCURRENCE('1','','',#905,#85,'here');
-#90=PRODUCT_DEFINITION_SHAPE('','',#89);
-#91=ITEM_DEFINED_TRANSFORMATION('','',#{item_1},#{item_2});
-#92=(REPRESENTATION_RELATIONSHIP('','',#{rep_1},#{rep_2})\
-REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#91)SHAPE_REPRESENTATION_RELATIONSHIP());
-#93=CONTEXT_DEPENDENT_SHAPE_REPRESENTATION(#92,#90);"
-        )
-    };
-    for text in [
-        data(87, 907, 10, 72),
-        data(907, 87, 72, 10),
-        // Items that are crossed are told by the representations that have them.
-        data(87, 907, 72, 10),
-    ] {
-        let (scene, warnings) = read(&product("#72", &text));
-        assert_eq!(warnings, [""; 0]);
-        let [place] = shown(&scene)[..] else {
-            panic!("one place")
-        };
-        let moved = place.transform_point3(DVec3::X);
-        assert!(
-            moved.distance(DVec3::new(10.0, 25.4, 0.0)) < 1e-12,
-            "{moved}"
-        );
-    }
-}
-
-#[test]
 fn colours_of_faces_count_before_those_of_solids() {
     let style = |first: u64, item: u64, color: &str| {
         let [a, b, c, d, e, f] = [0, 1, 2, 3, 4, 5].map(|k| first + k);
@@ -341,44 +299,6 @@ fn colours_of_faces_count_before_those_of_solids() {
     assert_eq!(color(&red), Some(DVec3::X));
     assert_eq!(color(&(red + &blue)), Some(DVec3::Z));
     assert_eq!(color(black), None);
-}
-
-#[test]
-fn what_is_not_shown_is_told() {
-    let told = |items: &str, data: &str| {
-        let (_, warnings) = read(&product(items, &format!("{AXES}{DISK}{data}")));
-        warnings
-    };
-    let stray = "#30=ADVANCED_FACE('',(#16),#18,.T.);";
-    let text = "it is not shown: no representation of a shape that is shown has it";
-    assert_eq!(
-        told("#22", stray),
-        [format!("line 29, #30 ADVANCED_FACE: {text}")]
-    );
-    let odd = "#30=SWEPT_DISK_SOLID('',#13,1.,$,0.,1.);";
-    let text = "it is of a type that is not read";
-    assert_eq!(
-        told("#22,#30", odd),
-        [format!("line 29, #30 SWEPT_DISK_SOLID: {text}")]
-    );
-    assert_eq!(
-        told("#22,#18", ""),
-        ["line 25, #18 PLANE: nothing bounds it, and it has no end; it is not shown"]
-    );
-    // Hidden things are counted, too.
-    let hidden = "#30=ADVANCED_FACE('',(#16),#18,.T.);#31=OPEN_SHELL('',(#30));\
-                  #32=INVISIBILITY((#31));";
-    let told = told("#22,#31", hidden);
-    let text = "line 29, #31 OPEN_SHELL: blanked entities are not shown";
-    assert!(told.iter().any(|told| told == text), "{told:?}");
-}
-
-#[test]
-fn shapes_without_products_are_shown() {
-    let (scene, warnings) = read(&format!("{AXES}{DISK}"));
-    let text = "no representation of a shape has it; it is shown for its own sake";
-    assert_eq!(warnings, [format!("line 18, #21 OPEN_SHELL: {text}")]);
-    assert_eq!(shown(&scene).len(), 1);
 }
 
 #[test]

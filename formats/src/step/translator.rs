@@ -10,9 +10,11 @@ use super::curves::Geometry;
 use super::external::Files;
 use super::nets::matrix;
 use super::part21::Exchange;
+use super::products::Assembly;
 use super::styles::{Style, Styles};
 use super::surfaces::Sheet;
 use super::topology::Edge;
+use super::units::Units;
 use crate::iges::{Draft, Fields, Look};
 use crate::{Error, Limits, Place, Problem, Warnings};
 
@@ -37,8 +39,11 @@ pub(super) struct Translator<'a> {
     made: HashSet<u64>,
     pub warnings: Warnings,
     pub styles: Styles,
-    /// Radians in the unit of angles that holds where we are.
-    pub angle: f64,
+    pub assembly: Assembly,
+    /// The units that hold where we are.
+    pub units: Units,
+    /// Those of representations.
+    pub units_known: HashMap<u64, Units>,
     /// The pointer to the transformation of the surfaces that are made, or zero.
     pub transform: i64,
     pub surfaces: HashMap<u64, Result<Sheet, Problem>>,
@@ -73,7 +78,9 @@ impl<'a> Translator<'a> {
             made: HashSet::new(),
             warnings: Warnings::default(),
             styles: Styles::default(),
-            angle: 1.0,
+            assembly: Assembly::default(),
+            units: Units::default(),
+            units_known: HashMap::new(),
             transform: 0,
             surfaces: HashMap::new(),
             edges: HashMap::new(),
@@ -145,7 +152,7 @@ impl<'a> Translator<'a> {
     pub(super) fn geometry(&self) -> Geometry<'a> {
         Geometry {
             exchange: self.exchange,
-            angle: self.angle,
+            angle: self.units.radians,
             limit: self.points_left,
         }
     }

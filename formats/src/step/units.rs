@@ -1,24 +1,9 @@
 //! Units of length and angle, and how exact points are.
 
-use kernel::Unit;
-
 use super::products::of_representation;
 use super::translator::Translator;
 use super::values::{Attributes, Record, Value};
 use crate::Problem;
-
-/// The names of units of length, and how long they are.
-const METRES: [(&str, f64); 9] = [
-    ("in", 0.0254),
-    ("ft", 0.3048),
-    ("mi", 1609.344),
-    ("yd", 0.9144),
-    ("mil", 2.54e-5),
-    ("mm", 1e-3),
-    ("cm", 1e-2),
-    ("m", 1.0),
-    ("um", 1e-6),
-];
 
 /// What the prefixes of units are worth.
 const PREFIXES: [(&[u8], f64); 16] = [
@@ -52,16 +37,27 @@ pub(super) struct Units {
     pub uncertainty: f64,
 }
 
-impl Translator<'_> {
-    /// The units of a representation; millimetres and radians where it says nothing.
-    pub(super) fn units(&self, rep: u64) -> Units {
-        let mut units = Units {
+impl Default for Units {
+    /// Millimetres and radians.
+    fn default() -> Self {
+        Self {
             metres: 1e-3,
             radians: 1.0,
             uncertainty: 0.0,
-        };
+        }
+    }
+}
+
+impl Translator<'_> {
+    /// The units of a representation; the usual ones where it says nothing.
+    pub(super) fn units_of(&mut self, rep: u64) -> Units {
+        if let Some(known) = self.units_known.get(&rep) {
+            return *known;
+        }
+        let mut units = Units::default();
         // What is not readable leaves the usual.
         let _ = self.read_units(rep, &mut units);
+        self.units_known.insert(rep, units);
         units
     }
 
@@ -125,15 +121,5 @@ impl Translator<'_> {
             return positive(measure.number(0)? * self.unit(&base, depth + 1)?);
         }
         Ok(1.0)
-    }
-}
-
-/// A unit with its name, by its length.
-pub(super) fn unit(metres: f64) -> Unit {
-    let same = |known: f64| (known - metres).abs() <= known * 1e-9;
-    let known = METRES.iter().find(|(_, value)| same(*value));
-    Unit {
-        name: known.map_or_else(|| format!("{metres} m"), |(name, _)| (*name).to_owned()),
-        metres,
     }
 }

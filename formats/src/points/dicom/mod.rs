@@ -56,10 +56,7 @@ fn read(bytes: &[u8], limits: &Limits) -> Result<PointSet, Error> {
         return Err(FORMAT.error(Place::default(), Problem::Unsupported(text)));
     }
     let mut set = PointSet {
-        unit: Some(Unit {
-            name: "mm".to_owned(),
-            metres: 1e-3,
-        }),
+        unit: Unit::named("mm"),
         ..PointSet::default()
     };
     let is_utf8 = text(&all, CHARACTER_SET, true).contains("192");

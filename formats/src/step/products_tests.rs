@@ -1,0 +1,119 @@
+use glam::{DAffine3, DVec3};
+
+use super::tests::{AXES, DISK, product, read, shown};
+
+/// Where a point an inch along the first axis is, moved by placement #72.
+const MOVED: DVec3 = DVec3::new(10.0, 25.4, 0.0);
+
+/// As [`product`], of whose representation #907 the disk is not an item. It is that of #87, in inches, of
+/// a product #85. Placement #72 turns by a quarter and moves by 10.
+fn inches(items: &str, data: &str) -> String {
+    let data = format!(
+            "{AXES}{DISK}#70=CARTESIAN_POINT('',(10.,0.,0.));
+#71=DIRECTION('',(0.,1.,0.));
+#72=AXIS2_PLACEMENT_3D('',#70,#2,#71);
+#80=(CONVERSION_BASED_UNIT('INCH',#81)LENGTH_UNIT()NAMED_UNIT(#83));
+#81=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#900);
+#82=(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNIT_ASSIGNED_CONTEXT((#80,#901))REPRESENTATION_CONTEXT('',''));
+#85=PRODUCT_DEFINITION('','',#904,$);
+#86=PRODUCT_DEFINITION_SHAPE('','',#85);
+#87=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',(#10,#22),#82);
+#88=SHAPE_DEFINITION_REPRESENTATION(#86,#87);
+{data}"
+    );
+    product(items, &data)
+}
+
+/// Where the only patch of a file is.
+fn only_place(text: &str) -> DAffine3 {
+    let (scene, warnings) = read(text);
+    assert_eq!(warnings, [""; 0]);
+    let [place] = shown(&scene)[..] else {
+        panic!("one place")
+    };
+    place
+}
+
+#[test]
+fn occurrences_are_placed_whichever_way_they_are_written() {
+    let place = |rep_1: u64, rep_2: u64, item_1: u64, item_2: u64| {
+        let data = format!(
+            "#89=NEXT_ASSEMBLY_USAGE_OCCURRENCE('1','','',#905,#85,'here');
+#90=PRODUCT_DEFINITION_SHAPE('','',#89);
+#91=ITEM_DEFINED_TRANSFORMATION('','',#{item_1},#{item_2});
+#92=(REPRESENTATION_RELATIONSHIP('','',#{rep_1},#{rep_2})\
+REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#91)SHAPE_REPRESENTATION_RELATIONSHIP());
+#93=CONTEXT_DEPENDENT_SHAPE_REPRESENTATION(#92,#90);"
+        );
+        only_place(&inches("#72", &data))
+    };
+    for place in [
+        place(87, 907, 10, 72),
+        place(907, 87, 72, 10),
+        // Items that are crossed are told by the representations that have them.
+        place(87, 907, 72, 10),
+    ] {
+        let moved = place.transform_point3(DVec3::X);
+        assert!(moved.distance(MOVED) < 1e-12, "{moved}");
+    }
+}
+
+#[test]
+fn representations_are_shown_in_others_in_their_own_units() {
+    let related = "#91=ITEM_DEFINED_TRANSFORMATION('','',#10,#72);
+#92=(REPRESENTATION_RELATIONSHIP('','',#87,#907)\
+REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#91)SHAPE_REPRESENTATION_RELATIONSHIP());";
+    let mapped = "#91=REPRESENTATION_MAP(#10,#87);#92=MAPPED_ITEM('',#91,#72);";
+    for (items, data) in [("#72", related), ("#92", mapped)] {
+        // A representation of no product is not shown for its own sake, too.
+        let text = inches(items, data).replace("#88=SHAPE_DEF", "#88=NO_SHAPE_DEF");
+        let moved = only_place(&text).transform_point3(DVec3::X);
+        assert!(moved.distance(MOVED) < 1e-12, "{moved} {data}");
+    }
+    // Of a product, it is not shown where it would be alone.
+    let moved = only_place(&inches("#92", mapped)).transform_point3(DVec3::X);
+    assert!(moved.distance(MOVED) < 1e-12, "{moved}");
+    // One that is shown in two ways is there twice, without being made twice.
+    let twice = format!("{mapped}#93=MAPPED_ITEM('',#91,#10);");
+    let (scene, warnings) = read(&inches("#92,#93", &twice));
+    assert_eq!(warnings, [""; 0]);
+    assert_eq!((shown(&scene).len(), scene.patches().len()), (2, 1));
+}
+
+#[test]
+fn what_is_not_shown_is_told() {
+    let told = |items: &str, data: &str| {
+        let (_, warnings) = read(&product(items, &format!("{AXES}{DISK}{data}")));
+        warnings
+    };
+    let stray = "#30=ADVANCED_FACE('',(#16),#18,.T.);";
+    let text = "it is not shown: no representation of a shape that is shown has it";
+    assert_eq!(
+        told("#22", stray),
+        [format!("line 29, #30 ADVANCED_FACE: {text}")]
+    );
+    let odd = "#30=SWEPT_DISK_SOLID('',#13,1.,$,0.,1.);";
+    let text = "it is of a type that is not read";
+    assert_eq!(
+        told("#22,#30", odd),
+        [format!("line 29, #30 SWEPT_DISK_SOLID: {text}")]
+    );
+    assert_eq!(
+        told("#22,#18", ""),
+        ["line 25, #18 PLANE: nothing bounds it, and it has no end; it is not shown"]
+    );
+    // Hidden things are counted, too.
+    let hidden = "#30=ADVANCED_FACE('',(#16),#18,.T.);#31=OPEN_SHELL('',(#30));\
+                  #32=INVISIBILITY((#31));";
+    let told = told("#22,#31", hidden);
+    let text = "line 29, #31 OPEN_SHELL: blanked entities are not shown";
+    assert!(told.iter().any(|told| told == text), "{told:?}");
+}
+
+#[test]
+fn shapes_without_products_are_shown() {
+    let (scene, warnings) = read(&format!("{AXES}{DISK}"));
+    let text = "no representation of a shape has it; it is shown for its own sake";
+    assert_eq!(warnings, [format!("line 18, #21 OPEN_SHELL: {text}")]);
+    assert_eq!(shown(&scene).len(), 1);
+}
