@@ -14,6 +14,22 @@ const NESTING: usize = 16;
 /// How the types of rational splines begin.
 const RATIONAL: &[u8] = b"RATIONAL_B_SPLINE_";
 
+/// Types whose complex instances say what simple ones do, and the parts that have their attributes.
+const AS_SIMPLE: [(&str, &[&str]); 4] = [
+    (
+        "COMPOSITE_CURVE",
+        &["REPRESENTATION_ITEM", "COMPOSITE_CURVE"],
+    ),
+    ("FACE_BOUND", &["REPRESENTATION_ITEM", "FACE_BOUND"]),
+    ("NEXT_ASSEMBLY_USAGE_OCCURRENCE", &USAGE),
+    ("PROMISSORY_USAGE_OCCURRENCE", &USAGE),
+];
+const USAGE: [&str; 3] = [
+    "PRODUCT_DEFINITION_RELATIONSHIP",
+    "PRODUCT_DEFINITION_USAGE",
+    "ASSEMBLY_COMPONENT_USAGE",
+];
+
 /// How scopes of old files begin and end.
 const SCOPE: &[u8] = b"&SCOPE";
 const ENDSCOPE: &[u8] = b"ENDSCOPE";
@@ -24,6 +40,9 @@ const VALUES: usize = 20_000_000;
 /// How often the bytes of a file may be read over again, as a factor, and how many may be anyway.
 const REREADS: usize = 20;
 const REREADS_FREE: usize = 1 << 24;
+
+/// The parts of an instance: names of types, in upper case, and attributes.
+type Parts<'a> = Vec<(String, Vec<Value<'a>>)>;
 
 /// Where an instance stands.
 #[derive(Clone, Copy, Debug)]
@@ -186,7 +205,9 @@ impl<'a> Exchange<'a> {
         if cursor.take(b'(').is_some() {
             // Of the names of complex ones this says most, and stands behind others.
             let rational = text.windows(RATIONAL.len()).position(|w| w == RATIONAL);
-            cursor.at = rational.unwrap_or(cursor.at);
+            let mut names = AS_SIMPLE.iter().map(|(name, _)| name.as_bytes());
+            let telling = rational.or_else(|| names.find_map(|name| word(text, name)));
+            cursor.at = telling.unwrap_or(cursor.at);
         }
         cursor.name()
     }
@@ -233,8 +254,40 @@ impl<'a> Exchange<'a> {
                 rest => format!("{whole} is not readable from \"{rest}\" on"),
             })
         })?;
-        Ok(Record { id, parts })
+        Ok(Record {
+            id,
+            parts: simplified(parts),
+        })
     }
+}
+
+/// Complex instances of some types as simple ones.
+fn simplified(mut parts: Parts<'_>) -> Parts<'_> {
+    let of = |parts: &Parts<'_>, name: &str| parts.iter().position(|part| part.0 == name);
+    let known = AS_SIMPLE
+        .iter()
+        .find(|(name, _)| of(&parts, name).is_some());
+    let Some((name, order)) = known.filter(|_| parts.len() > 1) else {
+        return parts;
+    };
+    let mut attributes = Vec::new();
+    for part in *order {
+        let at = of(&parts, part);
+        attributes.extend(at.into_iter().flat_map(|at| parts[at].1.split_off(0)));
+    }
+    vec![((*name).to_owned(), attributes)]
+}
+
+/// Where a word stands by itself in a text.
+fn word(text: &[u8], word: &[u8]) -> Option<usize> {
+    let is_name = |b: u8| b.is_ascii_alphanumeric() || b == b'_';
+    let is_whole = |at: usize| {
+        let beside = [at.checked_sub(1), Some(at + word.len())].map(|at| text.get(at?).copied());
+        !beside.into_iter().flatten().any(is_name)
+    };
+    let mut windows = text.windows(word.len()).enumerate();
+    let found = windows.find(|(at, w)| *w == word && is_whole(*at));
+    found.map(|(at, _)| at)
 }
 
 /// The number of an instance, and where what it is begins.
@@ -367,7 +420,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// The types of an instance with their attributes.
-    fn parts(&mut self) -> Option<Vec<(String, Vec<Value<'a>>)>> {
+    fn parts(&mut self) -> Option<Parts<'a>> {
         self.skip();
         let part = |cursor: &mut Self| {
             let name = String::from_utf8_lossy(cursor.name()).to_uppercase();

@@ -41,6 +41,25 @@ fn instances_are_read_in_all_spellings() {
 }
 
 #[test]
+fn complex_instances_of_some_types_are_as_simple_ones() {
+    let text = "DATA;#1=(BOUNDED_CURVE()COMPOSITE_CURVE((#5),.F.)COMPOSITE_CURVE_ON_SURFACE()\
+                REPRESENTATION_ITEM('name'));\
+                #2=(ASSEMBLY_COMPONENT_USAGE('D')NEXT_ASSEMBLY_USAGE_OCCURRENCE()\
+                PRODUCT_DEFINITION_RELATIONSHIP('1','2','3',#6,#7)PRODUCT_DEFINITION_USAGE());";
+    let exchange = Exchange::new(text.as_bytes(), 10).unwrap();
+    let curve = exchange.get(1).unwrap();
+    assert_eq!((curve.name(), curve.parts.len()), ("COMPOSITE_CURVE", 1));
+    assert_eq!(curve.attributes().text(0), "name");
+    assert_eq!(curve.attributes().references(1), Ok(vec![5]));
+    assert_eq!(exchange.source(1), "#1 COMPOSITE_CURVE");
+    let usage = exchange.get(2).unwrap();
+    assert_eq!(usage.name(), "NEXT_ASSEMBLY_USAGE_OCCURRENCE");
+    let at = usage.attributes();
+    assert_eq!((at.reference(3), at.reference(4)), (Ok(6), Ok(7)));
+    assert_eq!(at.text(5), "D");
+}
+
+#[test]
 fn instances_that_end_early_say_where() {
     let exchange = Exchange::new(b"DATA;#5=A((1,2);#6=B(1,?);", 10).unwrap();
     let problem = |id| exchange.get(id).unwrap_err().to_string();

@@ -98,7 +98,7 @@ impl Translator<'_> {
                 let members = self.items(&at.references(1)?, depth);
                 self.group(members, id, name)
             }
-            "EDGE_CURVE" | "ORIENTED_EDGE" | "SUBEDGE" | "EDGE" => {
+            "EDGE_CURVE" | "ORIENTED_EDGE" | "SEAM_EDGE" | "SUBEDGE" | "EDGE" => {
                 let (edge, _) = self.edge(id)?;
                 Some(edge.pointer).filter(|pointer| *pointer != 0)
             }
@@ -214,7 +214,7 @@ impl Translator<'_> {
         let (mut id, mut is_backwards) = (id, false);
         for _ in 0..NESTING {
             let record = self.geometry().get(id)?;
-            if record.name() != "ORIENTED_EDGE" {
+            if !matches!(record.name(), "ORIENTED_EDGE" | "SEAM_EDGE") {
                 break;
             }
             is_backwards ^= !record.attributes().is_true(4, true);
