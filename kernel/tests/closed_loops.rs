@@ -6,8 +6,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3};
 use nurbray_kernel::modelling::{self, Frame};
 use nurbray_kernel::{
-    ClosedLoops, Curve, Error, Orientation, Patch, Surface, TrimLoop, TrimRegion, close_loops,
-    nearest,
+    ClosedLoops, Curve, Error, KnotVector, Orientation, Patch, Surface, TrimLoop, TrimRegion,
+    close_loops, nearest,
 };
 
 fn sphere() -> Surface {
@@ -462,5 +462,67 @@ fn loops_farther_away_than_digits_tell_are_refused() {
     ] {
         let problem = loops(u, size).unwrap_err();
         assert!(matches!(problem, Error::Parameter { .. }), "{problem}");
+    }
+}
+
+#[test]
+fn a_loop_goes_around_the_corner_of_two_sides_that_are_one_point() {
+    // A lens: the sides at u = 0 and v = 0 are one of its corners.
+    let net = [
+        [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]],
+        [[0.0, 0.0], [0.25, 0.0], [0.5, -0.5]],
+        [[0.0, 0.0], [0.5, 0.5], [1.0, 0.0]],
+    ];
+    let points = net
+        .as_flattened()
+        .iter()
+        .map(|&[x, y]| DVec3::new(x, y, 0.0));
+    let knots = || KnotVector::bezier(2, 0.0..1.0).unwrap();
+    let lens = Surface::new(knots(), knots(), &points.collect::<Vec<_>>(), None).unwrap();
+    let sides = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let back = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]];
+    for side in [sides, back] {
+        let closed = close(&lens, &[path(&side)], Orientation::Unknown).unwrap();
+        let area = closed.loops[0].signed_area().abs();
+        assert!((area - 1.0).abs() < 1e-12, "{area}");
+    }
+}
+
+#[test]
+fn a_loop_that_touches_itself_on_the_seam_is_cut_there() {
+    // A band of a cylinder between -pi and pi without three triangles, which it passes by with a corner
+    // on the seam: two on its one side, and one on its other.
+    let around = [
+        [-PI, 0.0],
+        [PI, 0.0],
+        [PI, 1.0],
+        [0.0, 1.0],
+        [-1.0, 0.8],
+        [-1.0, 1.2],
+        [0.0, 1.0],
+        [PI, 1.2],
+        [PI, 2.8],
+        [0.0, 3.0],
+        [-1.0, 2.8],
+        [-1.0, 3.2],
+        [0.0, 3.0],
+        [PI, 3.2],
+        [PI, 4.0],
+        [-PI, 4.0],
+        [-PI, 0.0],
+    ];
+    let area = |loops: &[TrimLoop]| loops.iter().map(TrimLoop::signed_area).sum::<f64>();
+    let expected = TAU * 4.0 - 2.0 * 0.2 - 0.5 * PI * (0.2 + 0.4);
+    for turned in [false, true] {
+        let mut points = around;
+        if turned {
+            points.reverse();
+        }
+        let closed = close(&cylinder(), &[path(&points)], Orientation::Unknown).unwrap();
+        let found = area(&closed.loops);
+        assert!(
+            (found.abs() - expected).abs() < 1e-9,
+            "{found}, not {expected}"
+        );
     }
 }

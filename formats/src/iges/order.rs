@@ -16,6 +16,15 @@ const TURNS: u8 = 4;
 /// Crossings of a seam are this near to it, as a share of the period.
 const NEAR: f64 = 1e-9;
 
+/// Curves run around a closed surface so often up to this share of a period.
+const WHOLE: f64 = 1e-3;
+
+/// What is said of repaired loops.
+const TORN: &str = "the curves of a trim loop are listed out of order; they are taken in the order \
+                    in which they meet";
+const SPUR: &str = "a curve of a trim loop leads nowhere; it is left out";
+const WOUND: &str = "a closed curve of a trim loop runs the wrong way round; it is turned";
+
 /// Loops of more curves are taken in the order of the file.
 const SORTED: usize = 500;
 
@@ -52,16 +61,26 @@ impl Step {
 
 impl<F: Fn(DVec2) -> DVec3> Order<F> {
     /// Lets closed curves begin where others of the loop end, turns curves round where that lets
-    /// them meet, in space, and puts them in the order in which they meet without a jump; whether
-    /// they do not even meet in space in the order of the file.
-    pub(super) fn aligned(&self, curves: Chain) -> (Chain, bool) {
+    /// them meet, in space, and puts them in the order in which they meet without a jump; what had
+    /// to be repaired for that.
+    pub(super) fn aligned(&self, curves: Chain) -> (Chain, Vec<&'static str>) {
+        let mut repairs = Vec::new();
         if curves.len() < 2 {
-            return (curves, false);
+            return (curves, repairs);
         }
         let curves = self.opened(curves);
         let ends = self.ends(&curves);
         let listed = self.listed(&ends);
-        let (steps, is_torn) = self.sorted(&ends, &listed).unwrap_or((listed, false));
+        let listed = match self.without_spurs(&ends, &listed) {
+            Some(rest) => {
+                repairs.push(SPUR);
+                rest
+            }
+            None => listed,
+        };
+        let (mut steps, is_torn) = self.sorted(&ends, &listed).unwrap_or((listed, false));
+        repairs.extend(is_torn.then_some(TORN));
+        repairs.extend(self.unwind(&ends, &mut steps).then_some(WOUND));
         let walked = |step: Step| {
             let curve = &curves[step.curve];
             if step.is_turned {
@@ -70,7 +89,55 @@ impl<F: Fn(DVec2) -> DVec3> Order<F> {
                 curve.clone()
             }
         };
-        (steps.into_iter().map(walked).collect(), is_torn)
+        (steps.into_iter().map(walked).collect(), repairs)
+    }
+
+    /// The steps without those that lead nowhere, if the others meet: each from where the one before
+    /// it ends to where the one after it begins.
+    fn without_spurs(&self, ends: &[Ends], steps: &[Step]) -> Option<Vec<Step>> {
+        let count = steps.len();
+        let meets = |k: usize, l: usize| self.meets(ends, steps[k % count], steps[l % count]);
+        let is_spur = |k: usize| {
+            let (before, after) = (k + count - 1, k + 1);
+            !(meets(before, k) && meets(k, after)) && meets(before, after)
+        };
+        let is_torn = (0..count).any(|k| !meets(k, k + 1));
+        let (spurs, rest): (Vec<_>, Vec<_>) = (0..count).partition(|&k| is_torn && is_spur(k));
+        let rest: Vec<_> = rest.into_iter().map(|k| steps[k]).collect();
+        let is_sound = pairs(&rest).all(|(a, b)| self.meets(ends, a, b));
+        (!spurs.is_empty() && rest.len() > 1 && is_sound).then_some(rest)
+    }
+
+    /// Turns closed curves round where a loop would run around a closed surface more than once:
+    /// their ends do not tell which way they run. Whether there are any.
+    fn unwind(&self, ends: &[Ends], steps: &mut [Step]) -> bool {
+        let mut is_changed = false;
+        for (axis, period) in self.periods.iter().enumerate() {
+            let Some(period) = period.as_ref().map(|p| p.end - p.start) else {
+                continue;
+            };
+            // How often a step runs around; turned, it runs the other way.
+            let turns = |step: &Step| {
+                let [start, end] = [0, 1].map(|side| ends[step.curve].uv[step.side(side)][axis]);
+                (end - start) / period
+            };
+            let mut sum: f64 = steps.iter().map(turns).sum();
+            if (sum - sum.round()).abs() > WHOLE {
+                continue;
+            }
+            for k in 0..steps.len() {
+                let own = turns(&steps[k]);
+                let [start, end] = ends[steps[k].curve].points;
+                let is_closed =
+                    (own.abs() - 1.0).abs() <= WHOLE && start.distance(end) <= self.accuracy;
+                if sum.abs() > 1.5 && is_closed && own * sum > 0.0 {
+                    steps[k].is_turned = !steps[k].is_turned;
+                    sum -= 2.0 * own;
+                    is_changed = true;
+                }
+            }
+        }
+        is_changed
     }
 
     /// The order in which each curve begins where the one before ends, in parameters as they are, if
@@ -282,11 +349,70 @@ mod tests {
         let right = [7, 8, 0, 1, 2, 3, 4, 5, 6].map(line).to_vec();
         // At the corner, one point of space, the left side is followed by the right part of the top.
         let file = [7, 8, 5, 6, 1, 2, 3, 4, 0].map(line).to_vec();
-        assert_eq!(order.aligned(file), (right.clone(), false));
+        assert_eq!(order.aligned(file), (right.clone(), vec![]));
         let torn = [8, 0, 1, 3, 2, 4, 5, 6, 7].map(line).to_vec();
         let sorted = [8, 0, 1, 2, 3, 4, 5, 6, 7].map(line).to_vec();
-        assert_eq!(order.aligned(torn), (sorted, true));
-        assert_eq!(order.aligned(right.clone()), (right, false));
+        assert_eq!(order.aligned(torn), (sorted, vec![TORN]));
+        assert_eq!(order.aligned(right.clone()), (right, vec![]));
+    }
+
+    #[test]
+    fn curves_that_lead_nowhere_are_left_out() {
+        let order = Order {
+            point: |uv: DVec2| uv.extend(0.0),
+            periods: [None, None],
+            near: 1e-9,
+            accuracy: 1e-6,
+        };
+        let line =
+            |from: [f64; 2], to: [f64; 2]| Curve::line(from.into(), to.into(), 0.0..1.0).unwrap();
+        let sides = [
+            line([0.0, 0.0], [2.0, 0.0]),
+            line([2.0, 0.0], [0.0, 2.0]),
+            line([0.0, 2.0], [0.0, 0.0]),
+        ];
+        for place in 0..=3 {
+            let mut file = sides.to_vec();
+            let from = sides[place % 3].start();
+            file.insert(place, Curve::line(from, from + 0.3, 0.0..1.0).unwrap());
+            let (made, repairs) = order.aligned(file);
+            assert_eq!((made.len(), repairs), (3, vec![SPUR]), "{place}");
+        }
+        // What leaves a gap is needed.
+        let open = [sides[0].clone(), sides[1].clone()].to_vec();
+        assert_eq!(order.aligned(open.clone()), (open, vec![]));
+    }
+
+    #[test]
+    fn closed_curves_are_turned_where_a_loop_would_run_around_twice() {
+        let order = Order {
+            point: |uv: DVec2| DVec3::new(uv.x.cos(), uv.x.sin(), uv.y),
+            periods: [Some(0.0..TAU), None],
+            near: 1e-9,
+            accuracy: 1e-6,
+        };
+        let line =
+            |from: [f64; 2], to: [f64; 2]| Curve::line(from.into(), to.into(), 0.0..1.0).unwrap();
+        let band = [
+            line([0.0, 0.0], [TAU, 0.0]),
+            line([TAU, 0.0], [TAU, 1.0]),
+            line([TAU, 1.0], [0.0, 1.0]),
+            line([0.0, 1.0], [0.0, 0.0]),
+        ];
+        let right = band.to_vec();
+        assert_eq!(order.aligned(right.clone()), (right, vec![]));
+        let wrong = [
+            band[0].clone(),
+            band[1].clone(),
+            band[2].reversed(),
+            band[3].clone(),
+        ];
+        let (made, repairs) = order.aligned(wrong.to_vec());
+        let around: f64 = made.iter().map(|c| c.end().x - c.start().x).sum();
+        assert!(
+            around.abs() < 1e-12 && repairs == [WOUND],
+            "{around} {repairs:?}"
+        );
     }
 
     /// All orders of some numbers.
@@ -319,7 +445,8 @@ mod tests {
                     if is_turned { line.reversed() } else { line }
                 };
                 let file: Chain = listed.iter().map(|&k| side(k)).collect();
-                let (made, is_torn) = order.aligned(file.clone());
+                let (made, repairs) = order.aligned(file.clone());
+                let is_torn = repairs == [TORN];
                 let next = made.iter().cycle().skip(1);
                 let mut pairs = made.iter().zip(next);
                 assert!(

@@ -540,10 +540,8 @@ impl<'a> Trimmer<'a> {
             near: self.size * MEETS,
             accuracy,
         };
-        let (chain, is_torn) = order.aligned(chain);
-        if is_torn {
-            let text = "the curves of a trim loop are listed out of order; they are taken in the \
-                        order in which they meet";
+        let (chain, repairs) = order.aligned(chain);
+        for text in repairs {
             reader.repaired(face, text);
         }
         Ok(chain)

@@ -33,7 +33,8 @@ pub(super) fn clipped(
         return Ok(vec![trim]);
     }
     let runs = runs(&trim, axis, &range)?;
-    let loops = joined(runs, axis, f64::midpoint(range.start, range.end));
+    let across = SLIVER * (max[1 - axis] - min[1 - axis]);
+    let loops = joined(runs, axis, f64::midpoint(range.start, range.end), across);
     let is_wide = |curves: &Vec<Curve<DVec2>>| {
         let (min, max) = hull(curves);
         max[axis] - min[axis] > SLIVER * (range.end - range.start)
@@ -87,8 +88,9 @@ fn runs(trim: &TrimLoop, axis: usize, range: &Range<f64>) -> Result<Vec<Run>, Er
 /// Loops of runs that begin and end on the border below or above `middle`.
 ///
 /// Along each border what is inside lies between the first end and the second, the third and the fourth,
-/// and so on.
-fn joined(runs: Vec<Run>, axis: usize, middle: f64) -> Vec<Vec<Curve<DVec2>>> {
+/// and so on. Where ends are no farther apart than `near` their order is not known: what is inside lies
+/// between where a run begins and where one ends.
+fn joined(runs: Vec<Run>, axis: usize, middle: f64, near: f64) -> Vec<Vec<Curve<DVec2>>> {
     let mut borders: [Vec<(f64, End)>; 2] = Default::default();
     for (number, run) in runs.iter().enumerate() {
         let (Some(first), Some(last)) = (run.first(), run.last()) else {
@@ -102,6 +104,14 @@ fn joined(runs: Vec<Run>, axis: usize, middle: f64) -> Vec<Vec<Curve<DVec2>>> {
     let mut next = vec![[None; 2]; runs.len()];
     for border in &mut borders {
         border.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for k in (1..border.len()).step_by(2) {
+            let (place, is_last) = (border[k].0, border[k].1.1);
+            if is_last == border[k - 1].1.1 {
+                let tied = border[k..].iter().take_while(|end| end.0 <= place + near);
+                let other = tied.map(|end| end.1.1).position(|kind| kind != is_last);
+                border.swap(k, k + other.unwrap_or(0));
+            }
+        }
         for pair in border.as_chunks::<2>().0 {
             let [a, b] = pair.map(|(_, end)| end);
             next[a.0][usize::from(a.1)] = Some(b);

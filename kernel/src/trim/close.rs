@@ -340,8 +340,30 @@ impl Closer<'_> {
             }
             *wide_gaps += 1;
         }
-        path.push(Curve::line(end, next, 0.0..1.0)?);
+        // Along both sides that are one point, not through the face.
+        let corner = self.corner(end, next);
+        let stops = [end].into_iter().chain(corner).chain([next]);
+        let stops: Vec<DVec2> = stops.collect();
+        for ends in stops.windows(2) {
+            path.push(Curve::line(ends[0], ends[1], 0.0..1.0)?);
+        }
         Ok(())
+    }
+
+    /// The corner between two places on sides of the domain that meet there and are one point.
+    fn corner(&self, end: DVec2, next: DVec2) -> Option<DVec2> {
+        let sides = |uv: DVec2| [0, 1].map(|axis| self.pole(uv, axis));
+        let (from, to) = (sides(end), sides(next));
+        if (0..2).any(|axis| from[axis].is_some() && from[axis] == to[axis]) {
+            return None;
+        }
+        let at = |axis: usize, side: usize| self.start[axis] + self.size[axis] * side as f64;
+        match (from, to) {
+            ([Some(u), None], [None, Some(v)]) | ([None, Some(v)], [Some(u), None]) => {
+                Some(DVec2::new(at(0, u), at(1, v)))
+            }
+            _ => None,
+        }
     }
 
     /// Whether two places are one up to rounding.
