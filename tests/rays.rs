@@ -5,7 +5,8 @@
 
 mod reference;
 
-use kernel::Ray;
+use glam::DVec3;
+use kernel::{Child, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface};
 use nurbray::{Accelerator, Hit, METHODS, Workspace};
 use reference::{scenes, vector};
 use serde_json::Value;
@@ -92,4 +93,40 @@ fn describe(case: &Value, hits: &[Hit]) -> String {
         "{} {}: expected {expected:?}, found {found:?}",
         case["id"], case["category"]
     )
+}
+
+/// Where a patch is only a curve there is nothing to meet, on whatever ray, and it takes no time to
+/// find that out.
+#[test]
+fn no_ray_meets_a_patch_without_area() {
+    // The parabola (s, s^2, 0) at s = u + v.
+    let place = |i: usize, j: usize| {
+        let (u, v) = (i as f64 / 2.0, j as f64 / 2.0);
+        let square = |k: usize| if k == 2 { 1.0 } else { 0.0 };
+        DVec3::new(u + v, square(i) + 2.0 * u * v + square(j), 0.0)
+    };
+    let points = (0..9).map(|k| place(k / 3, k % 3));
+    let knots = || KnotVector::bezier(2, 0.0..1.0).unwrap();
+    let surface = Surface::new(knots(), knots(), &points.collect::<Vec<_>>(), None).unwrap();
+    let mut scene = Scene::default();
+    let patch = scene.add_patch(Patch::from(surface)).unwrap();
+    let item = Child::Item(Item {
+        shape: Shape::Patch(patch),
+        material: None,
+    });
+    let root = scene.add_node(Node {
+        children: vec![item],
+        ..Node::default()
+    });
+    scene.set_root(root.unwrap()).unwrap();
+    let accelerator = Accelerator::build(&scene, &METHODS[0]);
+    let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
+    for s in [0.0, 0.3, 1.0, 1.1, 2.0] {
+        for direction in [DVec3::Z, DVec3::new(0.1, 0.2, 1.0), DVec3::X] {
+            let origin = DVec3::new(s, s * s, 0.0) - direction;
+            let ray = Ray { origin, direction };
+            accelerator.all(&ray, 0.0..f64::INFINITY, &mut workspace, &mut hits);
+            assert_eq!(hits.len(), 0, "{s} {direction}");
+        }
+    }
 }

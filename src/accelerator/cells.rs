@@ -289,8 +289,8 @@ pub(crate) struct Parts {
 impl Parts {
     /// Adds a piece of item number `item`, and its cells.
     ///
-    /// A piece that is no more than a point has nothing to hit and is left out, and so are
-    /// cells outside of `trims`.
+    /// A piece that is no more than a point or a curve has nothing to hit and is left out, and so
+    /// are cells outside of `trims`.
     pub(crate) fn add(
         &mut self,
         piece: &Source<'_>,
@@ -346,8 +346,17 @@ impl Parts {
         };
         let trims = trims.map(|t| (t, TRIM_HALVINGS));
         let (cells, groups) = (&mut self.cells, &mut self.groups);
+        let before = (cells.len(), groups.len());
         let most = halvings.first + further;
         let open = divider.divide(cell, most, trims, (cells, groups));
+        let is_even = |new: &NewCell| new.frame.stray[0] < 1.0;
+        if !cells[before.0..].first().is_some_and(is_even) && divider.net.is_curve() {
+            cells.truncate(before.0);
+            groups.truncate(before.1);
+            self.pieces.nets.truncate(first);
+            self.pieces.pieces.pop();
+            return;
+        }
         groups.push(cells.len() - open..cells.len());
     }
 

@@ -11,7 +11,7 @@ mod twofold;
 use std::fmt;
 use std::ops::Range;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
 use kernel::Ray;
 
 use crate::accelerator::{Accelerator, Workspace};
@@ -185,6 +185,28 @@ pub(crate) struct PieceNet<'a> {
     pub(crate) degrees: Degrees,
     /// The points `(w P, w)`.
     pub(crate) points: &'a [[f64; 4]],
+}
+
+/// Parameters, spread over a piece, at which one that is a curve has no area.
+const SPREAD: [f64; 6] = [0.07, 0.23, 0.41, 0.59, 0.78, 0.94];
+
+/// A piece of less area for its parameters, in its own units, is a curve or a point: it is narrower
+/// than the accuracy of hits.
+const NO_AREA: f64 = 1e-12;
+
+impl PieceNet<'_> {
+    /// Whether it has no area.
+    pub(crate) fn is_curve(&self) -> bool {
+        let is_flat = |u: f64, v: f64| {
+            let [x, du, dv] = net::evaluate_at(self, u, v);
+            let point = x.truncate() / x.w;
+            let along = |d: DVec4| (d.truncate() - point * d.w) / x.w;
+            along(du).cross(along(dv)).length() <= NO_AREA
+        };
+        SPREAD
+            .iter()
+            .all(|&u| SPREAD.iter().all(|&v| is_flat(u, v)))
+    }
 }
 
 /// A ray's line as two planes through it, in the units of a piece: the line is where

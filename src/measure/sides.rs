@@ -41,13 +41,14 @@ pub(super) fn outsides(
     for face in faces {
         let mut votes = 0_i32;
         for uv in points(face) {
-            let d = face.patch.surface.derivatives(uv);
-            let Some(normal) = d.du.cross(d.dv).try_normalize() else {
+            let surface = &face.patch.surface;
+            let (point, Some(normal)) = surface.point_and_regular_normal(uv) else {
                 continue;
             };
-            let lean = d.du.normalize_or_zero() * LEAN[0] + d.dv.normalize_or_zero() * LEAN[1];
+            let (_, [du, dv]) = surface.tangents(uv);
+            let lean = du.normalize_or_zero() * LEAN[0] + dv.normalize_or_zero() * LEAN[1];
             let ray = Ray {
-                origin: d.point,
+                origin: point,
                 direction: normal + lean,
             };
             let range = f64::NEG_INFINITY..f64::INFINITY;
