@@ -67,6 +67,8 @@ pub(super) struct Exchange<'a> {
     pub stray: Option<(usize, usize)>,
     /// The first instance of which the number was there before, and how many there are.
     pub doubled: Option<(usize, usize)>,
+    /// The first instance without a semicolon at its end, and how many there are.
+    pub unended: Option<(usize, usize)>,
 }
 
 impl<'a> Exchange<'a> {
@@ -87,11 +89,13 @@ impl<'a> Exchange<'a> {
             is_ended: false,
             stray: None,
             doubled: None,
+            unended: None,
         };
         let mut statements = Statements {
             bytes,
             at: 0,
             line: 1,
+            unended: None,
         };
         let (mut in_data, mut scopes) = (false, Vec::new());
         while let Some((line, start, end)) = statements.next() {
@@ -118,6 +122,7 @@ impl<'a> Exchange<'a> {
                 *count += 1;
             }
         }
+        exchange.unended = statements.unended;
         // The first of those with one number counts.
         exchange.entries.sort_by_key(|entry| entry.id);
         let mut doubled: Option<(usize, usize)> = None;
@@ -311,6 +316,8 @@ struct Statements<'a> {
     bytes: &'a [u8],
     at: usize,
     line: usize,
+    /// See [`Exchange`].
+    unended: Option<(usize, usize)>,
 }
 
 impl Statements<'_> {
@@ -339,6 +346,14 @@ impl Statements<'_> {
                     self.at += 1;
                     return Some((line, start.unwrap_or(end), end));
                 }
+                b'=' if let Some((begin, end)) =
+                    start.and_then(|at| Some((at, self.begun(at)?))) =>
+                {
+                    let (_, count) = self.unended.get_or_insert((line, 0));
+                    *count += 1;
+                    self.at = end;
+                    return Some((line, begin, end));
+                }
                 _ if start.is_none() && !is_blank(byte) => {
                     (start, line) = (Some(self.at), self.line);
                 }
@@ -347,6 +362,17 @@ impl Statements<'_> {
             self.at += 1;
         }
         None
+    }
+
+    /// Where the instance begins whose number stands before the equals sign here, if the statement that
+    /// starts at `start` is another one, and complete: its semicolon is missing.
+    fn begun(&self, start: usize) -> Option<usize> {
+        let text = &self.bytes[start..self.at];
+        let text = text.trim_ascii_end();
+        let digits = text.iter().rev().take_while(|b| b.is_ascii_digit()).count();
+        let before = text[..text.len() - digits].strip_suffix(b"#")?;
+        let is_complete = digits > 0 && before.trim_ascii_end().ends_with(b")");
+        is_complete.then_some(start + before.len())
     }
 }
 

@@ -142,6 +142,13 @@ impl<'a> Translator<'a> {
             };
             self.warnings.invalid(at(line), text);
         }
+        if let Some((line, count)) = self.exchange.unended {
+            let text = match count {
+                1 => "an instance has no semicolon at its end".to_owned(),
+                _ => format!("{count} instances have no semicolon at their end"),
+            };
+            self.warnings.invalid(at(line), text);
+        }
         if !self.exchange.is_ended {
             let text = "END-ISO-10303-21 is missing; the file may be cut short";
             self.warnings.invalid(at(0), text);
