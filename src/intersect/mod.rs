@@ -190,18 +190,17 @@ pub(crate) struct PieceNet<'a> {
 /// Parameters, spread over a piece, at which one that is a curve has no area.
 const SPREAD: [f64; 6] = [0.07, 0.23, 0.41, 0.59, 0.78, 0.94];
 
-/// A piece of less area for its parameters, in its own units, is a curve or a point: it is narrower
-/// than the accuracy of hits.
-const NO_AREA: f64 = 1e-12;
+/// Derivatives up to this sine of an angle are parallel, by rounding: where all are, a piece is a curve.
+const PARALLEL: f64 = 1e-14;
 
 impl PieceNet<'_> {
-    /// Whether it has no area.
+    /// Whether it has no area, being a curve.
     pub(crate) fn is_curve(&self) -> bool {
         let is_flat = |u: f64, v: f64| {
             let [x, du, dv] = net::evaluate_at(self, u, v);
             let point = x.truncate() / x.w;
-            let along = |d: DVec4| (d.truncate() - point * d.w) / x.w;
-            along(du).cross(along(dv)).length() <= NO_AREA
+            let [du, dv] = [du, dv].map(|d| (d.truncate() - point * d.w) / x.w);
+            du.cross(dv).length() <= PARALLEL * du.length() * dv.length()
         };
         SPREAD
             .iter()

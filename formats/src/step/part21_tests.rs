@@ -61,8 +61,7 @@ fn complex_instances_of_some_types_are_as_simple_ones() {
 
 #[test]
 fn instances_end_where_the_next_one_begins() {
-    let text =
-        "DATA;\n#1=A('#9=B()')\n#2 = C((1))\n #3=D(#1);\n#4=&SCOPE #5=E();ENDSCOPE F();";
+    let text = "DATA;\n#1=A('#9=B()')\n#2 = C((1))\n #3=D(#1);\n#4=&SCOPE #5=E();ENDSCOPE F();";
     let exchange = Exchange::new(text.as_bytes(), 10).unwrap();
     assert_eq!(exchange.ids().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
     assert_eq!(exchange.unended, Some((2, 2)));
