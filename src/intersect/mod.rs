@@ -11,7 +11,7 @@ mod twofold;
 use std::fmt;
 use std::ops::Range;
 
-use glam::{DVec2, DVec3, DVec4};
+use glam::{DVec2, DVec3};
 use kernel::Ray;
 
 use crate::accelerator::{Accelerator, Workspace};

@@ -249,6 +249,9 @@ impl Quadric {
                 _ => return Ok(None),
             },
             Shape::Cylinder { radius } => match span(2) {
+                Some(heights) if heights.is_empty() => {
+                    return Err(Problem::Geometry(kernel::Error::NothingInside));
+                }
                 Some(heights) => modelling::cylinder(frame, radius, 0.0..TAU, heights),
                 None => return Ok(None),
             },

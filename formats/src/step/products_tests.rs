@@ -102,6 +102,13 @@ fn what_is_not_shown_is_told() {
         told("#22,#18", ""),
         ["line 25, #18 PLANE: nothing bounds it, and it has no end; it is not shown"]
     );
+    let ring = "#30=CYLINDRICAL_SURFACE('',#10,2.);#31=ADVANCED_FACE('',(#16),#30,.T.);\
+                #32=OPEN_SHELL('',(#31));";
+    let text = "nothing is inside its trim loops, and it has no border of its own; it is not shown";
+    assert_eq!(
+        told("#22,#32", ring),
+        [format!("line 29, #31 ADVANCED_FACE: {text}")]
+    );
     // Hidden things are counted, too.
     let hidden = "#30=ADVANCED_FACE('',(#16),#18,.T.);#31=OPEN_SHELL('',(#30));\
                   #32=INVISIBILITY((#31));";

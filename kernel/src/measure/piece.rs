@@ -1,11 +1,12 @@
 //! Integrals over rectangles of one Bézier piece, and from its left border to a curve.
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
 
 use super::sums::Sums;
+use crate::curve::are_rational;
 use crate::{BezierSurface, Curve, MAX_DEGREE};
 
 /// How often an interval or rectangle is halved at most.
@@ -17,6 +18,16 @@ const INTERVALS: u32 = 1 << 20;
 
 /// Fewest and most nodes along one direction.
 const NODES: Range<usize> = 6..17;
+
+/// Fewest nodes of a piece that is curved or rational, so that hardly any intervals are halved.
+const CURVED: usize = 10;
+
+/// What halving changes in rows of a plain piece is no more than this share of the tolerance.
+const PLAIN: f64 = 0.01;
+
+/// Points of a row of degree three or less, and of any.
+const FEW: usize = 4;
+pub(super) const ALL: usize = MAX_DEGREE + 1;
 
 /// Nodes and weights of Gauss and Legendre over 0..1: exact for polynomials of degree
 /// `2 n - 1` \[Davis 84, section 2.7\].
@@ -59,16 +70,20 @@ pub(super) struct Piece {
     /// Homogeneous control points about the origin of the moments.
     points: Vec<DVec4>,
     rules: [Rule; 2],
+    /// That along curves, which are short.
+    short: Rule,
     /// Errors that are small enough for one rectangle.
     tolerance: Sums,
     /// How many more intervals there may be.
     left: Cell<u32>,
+    /// Whether the rule is good for rows as a whole, so that parts of rows need no second answer.
+    is_plain: OnceCell<bool>,
 }
 
 /// A column of control points: the piece at one `t`, and its derivative along `t`.
-pub(super) struct Row {
-    points: [DVec4; MAX_DEGREE + 1],
-    slopes: [DVec4; MAX_DEGREE + 1],
+pub(super) struct Row<const N: usize> {
+    points: [DVec4; N],
+    slopes: [DVec4; N],
 }
 
 impl Piece {
@@ -76,25 +91,29 @@ impl Piece {
     pub(super) fn new(piece: &BezierSurface, origin: DVec3, tolerance: Sums) -> Self {
         let degrees = [piece.degree_u(), piece.degree_v()];
         let moved = |h: &DVec4| (h.truncate() - origin * h.w).extend(h.w);
+        let is_flat = degrees == [1, 1] && !are_rational(piece.homogeneous());
+        let fewest = if is_flat { NODES.start } else { CURVED };
         // Volumes of polynomial pieces have the degree 3 p - 1.
-        let count = |p: usize| ((3 * p).div_ceil(2) + 1).clamp(NODES.start, NODES.end - 1);
+        let count = |p: usize| ((3 * p).div_ceil(2) + 1).clamp(fewest, NODES.end - 1);
         Self {
             degrees,
             points: piece.homogeneous().iter().map(moved).collect(),
             rules: degrees.map(|p| Rule::new(count(p))),
+            short: Rule::new(NODES.start),
             tolerance,
             left: Cell::new(INTERVALS),
+            is_plain: OnceCell::new(),
         }
     }
 
     /// The piece at `t`.
-    pub(super) fn row(&self, t: f64) -> Row {
+    pub(super) fn row<const N: usize>(&self, t: f64) -> Row<N> {
         let [p, q] = self.degrees;
         let mut row = Row {
-            points: [DVec4::ZERO; MAX_DEGREE + 1],
-            slopes: [DVec4::ZERO; MAX_DEGREE + 1],
+            points: [DVec4::ZERO; N],
+            slopes: [DVec4::ZERO; N],
         };
-        let basis = Basis::at(q, t);
+        let basis = Basis::<N>::at(q, t);
         for (i, points) in self.points.chunks_exact(q + 1).enumerate().take(p + 1) {
             row.points[i] = sum(points, &basis.values);
             row.slopes[i] = sum(points, &basis.slopes);
@@ -103,9 +122,9 @@ impl Piece {
     }
 
     /// The point at `s` of a row, about the origin, and the normal there, as long as its area.
-    pub(super) fn at(&self, row: &Row, s: f64) -> (DVec3, DVec3) {
+    pub(super) fn at<const N: usize>(&self, row: &Row<N>, s: f64) -> (DVec3, DVec3) {
         let p = self.degrees[0];
-        let basis = Basis::at(p, s);
+        let basis = Basis::<N>::at(p, s);
         let h = sum(&row.points[..=p], &basis.values);
         let hs = sum(&row.points[..=p], &basis.slopes);
         let ht = sum(&row.slopes[..=p], &basis.values);
@@ -116,23 +135,23 @@ impl Piece {
     }
 
     /// What is integrated, at `s` of a row.
-    fn density(&self, row: &Row, s: f64) -> Sums {
+    fn density<const N: usize>(&self, row: &Row<N>, s: f64) -> Sums {
         let (point, normal) = self.at(row, s);
         Sums::density(point, normal)
     }
 
     /// One application of the rules to a rectangle.
-    fn rectangle(&self, s: [f64; 2], t: [f64; 2]) -> Sums {
+    fn rectangle<const N: usize>(&self, s: [f64; 2], t: [f64; 2]) -> Sums {
         let mut sums = Sums::default();
         for &(y, weight) in &self.rules[1].nodes {
-            let row = self.row(t[0] + (t[1] - t[0]) * y);
+            let row = self.row::<N>(t[0] + (t[1] - t[0]) * y);
             sums += self.line(&row, s) * (weight * (t[1] - t[0]));
         }
         sums
     }
 
     /// One application of the rule to an interval of a row.
-    fn line(&self, row: &Row, s: [f64; 2]) -> Sums {
+    fn line<const N: usize>(&self, row: &Row<N>, s: [f64; 2]) -> Sums {
         self.left.set(self.left.get().saturating_sub(1));
         let mut sums = Sums::default();
         for &(x, weight) in &self.rules[0].nodes {
@@ -147,10 +166,23 @@ impl Piece {
         has_room && error.is_finite() && !error.is_within(&self.tolerance)
     }
 
+    /// Whether rows of few points hold the piece.
+    fn is_small(&self) -> bool {
+        self.degrees.iter().all(|degree| *degree < FEW)
+    }
+
     /// The integral over a rectangle, and its error.
     pub(super) fn over(&self, s: [f64; 2], t: [f64; 2]) -> (Sums, Sums) {
+        if self.is_small() {
+            self.over_rows::<FEW>(s, t)
+        } else {
+            self.over_rows::<ALL>(s, t)
+        }
+    }
+
+    fn over_rows<const N: usize>(&self, s: [f64; 2], t: [f64; 2]) -> (Sums, Sums) {
         let mut total = (Sums::default(), Sums::default());
-        let mut waiting = vec![(s, t, self.rectangle(s, t), 0)];
+        let mut waiting = vec![(s, t, self.rectangle::<N>(s, t), 0)];
         while let Some((s, t, whole, level)) = waiting.pop() {
             let (ms, mt) = (s[0].midpoint(s[1]), t[0].midpoint(t[1]));
             // Halved one way, and the other.
@@ -158,8 +190,8 @@ impl Piece {
                 [([s[0], ms], t), ([ms, s[1]], t)],
                 [(s, [t[0], mt]), (s, [mt, t[1]])],
             ];
-            let ways =
-                ways.map(|halves| halves.map(|(s, t)| (s, t, self.rectangle(s, t), level + 1)));
+            let ways = ways
+                .map(|halves| halves.map(|(s, t)| (s, t, self.rectangle::<N>(s, t), level + 1)));
             let gains = ways.map(|[a, b]| a.2 + b.2 - whole);
             let [across, along] = gains.map(Sums::abs);
             let error = across + along;
@@ -174,14 +206,37 @@ impl Piece {
         total
     }
 
+    /// Whether the rule is as good as its halves for some rows, over all of them.
+    fn is_plain<const N: usize>(&self) -> bool {
+        let tolerance = self.tolerance * PLAIN;
+        let is_good = |t: f64| {
+            let row = self.row::<N>(t);
+            let [first, second] = self.halves(&row, [0.0, 1.0]).map(|half| half.1);
+            let error = (first + second - self.line(&row, [0.0, 1.0])).abs();
+            error.is_within(&tolerance)
+        };
+        let nodes = self.rules[1].nodes.iter().map(|node| node.0);
+        *self
+            .is_plain
+            .get_or_init(|| [0.0, 1.0].into_iter().chain(nodes).all(is_good))
+    }
+
+    /// Both halves of an interval of a row.
+    fn halves<const N: usize>(&self, row: &Row<N>, s: [f64; 2]) -> [([f64; 2], Sums); 2] {
+        let middle = s[0].midpoint(s[1]);
+        [[s[0], middle], [middle, s[1]]].map(|s| (s, self.line(row, s)))
+    }
+
     /// The integral over an interval of a row.
-    fn along(&self, row: &Row, s: [f64; 2]) -> Sums {
+    fn along<const N: usize>(&self, row: &Row<N>, s: [f64; 2]) -> Sums {
+        let whole = self.line(row, s);
+        if self.is_plain::<N>() {
+            return whole;
+        }
         let mut total = Sums::default();
-        let mut waiting = vec![(s, self.line(row, s), 0)];
+        let mut waiting = vec![(s, whole, 0)];
         while let Some((s, whole, level)) = waiting.pop() {
-            let middle = s[0].midpoint(s[1]);
-            let halves = [[s[0], middle], [middle, s[1]]];
-            let parts = halves.map(|s| (s, self.line(row, s), level + 1));
+            let parts = self.halves(row, s).map(|(s, half)| (s, half, level + 1));
             let sum = parts[0].1 + parts[1].1;
             if self.is_halved(level, &(sum - whole).abs()) {
                 waiting.extend(parts);
@@ -195,13 +250,22 @@ impl Piece {
     /// The integral between the left border `s = 0` and a curve in local parameters, counted
     /// negative where the curve goes to smaller `t`; and its error.
     pub(super) fn left_of(&self, curve: &Curve<DVec2>, range: [f64; 2]) -> (Sums, Sums) {
+        if self.is_small() {
+            self.left_of_rows::<FEW>(curve, range)
+        } else {
+            self.left_of_rows::<ALL>(curve, range)
+        }
+    }
+
+    fn left_of_rows<const N: usize>(&self, curve: &Curve<DVec2>, range: [f64; 2]) -> (Sums, Sums) {
         let apply = |range: [f64; 2]| {
             let mut sums = Sums::default();
             let span = range[1] - range[0];
-            for &(x, weight) in &self.rules[1].nodes {
+            for &(x, weight) in &self.short.nodes {
                 let at = curve.derivatives(range[0] + span * x);
                 let [s, t] = at.point.to_array().map(|x| x.clamp(0.0, 1.0));
-                sums += self.along(&self.row(t), [0.0, s]) * (weight * span * at.first.y);
+                let row = self.row::<N>(t);
+                sums += self.along(&row, [0.0, s]) * (weight * span * at.first.y);
             }
             sums
         };
@@ -225,15 +289,15 @@ impl Piece {
 }
 
 /// The Bernstein polynomials of a degree at some place, and their derivatives.
-struct Basis {
-    values: [f64; MAX_DEGREE + 1],
-    slopes: [f64; MAX_DEGREE + 1],
+struct Basis<const N: usize> {
+    values: [f64; N],
+    slopes: [f64; N],
 }
 
-impl Basis {
+impl<const N: usize> Basis<N> {
+    #[inline]
     fn at(degree: usize, t: f64) -> Self {
-        let mut values = [0.0; MAX_DEGREE + 1];
-        let mut slopes = [0.0; MAX_DEGREE + 1];
+        let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
         values[0] = 1.0;
         for level in 1..=degree {
             if level == degree {

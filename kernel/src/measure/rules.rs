@@ -4,7 +4,7 @@
 //! All take `1/2 (x, y, 0) . normal` over the piece, the volume between it and the z axis: faces
 //! at right angles to that axis have none, so that tubes between two such planes need no caps.
 
-use super::piece::{Piece, Rule};
+use super::piece::{ALL, Piece, Rule};
 use super::sums::Sums;
 use crate::BezierSurface;
 use crate::bernstein::binomials;
@@ -67,7 +67,7 @@ fn summed(surface: &BezierSurface, rules: &[Rule; 2]) -> f64 {
     let piece = Piece::new(surface, DVec3::ZERO, Sums::default());
     let mut sum = 0.0;
     for &(t, weight_t) in &rules[1].nodes {
-        let row = piece.row(t);
+        let row = piece.row::<ALL>(t);
         for &(s, weight_s) in &rules[0].nodes {
             let (point, normal) = piece.at(&row, s);
             sum += (point.x * normal.x + point.y * normal.y) * (weight_s * weight_t);
