@@ -127,3 +127,17 @@ fn a_mark_that_all_entities_have_means_nothing() {
                 it is shown";
     assert_eq!(told, [text]);
 }
+
+#[test]
+fn curves_that_are_marked_as_parts_are_shown_where_there_is_nothing_else() {
+    let stray = || with_status("00010000", made(110, "0.,0.,0.,1.,0.,0."));
+    let (scene, told) = read(&[stray()]);
+    assert_eq!(scene.wires().len(), 1);
+    assert_eq!(
+        told,
+        ["the file: there is no surface to show, only curves and points"]
+    );
+    let (scene, told) = read(&[stray(), square(0.0)]);
+    assert_eq!((scene.wires().len(), scene.patches().len()), (0, 1));
+    assert_eq!(told, NONE);
+}

@@ -126,12 +126,28 @@ fn members(file: &File<'_>, index: usize) -> Option<Vec<i64>> {
     }
 }
 
+/// The entities that are shown for their own sake: stray curves where there is nothing else.
+pub(super) fn standing(file: &File<'_>, owners: &[Option<usize>]) -> Vec<usize> {
+    let all = || 0..file.entries.len();
+    let standing: Vec<_> = all().filter(|&i| stands_alone(file, owners, i)).collect();
+    if standing.is_empty() {
+        return all().filter(|&i| is_unowned(file, owners, i)).collect();
+    }
+    standing
+}
+
 /// Whether an entity is shown for its own sake.
-pub(super) fn stands_alone(file: &File<'_>, owners: &[Option<usize>], index: usize) -> bool {
+fn stands_alone(file: &File<'_>, owners: &[Option<usize>], index: usize) -> bool {
     let entry = &file.entries[index];
     // Curves that belong to something which does not name them are no news.
     let is_stray = types::is_wire(entry.kind) && entry.dependent;
-    is_shown(entry) && owners[index].is_none() && !entry.blanked && !is_stray
+    is_unowned(file, owners, index) && !is_stray
+}
+
+/// Whether an entity can be shown for its own sake, and nothing else shows it.
+fn is_unowned(file: &File<'_>, owners: &[Option<usize>], index: usize) -> bool {
+    let entry = &file.entries[index];
+    is_shown(entry) && owners[index].is_none() && !entry.blanked
 }
 
 /// Whether a member of a group, definition or shell is shown with that.

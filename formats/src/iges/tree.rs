@@ -40,12 +40,10 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     file.take_asked();
     let mut tree = Tree::new(file, limits, warnings, is_part);
     let (mut children, mut marked) = (Vec::new(), Vec::new());
-    for (index, entry) in file.entries.iter().enumerate() {
-        if !blanks::stands_alone(file, &owners, index) {
-            continue;
-        }
+    for index in blanks::standing(file, &owners) {
         let child = tree.child(index, 0, 0);
-        marked.extend(child.as_ref().filter(|_| entry.dependent).map(|_| index));
+        let is_marked = child.is_some() && file.entries[index].dependent;
+        marked.extend(is_marked.then_some(index));
         children.extend(child);
     }
     // Of all that is shown it means nothing.
