@@ -6,9 +6,9 @@
 mod reference;
 
 use glam::DVec3;
-use kernel::{Child, Item, KnotVector, Node, Patch, Ray, Scene, Shape, Surface};
+use kernel::{KnotVector, Ray, Surface};
 use nurbray::{Accelerator, Hit, METHODS, Workspace};
-use reference::{scenes, vector};
+use reference::{scene_of, scenes, vector};
 use serde_json::Value;
 
 #[test]
@@ -108,17 +108,7 @@ fn no_ray_meets_a_patch_without_area() {
     let points = (0..9).map(|k| place(k / 3, k % 3));
     let knots = || KnotVector::bezier(2, 0.0..1.0).unwrap();
     let surface = Surface::new(knots(), knots(), &points.collect::<Vec<_>>(), None).unwrap();
-    let mut scene = Scene::default();
-    let patch = scene.add_patch(Patch::from(surface)).unwrap();
-    let item = Child::Item(Item {
-        shape: Shape::Patch(patch),
-        material: None,
-    });
-    let root = scene.add_node(Node {
-        children: vec![item],
-        ..Node::default()
-    });
-    scene.set_root(root.unwrap()).unwrap();
+    let scene = scene_of(surface);
     let accelerator = Accelerator::build(&scene, &METHODS[0]);
     let (mut workspace, mut hits) = (Workspace::default(), Vec::new());
     for s in [0.0, 0.3, 1.0, 1.1, 2.0] {

@@ -58,6 +58,11 @@ fn scene(value: &Value) -> Scene {
         Some(&weights),
     )
     .unwrap();
+    scene_of(surface)
+}
+
+/// A scene that shows one surface.
+pub(crate) fn scene_of(surface: Surface) -> Scene {
     let mut scene = Scene::default();
     let patch = scene.add_patch(Patch::from(surface)).unwrap();
     let child = Child::Item(Item {

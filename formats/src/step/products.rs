@@ -210,23 +210,19 @@ impl Translator<'_> {
         depth: usize,
     ) -> Option<i64> {
         let nesting = self.limits.nesting;
-        let map = map.and_then(|map| {
-            let text = || format!("representations are nested more than {nesting} deep");
-            let is_sound = depth <= nesting;
-            is_sound
-                .then_some(map)
-                .ok_or_else(|| Problem::Unsupported(text()))
-        });
-        match map {
+        let problem = match map {
+            Ok(_) if depth > nesting => {
+                let text = format!("representations are nested more than {nesting} deep");
+                Problem::Unsupported(text)
+            }
             Ok(map) => {
                 let definition = self.inside(rep, depth + 1)?;
-                Some(self.placed(definition, &map, id, name))
+                return Some(self.placed(definition, &map, id, name));
             }
-            Err(problem) => {
-                self.fail(id, problem);
-                None
-            }
-        }
+            Err(problem) => problem,
+        };
+        self.fail(id, problem);
+        None
     }
 
     /// The definition of a representation that is shown in others.

@@ -128,24 +128,28 @@ impl<'a> Translator<'a> {
     /// Notes what is wrong with the file as a whole.
     pub(super) fn greet(&mut self) {
         let at = |line: usize| Place::item(line, self.file.clone());
-        if let Some((line, count)) = self.exchange.stray {
+        let counted = [
+            (
+                self.exchange.stray,
+                "a statement is no instance; it is skipped",
+                "statements are no instances; they are skipped",
+            ),
+            (
+                self.exchange.doubled,
+                "an instance has the number of one before it, which counts",
+                "instances have numbers of others before them, which count",
+            ),
+            (
+                self.exchange.unended,
+                "an instance has no semicolon at its end",
+                "instances have no semicolon at their end",
+            ),
+        ];
+        for (found, one, many) in counted {
+            let Some((line, count)) = found else { continue };
             let text = match count {
-                1 => "a statement is no instance; it is skipped".to_owned(),
-                _ => format!("{count} statements are no instances; they are skipped"),
-            };
-            self.warnings.invalid(at(line), text);
-        }
-        if let Some((line, count)) = self.exchange.doubled {
-            let text = match count {
-                1 => "an instance has the number of one before it, which counts".to_owned(),
-                _ => format!("{count} instances have numbers of others before them, which count"),
-            };
-            self.warnings.invalid(at(line), text);
-        }
-        if let Some((line, count)) = self.exchange.unended {
-            let text = match count {
-                1 => "an instance has no semicolon at its end".to_owned(),
-                _ => format!("{count} instances have no semicolon at their end"),
+                1 => one.to_owned(),
+                _ => format!("{count} {many}"),
             };
             self.warnings.invalid(at(line), text);
         }

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, OnceCell};
 use std::ops::Range;
+use std::sync::LazyLock;
 
 use glam::{DVec2, DVec3, DVec4};
 
@@ -63,15 +64,16 @@ impl Rule {
     }
 }
 
+/// The rules of pieces, from the one with the fewest nodes on.
+static RULES: LazyLock<Vec<Rule>> = LazyLock::new(|| NODES.map(Rule::new).collect());
+
 /// A Bézier piece, ready to be integrated over its local parameters 0..1.
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
     degrees: [usize; 2],
     /// Homogeneous control points about the origin of the moments.
     points: Vec<DVec4>,
-    rules: [Rule; 2],
-    /// That along curves, which are short.
-    short: Rule,
+    rules: [&'static Rule; 2],
     /// Errors that are small enough for one rectangle.
     tolerance: Sums,
     /// How many more intervals there may be.
@@ -98,8 +100,7 @@ impl Piece {
         Self {
             degrees,
             points: piece.homogeneous().iter().map(moved).collect(),
-            rules: degrees.map(|p| Rule::new(count(p))),
-            short: Rule::new(NODES.start),
+            rules: degrees.map(|p| &RULES[count(p) - NODES.start]),
             tolerance,
             left: Cell::new(INTERVALS),
             is_plain: OnceCell::new(),
@@ -261,7 +262,8 @@ impl Piece {
         let apply = |range: [f64; 2]| {
             let mut sums = Sums::default();
             let span = range[1] - range[0];
-            for &(x, weight) in &self.short.nodes {
+            // Curves are short: a few nodes do.
+            for &(x, weight) in &RULES[0].nodes {
                 let at = curve.derivatives(range[0] + span * x);
                 let [s, t] = at.point.to_array().map(|x| x.clamp(0.0, 1.0));
                 let row = self.row::<N>(t);
