@@ -228,10 +228,7 @@ impl<'a> Walker<'a> {
                 let point = face.point(used.curve.evaluate(t));
                 let place = (home, &first.curve);
                 let from = (&used.trail, t, turned);
-                let (t, _) = first.trail.project_beside(place, point, from);
-                if kinks.iter().all(|kink| (kink - t).abs() > near) {
-                    kinks.push(t);
-                }
+                kinks.push(first.trail.project_beside(place, point, from).0);
             }
         }
         let tolerances = self.uses.iter().map(|used| self.faces[used.face].tolerance);
@@ -242,6 +239,10 @@ impl<'a> Walker<'a> {
         });
         kinks.push(range.end);
         kinks.sort_by(f64::total_cmp);
+        // One crossing may have been found twice; the last one is the end.
+        kinks.reverse();
+        kinks.dedup_by(|before, after| *after - *before <= near);
+        kinks.reverse();
         kinks
     }
 

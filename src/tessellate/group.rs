@@ -1,5 +1,7 @@
 //! Faces that can share edges, and their triangles.
 
+mod again;
+
 use std::cell::LazyCell;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -33,6 +35,8 @@ pub(super) struct Group {
     voids: HashSet<PatchId>,
     /// The number of the node that shows each member.
     owners: HashMap<PatchId, usize>,
+    /// The number of the node that is the solid of each member that the file says is of one.
+    solids: HashMap<PatchId, usize>,
 }
 
 /// What a group becomes.
@@ -59,6 +63,9 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     let mut in_void = vec![false; nodes.len()];
     let mut voids = HashSet::new();
     let mut owners: HashMap<PatchId, usize> = HashMap::new();
+    // The solid that each node is, or is in.
+    let mut solid: Vec<Option<usize>> = vec![None; nodes.len()];
+    let mut solids: HashMap<PatchId, usize> = HashMap::new();
     if let Some(root) = scene.root() {
         frames[root.index()] = Some((root.index(), DAffine3::IDENTITY));
     }
@@ -72,11 +79,15 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         let next = numbers.len();
         let bits = map.to_cols_array().map(f64::to_bits);
         let number = *numbers.entry((shared, bits)).or_insert(next);
+        if solid[index].is_none() && node.voids.is_some() {
+            solid[index] = Some(index);
+        }
         for (k, child) in node.children.iter().enumerate() {
             let is_void = in_void[index] || node.is_void(k);
             match child {
                 Child::Node(id) => {
                     in_void[id.index()] |= is_void;
+                    solid[id.index()] = solid[id.index()].or(solid[index]);
                     let below = &scene.node(*id).parent_from_node;
                     frames[id.index()] = Some(if node_uses[id.index()] > 1 {
                         (id.index(), DAffine3::IDENTITY)
@@ -90,6 +101,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
                             voids.insert(id);
                         }
                         owners.insert(id, index);
+                        solids.extend(solid[index].map(|solid| (id, solid)));
                         let (own, scale) = places.entry(id).or_default();
                         own.push(number);
                         *scale = scale.max(scales[index]);
@@ -105,6 +117,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         group.members.push(id);
         group.voids.extend(voids.get(&id));
         group.owners.extend(owners.get_key_value(&id));
+        group.solids.extend(solids.get_key_value(&id));
         group.scale = group.scale.max(scale);
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
@@ -122,7 +135,8 @@ impl Group {
 
     /// Makes triangles of all members; `None` if there is no room for them.
     ///
-    /// What hangs together is made again, finer, where something of it that stands alone would vanish.
+    /// What hangs together is made again, finer, where something of it that stands alone would vanish, and where
+    /// a solid came out open.
     pub(super) fn tessellate(
         &self,
         scene: &Scene,
@@ -130,7 +144,8 @@ impl Group {
         options: &TessellateOptions,
         room: &Room,
     ) -> Option<Done> {
-        self.refine(scene, tolerances, (options, room), FINER)
+        let done = self.refine(scene, tolerances, (options, room), FINER)?;
+        Some(self.closed(scene, tolerances, options, done))
     }
 
     /// [`Self::tessellate`], finer as often as that at most.
@@ -227,6 +242,7 @@ impl Group {
             scale: self.scale,
             voids: self.voids.clone(),
             owners: self.owners.clone(),
+            solids: self.solids.clone(),
         }
     }
 

@@ -278,7 +278,13 @@ impl<'a> Face<'a> {
             let ends = [rim.start(), rim.end()];
             let is_on = |p: DVec2| side.is_on(p, near);
             stops.extend(ends.iter().filter(|&&p| is_on(p)).map(|p| p[along]));
-            if rim.points().all(is_on) {
+            // What was kept since its middle is on the border may stray a little more elsewhere.
+            let Range { start, end } = rim.domain();
+            let beside = |share: f64| {
+                let uv = rim.evaluate(start + (end - start) * share);
+                side.is_on(uv, 2.0 * near)
+            };
+            if ends.into_iter().all(is_on) && PLACES.into_iter().all(beside) {
                 covered.push([
                     ends[0][along].min(ends[1][along]),
                     ends[0][along].max(ends[1][along]),

@@ -25,6 +25,10 @@ const REACHES: [f64; 4] = [1e-3, 1e-2, 0.1, 0.5];
 /// a way from one strand to another may have its seam there.
 const LONG: f64 = 10.0;
 
+/// Parts of a strand are so many times as long as the reach, or vertices that become one later might be left
+/// apart.
+const APART: f64 = 2.0;
+
 /// A trail of fewer points says too little of what lies between its ends.
 const FEW: usize = 9;
 
@@ -109,6 +113,7 @@ pub(crate) fn sew(
         links: Vec::new(),
         boxes: Vec::new(),
         joints: Vec::new(),
+        apart: APART,
     };
     let trail = |(face, curve): (usize, Curve<DVec2>)| {
         let trail = Trail::of(&faces[face], &curve);
@@ -136,6 +141,8 @@ pub(crate) fn sew(
     }
     // What hung between dots may fit afterwards.
     sewer.shrink(widest);
+    // What is farther apart now stays two vertices.
+    sewer.apart = 1.0;
     sewer.split_at_nodes(widest, false);
     sewer.match_strands(widest, false);
     sewer.match_long();
@@ -157,6 +164,8 @@ struct Sewer<'f, 's> {
     /// Boxes around the nodes of each root.
     boxes: Vec<Aabb>,
     joints: Vec<Joint>,
+    /// No strand is divided nearer to its ends than so many times the reach.
+    apart: f64,
 }
 
 impl Sewer<'_, '_> {
@@ -360,7 +369,7 @@ impl Sewer<'_, '_> {
             .filter(|other| seams || other.face != strand.face)
             .filter(|other| self.is_seen(other.face, strand.face))
             .filter(|other| {
-                let is_away = |e: &DVec3| e.distance(other.point) > 2.0 * reach;
+                let is_away = |e: &DVec3| e.distance(other.point) > self.apart * reach;
                 end_points.iter().all(is_away) && !ends.contains(&self.root(other.node))
             })
             .find_map(|other| {

@@ -3,6 +3,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Child, Item, Node, Patch, Shape, Surface, modelling};
 
+mod closing;
 mod round;
 mod sewing;
 

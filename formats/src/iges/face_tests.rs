@@ -398,6 +398,49 @@ fn trims_of_space_are_laid_onto_free_surfaces() {
 }
 
 #[test]
+fn curves_are_laid_onto_the_right_side_of_a_surface_that_meets_itself() {
+    // A sheet over a line that comes back down through its first stretch, from either end, cut by a square around
+    // where it does.
+    let line = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 2.0], [2.0, -2.0]];
+    for is_reversed in [false, true] {
+        let mut corners = line;
+        if is_reversed {
+            corners.reverse();
+        }
+        let row = |y: f64| corners.map(|[x, z]| format!("{x},{y}.,{z},")).concat();
+        let ones = "1.,".repeat(10);
+        let sheet = format!(
+            "4,1,1,1,0,0,1,0,0,0.,0.,1.,2.,3.,4.,4.,0.,0.,1.,1.,{ones}{}{}0.,4.,0.,1.",
+            row(0.0),
+            row(1.0)
+        );
+        let side = |a: [f64; 2], b: [f64; 2]| {
+            part(
+                110,
+                0,
+                &format!("{},{},0.,{},{},0.", a[0], a[1], b[0], b[1]),
+            )
+        };
+        let square = [[1.0, 0.25], [3.0, 0.25], [3.0, 0.75], [1.0, 0.75]];
+        let (scene, warnings) = read(&[
+            part(128, 0, &sheet),
+            side(square[0], square[1]),
+            side(square[1], square[2]),
+            side(square[2], square[3]),
+            side(square[3], square[0]),
+            part(102, 0, "4,3,5,7,9"),
+            part(142, 0, "0,1,0,11,2"),
+            made(144, "1,1,0,13"),
+        ]);
+        assert_eq!(warnings, [""; 0]);
+        let patch = &scene.patches()[0];
+        assert!(shows(patch, DVec3::new(2.5, 0.5, 0.0)));
+        assert!(!shows(patch, DVec3::new(3.5, 0.5, 0.0)));
+        assert!(!shows(patch, DVec3::new(2.0, 0.5, 1.0)));
+    }
+}
+
+#[test]
 fn a_loop_of_a_seam_alone_cuts_nothing_off() {
     let (scene, warnings) = read(&[
         part(116, 0, "0.,0.,0."),

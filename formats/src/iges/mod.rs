@@ -51,6 +51,7 @@ mod types;
 mod write;
 
 pub(crate) use draft::{Draft, Fields, Look, surface};
+pub(crate) use net::Net;
 pub(crate) use write::WRITER;
 
 /// The row of this format.

@@ -32,7 +32,7 @@ pub(super) const TEARING: usize = 20_000_000;
 
 /// The numbers of one surface, or of a curve as its row, while they are put in order.
 #[derive(Clone, Debug)]
-pub(super) struct Net {
+pub(crate) struct Net {
     degrees: [usize; 2],
     knots: [Vec<f64>; 2],
     /// Points, u running fastest.
@@ -156,6 +156,30 @@ impl Net {
         })
     }
 
+    /// The curve of these parts, of which knots that stand too often are dropped, with the control points that belong
+    /// to them.
+    pub(crate) fn curve_of(
+        degree: usize,
+        knots: Vec<f64>,
+        points: Vec<DVec3>,
+        weights: Vec<f64>,
+    ) -> Result<Curve<DVec3>, kernel::Error> {
+        let mut net = Self {
+            degrees: [degree, 0],
+            knots: [knots, vec![0.0, 1.0]],
+            points,
+            weights,
+        };
+        net.drop_unused(0, &mut Vec::new());
+        net.into_curve()
+    }
+
+    fn into_curve(self) -> Result<Curve<DVec3>, kernel::Error> {
+        let [knots, _] = self.knots;
+        let knots = KnotVector::new(self.degrees[0], knots)?;
+        Curve::new(knots, &self.points, Some(&self.weights))
+    }
+
     /// The part over a range of the curves, if they can exist: several where the knots tear them.
     pub(super) fn into_curves(
         mut self,
@@ -163,13 +187,8 @@ impl Net {
         repairs: &mut Vec<Problem>,
     ) -> Result<Vec<Curve<DVec3>>, Problem> {
         self.repair(&[0], repairs)?;
-        let curve = |net: Self| {
-            let [knots, _] = net.knots;
-            let knots = KnotVector::new(net.degrees[0], knots)?;
-            Curve::new(knots, &net.points, Some(&net.weights))
-        };
         let pieces = self.untorn(0, repairs).into_iter();
-        let curves: Result<Vec<_>, _> = pieces.map(curve).collect();
+        let curves: Result<Vec<_>, _> = pieces.map(Self::into_curve).collect();
         let curves = curves.map_err(Problem::Geometry)?;
         if let [curve] = curves.as_slice()
             && curve.start().distance(curve.end()) <= curve.hull_bounds().diagonal() * MEETS

@@ -1,13 +1,14 @@
 //! Points, placements and curves.
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use kernel::Curve;
 use kernel::modelling::Frame;
-use kernel::{Curve, KnotVector};
 
 use super::arcs::{Basis, Conic, End, between, reversed};
 use super::part21::Exchange;
 use super::values::{Attributes, Record, Value, numbers, references};
 use crate::Problem;
+use crate::iges::Net;
 
 /// How deep curves and surfaces may be made of others.
 pub(super) const NESTING: usize = 16;
@@ -339,9 +340,13 @@ impl<'a> Geometry<'a> {
         let degree = at.count(first)?;
         let points = self.points(&at.references(first + 1)?)?;
         let weights = match named("RATIONAL_B_SPLINE_CURVE") {
-            Some(at) => Some(at.numbers(0)?),
-            None => None,
+            Some(at) => at.numbers(0)?,
+            None => vec![1.0; points.len()],
         };
+        if weights.len() != points.len() {
+            let text = "there are not as many weights as points";
+            return Err(Problem::Invalid(text.to_owned()));
+        }
         let knots = if *name == names[0] {
             let (at, first) = match named(name) {
                 Some(at) => (at, 0),
@@ -351,8 +356,7 @@ impl<'a> Geometry<'a> {
         } else {
             implied(name, degree, points.len())?
         };
-        let knots = KnotVector::new(degree, knots).map_err(Problem::Geometry)?;
-        let curve = Curve::new(knots, &points, weights.as_deref());
+        let curve = Net::curve_of(degree, knots, points, weights);
         curve.map(Some).map_err(Problem::Geometry)
     }
 }

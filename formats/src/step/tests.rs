@@ -160,6 +160,22 @@ fn closed_splines_are_cut_over_their_seam() {
 }
 
 #[test]
+fn points_of_knots_that_stand_too_often_have_no_influence() {
+    let point = |k: u32| format!("#{}=CARTESIAN_POINT('',({k}.,0.,1.));", 10 + k);
+    let points: String = (0..4).map(point).collect();
+    let curve = "#30=B_SPLINE_CURVE_WITH_KNOTS('',2,(#10,#11,#12,#13),.UNSPECIFIED.,.F.,.F.,\
+                 (3,1,3),(0.,0.,1.),.UNSPECIFIED.);";
+    let (scene, warnings) = read(&product("#30", &format!("{points}{curve}")));
+    let kernel::WireShape::Curve(curve) = &scene.wires()[0].shape else {
+        panic!("{warnings:?}")
+    };
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert_eq!(curve.points().count(), 3);
+    assert_eq!(curve.start(), DVec3::new(1.0, 0.0, 1.0));
+    assert!(curve.evaluate(0.5).distance(DVec3::new(2.0, 0.0, 1.0)) < 1e-14);
+}
+
+#[test]
 fn a_disk_is_shown_in_its_place_with_its_name() {
     let import = import(&product("#10,#22", &format!("{AXES}{DISK}"))).unwrap();
     assert_eq!(import.format, "STEP");

@@ -146,14 +146,17 @@ impl Mesher<'_> {
             return *count;
         }
         // What is left of a pole, as opposed to a crease, runs along the domain's border.
+        usize::from(self.is_on_border([a, b].map(|v| v.index())))
+    }
+
+    /// Whether two vertices are on one side of the domain.
+    pub(super) fn is_on_border(&self, ends: [usize; 2]) -> bool {
         let domain = self.face.pieces.domain();
-        let [a, b] = [a, b].map(|v| self.vertices[v.index()].uv);
+        let [a, b] = ends.map(|vertex| self.vertices[vertex].uv);
         let along = |axis: usize, border: f64| {
             (a[axis] - border).abs() <= 0.0 && (b[axis] - border).abs() <= 0.0
         };
-        let is_pole =
-            (0..2).any(|axis| along(axis, domain.min[axis]) || along(axis, domain.max[axis]));
-        usize::from(is_pole)
+        (0..2).any(|axis| along(axis, domain.min[axis]) || along(axis, domain.max[axis]))
     }
 
     /// Whether the middle of a triangle belongs to the face.

@@ -130,15 +130,17 @@ impl<'a> Mesher<'a> {
             });
             drawn.handles[number] = ends;
         }
+        let poles = mesher.poles(&drawn);
         let mut meetings = Vec::new();
         for (number, stretch) in stretches.iter().enumerate() {
             let [Some(a), Some(b)] = drawn.handles[number] else {
                 continue;
             };
-            if a == b {
+            let pair = pair(a, b);
+            let pole = poles.get(&pair).filter(|_| stretch.pole);
+            if a == b || pole.is_some_and(|times| times.is_multiple_of(2)) {
                 continue;
             }
-            let pair = pair(a, b);
             let is_side = mesher.plane.get_edge_from_neighbors(a, b).is_some();
             let has_room = is_side
                 || if meetings.len() < MEETINGS {
@@ -152,11 +154,25 @@ impl<'a> Mesher<'a> {
             }
             mesher.plane.add_constraint(a, b);
             drawn.owners.insert(pair, number);
-            if !stretch.pole {
+            if pole.is_none() {
                 *mesher.fixed.entry(pair).or_default() += 1;
             }
         }
         (mesher, meetings)
+    }
+
+    /// The poles that may be divided, by their ends, and how often each is there: twice is the same as not at all. Elsewhere
+    /// than on a side of the domain, as where an end is one with others beside it, a pole is not divided.
+    fn poles(&self, drawn: &Drawn<'_>) -> HashMap<[u32; 2], usize> {
+        let mut poles = HashMap::new();
+        for (stretch, ends) in drawn.stretches.iter().zip(&drawn.handles) {
+            if let ([Some(a), Some(b)], true) = (*ends, stretch.pole)
+                && self.is_on_border([a.index(), b.index()])
+            {
+                *poles.entry(pair(a, b)).or_default() += 1;
+            }
+        }
+        poles
     }
 
     /// Whether a stretch of boundary crosses nothing that was drawn. Appends where it does, and where it

@@ -19,7 +19,7 @@ impl Sewer<'_, '_> {
         self.for_close_ends(reach, |sewer, a, b| sewer.pinch(a, b, reach));
     }
 
-    /// Whether a strand and another one of its face have the same ends: where a border was
+    /// Whether a strand and another one, of its face or of another edge, have the same ends: where a border was
     /// divided in between by what ends beside it.
     fn is_ear(&self, s: usize) -> bool {
         let ends = self.roots(&self.strands[s]);
@@ -27,7 +27,8 @@ impl Sewer<'_, '_> {
         self.links[a].iter().any(|&other| {
             let strand = &self.strands[other];
             let same = [ends, [b, a]].contains(&self.roots(strand));
-            other != s && same && strand.face == self.strands[s].face
+            let own = &self.strands[s];
+            other != s && same && (strand.face == own.face || strand.edge != own.edge)
         })
     }
 

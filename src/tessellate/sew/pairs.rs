@@ -1,9 +1,11 @@
 //! Which strands run together.
 
+use std::iter;
+
 use kernel::Aabb;
 use rayon::prelude::*;
 
-use super::{LONG, OF_A_THREAD, Sewer, Strand};
+use super::{LONG, OF_A_THREAD, REACHES, Sewer, Strand};
 use crate::box_tree::BoxTree;
 
 /// Reach of the last pass, for what is long.
@@ -28,24 +30,40 @@ impl Sewer<'_, '_> {
         }
     }
 
-    /// Which strands of the same ends stay together: the first of an edge, and another one.
+    /// Which strands of the same ends stay together: the first of an edge, and another one. Those that fit best
+    /// find each other first; what else fits one of them as well is of the same edge.
     fn pairs(&self, group: &[([usize; 2], usize)], reach: f64, seams: bool) -> Vec<(usize, usize)> {
-        let mut pairs: Vec<(usize, usize)> = Vec::new();
-        for (k, &(_, s)) in group.iter().enumerate() {
-            let is_taken = |s: usize, pairs: &[(usize, usize)]| pairs.iter().any(|p| p.1 == s);
-            if is_taken(s, &pairs) {
-                continue;
-            }
-            for &(_, other) in &group[k + 1..] {
-                let [a, b] = [s, other].map(|k| self.strands[k].face);
-                if self.is_seen(a, b)
-                    && !is_taken(other, &pairs)
-                    && (seams || self.may_meet(s, other, reach))
-                    && self.stay_together(s, other, reach)
-                {
-                    pairs.push((s, other));
+        let least = match group.len() {
+            0..=2 => reach,
+            _ => REACHES[0] * self.tolerance,
+        };
+        let closer = iter::successors(Some(least), |closer| Some(2.0 * closer));
+        let mut left: Vec<usize> = group.iter().map(|&(_, s)| s).collect();
+        let mut pairs = Vec::new();
+        for reach in closer.take_while(|closer| *closer < reach).chain([reach]) {
+            let fits = |a: usize, b: usize| {
+                let faces = [a, b].map(|k| self.strands[k].face);
+                self.is_seen(faces[0], faces[1])
+                    && (seams || self.may_meet(a, b, reach))
+                    && self.stay_together(a, b, reach)
+            };
+            let mut alone = Vec::new();
+            while !left.is_empty() {
+                let mut edge = vec![left.remove(0)];
+                let mut next = 0;
+                while next < edge.len() {
+                    let own = edge[next];
+                    let (found, rest) = left.iter().partition(|&&other| fits(own, other));
+                    left = rest;
+                    edge.extend::<Vec<usize>>(found);
+                    next += 1;
+                }
+                match edge[..] {
+                    [s] => alone.push(s),
+                    _ => pairs.extend(edge[1..].iter().map(|&other| (edge[0], other))),
                 }
             }
+            left = alone;
         }
         pairs
     }

@@ -22,6 +22,11 @@ const BESIDE: f64 = 0.2;
 /// share of the surface's size.
 const STEADY: f64 = 1e-10;
 
+/// What is found of a curve is looked for from elsewhere, too, if it is farther beside it than this share of the
+/// surface's size, or goes on by more than this share of its domain at once.
+const FAITHFUL: f64 = 1e-3;
+const JUMP: f64 = 0.25;
+
 /// A curve whose middle is no nearer to a border of the domain than this share of it does not run
 /// along that border.
 const BORDER: f64 = 1e-3;
@@ -45,6 +50,9 @@ pub(super) struct Laid {
     /// How far the curve of space is beside the surface, as a share of the size.
     beside: f64,
 }
+
+/// Places of a curve, and their parameters on the surface.
+type Table = Vec<(f64, DVec2)>;
 
 impl Trimmer<'_> {
     /// The curve of space of a stretch, laid onto the surface.
@@ -239,27 +247,64 @@ impl Trimmer<'_> {
         })
     }
 
-    /// Points along a curve, by its parameter and those of the surface, found from the middle
-    /// outwards, so that none begins at a pole.
-    fn table(&self, curve: &Curve<DVec3>) -> Result<Vec<(f64, DVec2)>, Problem> {
-        let Range { start, end } = curve.domain();
+    /// Points along a curve, by its parameter and those of the surface: those found from the middle on, or from
+    /// elsewhere if these go along better, since a surface may touch itself in the middle.
+    fn table(&self, curve: &Curve<DVec3>) -> Result<Table, Problem> {
         let steps = (8 * curve.knots().breaks().len()).min(2000);
+        let mut best = self.table_from(steps / 2, steps, curve)?;
+        let mut least = self.astray(&best, curve);
+        for from in [steps / 4, 3 * steps / 4] {
+            if least <= 1.0 {
+                break;
+            }
+            if let Ok(table) = self.table_from(from, steps, curve) {
+                let astray = self.astray(&table, curve);
+                if astray < least {
+                    (best, least) = (table, astray);
+                }
+            }
+        }
+        Ok(best)
+    }
+
+    /// How far points of a table are from their curve, or from each other in the domain, as a share of what is not
+    /// out of the ordinary.
+    fn astray(&self, table: &Table, curve: &Curve<DVec3>) -> f64 {
+        let off = |(t, uv): &(f64, DVec2)| self.point(*uv).distance(curve.evaluate(*t));
+        let size = self.domain.each_ref().map(|range| range.end - range.start);
+        let step = |pair: &[(f64, DVec2)]| {
+            ((pair[1].1 - pair[0].1) / DVec2::from_array(size))
+                .abs()
+                .max_element()
+        };
+        let off = table.iter().map(off).fold(0.0, f64::max) / self.size;
+        let step = table.windows(2).map(step).fold(0.0, f64::max);
+        (off / FAITHFUL).max(step / JUMP)
+    }
+
+    /// Points after so many steps each, found from one of them outwards, so that none begins at a pole.
+    fn table_from(
+        &self,
+        from: usize,
+        steps: usize,
+        curve: &Curve<DVec3>,
+    ) -> Result<Table, Problem> {
+        let Range { start, end } = curve.domain();
         let parameter = |k: usize| start + (end - start) * k as f64 / steps as f64;
-        let middle = steps / 2;
-        let point = curve.evaluate(parameter(middle));
+        let point = curve.evaluate(parameter(from));
         let first = self.locate(point, None);
         if self.point(first).distance(point) > self.size * BESIDE {
             let text = "a trim curve is not on its surface";
             return Err(Problem::Invalid(text.to_owned()));
         }
-        let mut table: Vec<_> = (0..=steps).map(|k| (parameter(k), first)).collect();
+        let mut table: Table = (0..=steps).map(|k| (parameter(k), first)).collect();
         // Each is looked for where the two before it lead.
         let guess = |last: DVec2, before: DVec2| Some(last + (last - before));
-        for k in middle + 1..=steps {
+        for k in from + 1..=steps {
             let point = curve.evaluate(table[k].0);
-            table[k].1 = self.locate(point, guess(table[k - 1].1, table[(k - 2).max(middle)].1));
+            table[k].1 = self.locate(point, guess(table[k - 1].1, table[(k - 2).max(from)].1));
         }
-        for k in (0..middle).rev() {
+        for k in (0..from).rev() {
             let point = curve.evaluate(table[k].0);
             table[k].1 = self.locate(point, guess(table[k + 1].1, table[k + 2].1));
         }
