@@ -238,9 +238,8 @@ impl<'a> Walker<'a> {
             self.ends.iter().all(|end| end.distance(point) > reach)
         });
         kinks.push(range.end);
-        kinks.sort_by(f64::total_cmp);
-        // One crossing may have been found twice; the last one is the end.
-        kinks.reverse();
+        // One crossing may have been found twice; the last one is the end, which stays.
+        kinks.sort_by(|a, b| b.total_cmp(a));
         kinks.dedup_by(|before, after| *after - *before <= near);
         kinks.reverse();
         kinks

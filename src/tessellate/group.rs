@@ -19,8 +19,11 @@ use super::shell::{Part, Shell, Turned, shells};
 use super::vanish::gone;
 use super::{FaceMesh, Limits, TessellateOptions, deviation, lengthened};
 
-/// How often what would vanish is made four times finer at most.
+/// How often what would vanish is made finer at most.
 const FINER: u32 = 8;
+
+/// How many times smaller the tolerance is of what is made again.
+const SMALLER: f64 = 4.0;
 
 /// Normals that differ by less than this at a crease are one, in radians: one degree.
 const CREASE: f64 = std::f64::consts::PI / 180.0;
@@ -215,10 +218,7 @@ impl Group {
         let is_gone = |k: &usize| gone.binary_search(k).is_ok();
         let rest: Vec<usize> = (0..faces.len()).filter(|k| !is_gone(k)).collect();
         let small = self.of(&gone);
-        let mut finer = tolerances.to_vec();
-        for id in small.members() {
-            finer[id.index()] /= 4.0;
-        }
+        let finer = small.finer(tolerances);
         let made = small.refine(scene, &finer, (options, room), times - 1)?;
         let mut parts = vec![(gone, made)];
         if !rest.is_empty() {
@@ -228,6 +228,23 @@ impl Group {
             parts.push((rest, made));
         }
         Some(Done::of(faces.len(), parts))
+    }
+
+    /// Tolerances of all patches, with those of the members smaller.
+    fn finer(&self, tolerances: &[f64]) -> Vec<f64> {
+        let mut finer = tolerances.to_vec();
+        for id in self.members() {
+            finer[id.index()] /= SMALLER;
+        }
+        finer
+    }
+
+    /// Which of the members a patch is.
+    fn number(&self, id: PatchId) -> Option<usize> {
+        let found = self
+            .members
+            .binary_search_by_key(&id.index(), |member| member.index());
+        found.ok()
     }
 
     /// The number of the node that shows a member.
@@ -248,9 +265,8 @@ impl Group {
 
     /// The seams that the file names between members.
     fn named<'s>(&self, scene: &'s Scene) -> Vec<Named<'s>> {
-        let place = |id: PatchId| self.members.iter().position(|member| *member == id);
         let named = |seam: &'s Seam| {
-            let [a, b] = seam.sides.each_ref().map(|side| place(side.patch));
+            let [a, b] = seam.sides.each_ref().map(|side| self.number(side.patch));
             let curves = seam.sides.each_ref().map(|side| &side.curve);
             Some(Named {
                 sides: [(a?, curves[0]), (b?, curves[1])],

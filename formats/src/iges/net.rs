@@ -148,12 +148,17 @@ impl Net {
         let knots = parameters.reals(count + degree + 1, "knots")?;
         let weights = parameters.reals(count, "weights")?;
         let points = parameters.list(count, point)?;
-        Ok(Self {
+        Ok(Self::row(degree, knots, points, weights))
+    }
+
+    /// The numbers of a curve as a row.
+    fn row(degree: usize, knots: Vec<f64>, points: Vec<DVec3>, weights: Vec<f64>) -> Self {
+        Self {
             degrees: [degree, 0],
             knots: [knots, vec![0.0, 1.0]],
             points,
             weights,
-        })
+        }
     }
 
     /// The curve of these parts, of which knots that stand too often are dropped, with the control points that belong
@@ -164,12 +169,7 @@ impl Net {
         points: Vec<DVec3>,
         weights: Vec<f64>,
     ) -> Result<Curve<DVec3>, kernel::Error> {
-        let mut net = Self {
-            degrees: [degree, 0],
-            knots: [knots, vec![0.0, 1.0]],
-            points,
-            weights,
-        };
+        let mut net = Self::row(degree, knots, points, weights);
         net.drop_unused(0, &mut Vec::new());
         net.into_curve()
     }

@@ -12,10 +12,7 @@ use crate::tessellate::TessellateOptions;
 use crate::tessellate::room::Room;
 use crate::tessellate::shell::Shell;
 
-/// How many times smaller the tolerance of such a solid is.
-const SMALLER: f64 = 4.0;
-
-/// The share of all points that it may have then.
+/// The share of all points that such a solid may have.
 const ROOM: usize = 8;
 
 impl Group {
@@ -31,10 +28,7 @@ impl Group {
         while let Some(own) = self.next_open(&done.shells, &tried) {
             tried.extend(own.iter().copied());
             let small = self.of(&Vec::from_iter(own.iter().copied()));
-            let mut finer = tolerances.to_vec();
-            for id in small.members() {
-                finer[id.index()] /= SMALLER;
-            }
+            let finer = small.finer(tolerances);
             let room = Room::new(options.most_points / ROOM);
             let made = small.refine(scene, &finer, (options, &room), FINER);
             let Some(made) = made.filter(|made| made.shells.iter().all(|shell| shell.naked == 0))
@@ -52,14 +46,6 @@ impl Group {
             }
         }
         done
-    }
-
-    /// Which of the members a patch is.
-    fn number(&self, id: PatchId) -> Option<usize> {
-        let found = self
-            .members
-            .binary_search_by_key(&id.index(), |member| member.index());
-        found.ok()
     }
 
     /// The members of a solid with an open shell, and of all that hangs together with it, of which none

@@ -8,6 +8,9 @@ use rayon::prelude::*;
 use super::{LONG, OF_A_THREAD, REACHES, Sewer, Strand};
 use crate::box_tree::BoxTree;
 
+/// Among no more strands with the same ends it is looked which fit best: each look takes as long as their number squared.
+const MANY: usize = 32;
+
 /// Reach of the last pass, for what is long.
 const WIDE: f64 = 0.9;
 
@@ -22,7 +25,8 @@ impl Sewer<'_, '_> {
         };
         let mut open: Vec<_> = open.map(by_ends).collect();
         open.sort_unstable();
-        let groups: Vec<_> = open.chunk_by(|a, b| a.0 == b.0).collect();
+        let groups = open.chunk_by(|a, b| a.0 == b.0);
+        let groups: Vec<_> = groups.filter(|group| group.len() > 1).collect();
         let groups = groups.par_iter().with_min_len(OF_A_THREAD);
         let pairs = groups.flat_map_iter(|group| self.pairs(group, reach, seams));
         for (first, other) in pairs.collect::<Vec<_>>() {
@@ -34,8 +38,8 @@ impl Sewer<'_, '_> {
     /// find each other first; what else fits one of them as well is of the same edge.
     fn pairs(&self, group: &[([usize; 2], usize)], reach: f64, seams: bool) -> Vec<(usize, usize)> {
         let least = match group.len() {
-            0..=2 => reach,
-            _ => REACHES[0] * self.tolerance,
+            3..=MANY => REACHES[0] * self.tolerance,
+            _ => reach,
         };
         let closer = iter::successors(Some(least), |closer| Some(2.0 * closer));
         let mut left: Vec<usize> = group.iter().map(|&(_, s)| s).collect();

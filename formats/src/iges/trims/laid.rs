@@ -1,5 +1,6 @@
 //! Curves of space laid onto the surface of a face.
 
+use std::iter;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
@@ -175,9 +176,8 @@ impl Trimmer<'_> {
 
     /// A curve of space in the parameters of the surface, by those of its points.
     fn searched(&self, curve: &Curve<DVec3>) -> Result<Curve<DVec2>, Problem> {
-        let table = self.table(curve)?;
-        let off = |(t, uv): &(f64, DVec2)| self.point(*uv).distance(curve.evaluate(*t));
-        self.note(table.iter().map(off));
+        let (table, off) = self.table(curve)?;
+        self.note(iter::once(off));
         if let Some(line) = self.along_border(&table) {
             return Ok(line);
         }
@@ -249,27 +249,28 @@ impl Trimmer<'_> {
 
     /// Points along a curve, by its parameter and those of the surface: those found from the middle on, or from
     /// elsewhere if these go along better, since a surface may touch itself in the middle.
-    fn table(&self, curve: &Curve<DVec3>) -> Result<Table, Problem> {
+    /// And how far they are from the curve at most.
+    fn table(&self, curve: &Curve<DVec3>) -> Result<(Table, f64), Problem> {
         let steps = (8 * curve.knots().breaks().len()).min(2000);
         let mut best = self.table_from(steps / 2, steps, curve)?;
-        let mut least = self.astray(&best, curve);
+        let (mut least, mut off) = self.astray(&best, curve);
         for from in [steps / 4, 3 * steps / 4] {
             if least <= 1.0 {
                 break;
             }
             if let Ok(table) = self.table_from(from, steps, curve) {
-                let astray = self.astray(&table, curve);
+                let (astray, own) = self.astray(&table, curve);
                 if astray < least {
-                    (best, least) = (table, astray);
+                    (best, least, off) = (table, astray, own);
                 }
             }
         }
-        Ok(best)
+        Ok((best, off))
     }
 
     /// How far points of a table are from their curve, or from each other in the domain, as a share of what is not
-    /// out of the ordinary.
-    fn astray(&self, table: &Table, curve: &Curve<DVec3>) -> f64 {
+    /// out of the ordinary; and the first of these distances.
+    fn astray(&self, table: &Table, curve: &Curve<DVec3>) -> (f64, f64) {
         let off = |(t, uv): &(f64, DVec2)| self.point(*uv).distance(curve.evaluate(*t));
         let size = self.domain.each_ref().map(|range| range.end - range.start);
         let step = |pair: &[(f64, DVec2)]| {
@@ -277,9 +278,9 @@ impl Trimmer<'_> {
                 .abs()
                 .max_element()
         };
-        let off = table.iter().map(off).fold(0.0, f64::max) / self.size;
+        let off = table.iter().map(off).fold(0.0, f64::max);
         let step = table.windows(2).map(step).fold(0.0, f64::max);
-        (off / FAITHFUL).max(step / JUMP)
+        ((off / self.size / FAITHFUL).max(step / JUMP), off)
     }
 
     /// Points after so many steps each, found from one of them outwards, so that none begins at a pole.
