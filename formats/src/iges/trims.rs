@@ -4,6 +4,7 @@
 mod along;
 mod extent;
 mod flat;
+mod hairline;
 mod laid;
 pub(super) mod side;
 #[cfg(test)]
@@ -108,6 +109,12 @@ pub(super) fn faces(
                 match reader.tried(|reader| trimmer.trims(reader, face, loops, border)) {
                     Ok(trims) => trims,
                     Err(NOTHING) if sheet.is_plane() => return no_plane(reader, face, NOTHING),
+                    Err(NOTHING) if trimmer.are_hairlines(reader, loops) => {
+                        let text =
+                            format!("{NOTHING}, which are no wider than a line; it is not shown");
+                        reader.repaired(face, &text);
+                        return Ok(Vec::new());
+                    }
                     Err(problem) => {
                         untrimmed(reader, face, &problem);
                         Vec::new()

@@ -109,6 +109,25 @@ fn what_is_not_shown_is_told() {
         told("#22,#32", ring),
         [format!("line 29, #31 ADVANCED_FACE: {text}")]
     );
+    // Two lines along one another; one line there and back is a seam instead.
+    let hairline = "#40=CYLINDRICAL_SURFACE('',#10,2.);#39=CARTESIAN_POINT('',(0.,2.,0.));\
+                    #41=CARTESIAN_POINT('',(0.,2.,5.));#38=VERTEX_POINT('',#39);\
+                    #42=VERTEX_POINT('',#41);#43=VECTOR('',#2,5.);#44=LINE('',#39,#43);\
+                    #45=LINE('',#39,#43);#46=EDGE_CURVE('',#38,#42,#44,.T.);\
+                    #47=EDGE_CURVE('',#38,#42,#45,.T.);#48=ORIENTED_EDGE('',*,*,#46,.T.);\
+                    #49=ORIENTED_EDGE('',*,*,#47,.F.);#50=EDGE_LOOP('',(#48,#49));\
+                    #51=FACE_BOUND('',#50,.T.);#52=ADVANCED_FACE('',(#51),#40,.T.);\
+                    #53=OPEN_SHELL('',(#52));";
+    let text = "nothing is inside its trim loops, which are no wider than a line; it is not shown";
+    assert_eq!(
+        told("#22,#53", hairline),
+        [format!("line 29, #52 ADVANCED_FACE: {text}")]
+    );
+    let text = "face is shown untrimmed: nothing is inside its trim loops";
+    assert_eq!(
+        told("#22,#53", &hairline.replace("*,*,#47", "*,*,#46")),
+        [format!("line 29, #52 ADVANCED_FACE: {text}")]
+    );
     // Hidden things are counted, too.
     let hidden = "#30=ADVANCED_FACE('',(#16),#18,.T.);#31=OPEN_SHELL('',(#30));\
                   #32=INVISIBILITY((#31));";
