@@ -288,7 +288,8 @@ pub(super) fn note_flaws(scene: &Scene, triangles: &Tessellation, warnings: &mut
         let face = format!("{name} {source}");
         let place = Place::item(0, format!("the solid of {}", face.trim()));
         let text = "the file calls it closed, but sides of its triangles have no neighbour: faces are missing, or \
-                    farther apart than the tolerance; another --tolerance, mostly a larger one, may close it";
+                    farther apart than several times the tolerance; another --tolerance, mostly a larger one, may \
+                    close it";
         warnings.unsupported(place, text);
     }
 }

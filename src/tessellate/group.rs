@@ -14,7 +14,7 @@ use super::chains::Chains;
 use super::face::Triangles;
 use super::rim::Face;
 use super::room::Room;
-use super::sew::{Named, sew};
+use super::sew::{Edge, Named, sew};
 use super::shell::{Part, Shell, Turned, shells};
 use super::vanish::gone;
 use super::{FaceMesh, Limits, TessellateOptions, deviation, lengthened};
@@ -40,6 +40,8 @@ pub(super) struct Group {
     owners: HashMap<PatchId, usize>,
     /// The number of the node that is the solid of each member that the file says is of one.
     solids: HashMap<PatchId, usize>,
+    /// How many times farther from its faces than the tolerance an edge may be.
+    wider: f64,
 }
 
 /// What a group becomes.
@@ -122,6 +124,7 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         group.owners.extend(owners.get_key_value(&id));
         group.solids.extend(solids.get_key_value(&id));
         group.scale = group.scale.max(scale);
+        group.wider = 1.0;
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     for group in &mut groups {
@@ -196,7 +199,11 @@ impl Group {
             })
             .collect();
         let owners: Vec<usize> = self.members.iter().map(|id| self.owner(*id)).collect();
-        let sewn = sew(&faces, rims, &self.named(scene), &owners);
+        let sewn = sew(&faces, rims, &self.named(scene), &owners, self.wider);
+        // What stays open so is not worth it.
+        if self.wider > 1.0 && sewn.edges.iter().any(Edge::is_naked) {
+            return None;
+        }
         let mut chains = Chains::new(&faces, &sewn, limits);
         let (meshes, crossings) = chains.mesh()?;
         let parts = self.parts(&meshes);
@@ -260,6 +267,7 @@ impl Group {
             voids: self.voids.clone(),
             owners: self.owners.clone(),
             solids: self.solids.clone(),
+            wider: self.wider,
         }
     }
 

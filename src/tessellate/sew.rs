@@ -59,6 +59,13 @@ pub(crate) struct Edge {
     pub(crate) collapsed: bool,
 }
 
+impl Edge {
+    /// Whether it has a face on one side only.
+    pub(crate) fn is_naked(&self) -> bool {
+        self.uses.len() == 1 && !self.collapsed
+    }
+}
+
 /// Edges and vertices of a group of faces.
 #[derive(Debug, Default)]
 pub(crate) struct Sewn {
@@ -95,14 +102,17 @@ pub(crate) struct Named<'s> {
 }
 
 /// Sews the boundary curves of faces, given with the number of their face, first to those of faces with the same
-/// owner, if there are owners: bodies that touch stay what they are.
+/// owner, if there are owners: bodies that touch stay what they are. An edge may be `wider` times as far
+/// from its faces as the tolerance.
 pub(crate) fn sew(
     faces: &[Face<'_>],
     rims: Vec<(usize, Curve<DVec2>)>,
     named: &[Named<'_>],
     owners: &[usize],
+    wider: f64,
 ) -> Sewn {
-    let tolerance = faces.iter().fold(f64::INFINITY, |m, f| m.min(f.tolerance));
+    let least = faces.iter().fold(f64::INFINITY, |m, f| m.min(f.tolerance));
+    let tolerance = wider * least;
     let mut sewer = Sewer {
         faces,
         owners: &[],

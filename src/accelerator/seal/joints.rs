@@ -66,7 +66,7 @@ pub(super) fn strips(cluster: &Cluster<'_>, tolerance: f64, exact: f64) -> Vec<S
     let is_open = |key: &Option<Vec<u64>>| key.as_ref().is_none_or(|key| count[&key[..]] < 2);
     let open = all.iter().filter(|(_, _, key)| is_open(key));
     let rims = open.map(|(k, curve, _)| (*k, curve.clone())).collect();
-    let sewn = sew(&faces, rims, &[], &[]);
+    let sewn = sew(&faces, rims, &[], &[], 1.0);
     let spreads = spreads(&sewn, &faces);
     let noise = NOISE / EXACT * exact;
     let strips = sewn.edges.par_iter().flat_map_iter(|edge| {

@@ -14,8 +14,8 @@ const DIFFERENCE: f64 = 0.5;
 /// This share of an area is not what decides about all of it.
 const MINOR: f64 = 0.1;
 
-/// How far beside its corners, as a share of the way to its middle, a triangle is looked at as well.
-const BESIDE: f64 = 0.1;
+/// How far beside its corners, as shares of the way to its middle, a triangle is looked at as well.
+const BESIDE: [f64; 4] = [0.1, 1e-2, 1e-3, 1e-4];
 
 /// A side of a triangle of the plane.
 type Side<'a> = DirectedEdgeHandle<'a, Spot, (), CdtEdge<()>, ()>;
@@ -170,7 +170,9 @@ impl Mesher<'_> {
     fn differs(&self, face: FixedFaceHandle<InnerTag>, counted: bool) -> bool {
         let uvs = self.corners(face).map(|k| self.vertices[k as usize].uv);
         let center = (uvs[0] + uvs[1] + uvs[2]) / 3.0;
-        let mut places = uvs.iter().map(|uv| uv.lerp(center, BESIDE));
+        let mut places = uvs
+            .iter()
+            .flat_map(|uv| BESIDE.map(|share| uv.lerp(center, share)));
         self.contains(center) != counted && places.all(|uv| self.contains(uv) != counted)
     }
 

@@ -1,7 +1,9 @@
 //! Solids that came out open, made again.
 //!
 //! Where a solid has details smaller than the tolerance, edges of some are taken for those of others. What
-//! fails at one tolerance is often closed at a smaller one.
+//! fails at one tolerance is often closed at a smaller one. Otherwise its faces may be farther apart than the
+//! tolerance: since the file says that they are of one solid, that is a fault of the file, over which edges are
+//! sewn as far as needed.
 
 use std::collections::BTreeSet;
 
@@ -15,8 +17,12 @@ use crate::tessellate::shell::Shell;
 /// The share of all points that such a solid may have.
 const ROOM: usize = 8;
 
+/// Edges are sewn over gaps so many times as wide as the tolerance where a solid is not closed otherwise.
+const WIDER: [f64; 3] = [2.0, 4.0, 8.0];
+
 impl Group {
-    /// What the group became, with solids closed that are closed at a smaller tolerance.
+    /// What the group became, with solids closed that are closed at a smaller tolerance, or where edges may be
+    /// farther from their faces.
     pub(super) fn closed(
         &self,
         scene: &Scene,
@@ -27,12 +33,19 @@ impl Group {
         let mut tried = BTreeSet::new();
         while let Some(own) = self.next_open(&done.shells, &tried) {
             tried.extend(own.iter().copied());
-            let small = self.of(&Vec::from_iter(own.iter().copied()));
+            let mut small = self.of(&Vec::from_iter(own.iter().copied()));
             let finer = small.finer(tolerances);
-            let room = Room::new(options.most_points / ROOM);
-            let made = small.refine(scene, &finer, (options, &room), FINER);
-            let Some(made) = made.filter(|made| made.shells.iter().all(|shell| shell.naked == 0))
-            else {
+            let mut closed = |tolerances: &[f64], wider: f64| {
+                small.wider = wider;
+                let room = Room::new(options.most_points / ROOM);
+                let made = small.refine(scene, tolerances, (options, &room), FINER);
+                made.filter(|made| made.shells.iter().all(|shell| shell.naked == 0))
+            };
+            let mut made = closed(&finer, 1.0);
+            for wider in WIDER {
+                made = made.or_else(|| closed(tolerances, wider));
+            }
+            let Some(made) = made else {
                 continue;
             };
             let is_other =

@@ -62,6 +62,7 @@ impl Sewer<'_, '_> {
                     edge.extend::<Vec<usize>>(found);
                     next += 1;
                 }
+                alone.extend(self.left_over(&mut edge));
                 match edge[..] {
                     [s] => alone.push(s),
                     _ => pairs.extend(edge[1..].iter().map(|&other| (edge[0], other))),
@@ -70,6 +71,23 @@ impl Sewer<'_, '_> {
             left = alone;
         }
         pairs
+    }
+
+    /// Takes out one of an odd number of strands of one face: where a loop strays across a seam, all but
+    /// one of them are sides of a sliver there, and the others come in pairs, there and back.
+    fn left_over(&self, edge: &mut Vec<usize>) -> Option<usize> {
+        let face = self.strands[edge[0]].face;
+        if edge.len() < 3
+            || edge.len().is_multiple_of(2)
+            || edge.iter().any(|&s| self.strands[s].face != face)
+        {
+            return None;
+        }
+        let first = self.roots(&self.strands[edge[0]]);
+        let runs_along = |&s: &usize| self.roots(&self.strands[s]) == first;
+        let most = 2 * edge.iter().filter(|s| runs_along(s)).count() > edge.len();
+        let place = edge.iter().rposition(|s| runs_along(s) == most)?;
+        Some(edge.remove(place))
     }
 
     /// Whether strands that run together may be one edge: of two faces, or of one that goes a long way

@@ -197,3 +197,74 @@ fn solids_with_details_smaller_than_the_tolerance_are_closed_at_a_smaller_one() 
         assert!(is_closed, "{seed} {tolerance}: {:?}", result.shells);
     }
 }
+
+#[test]
+fn a_sliver_along_the_border_of_its_own_face_leaves_that_to_the_neighbour() {
+    // The neighbour is farther away than the sliver, and nearer than counts.
+    let faces = vec![
+        part(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+        part(&[[1.0 + 5e-6, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0 + 5e-6, 1.0]]),
+    ];
+    let [mut face, neighbour] = <[Patch; 2]>::try_from(faces).unwrap();
+    let sliver = [1.0 + 2e-9, 1.0 + 4e-9].map(|x| [[x, 0.0], [x, 1.0]]);
+    let [[a, b], [d, c]] = sliver;
+    face.loops.push(outline(&[a, d, c, b]));
+    let result = tessellate(&scene(vec![face, neighbour]), &within(1e-3)).unwrap();
+    assert_eq!(result.shells.len(), 1);
+    assert_eq!(result.shells[0].naked, 6, "{:?}", result.shells);
+}
+
+#[test]
+fn solids_whose_faces_are_farther_apart_than_the_tolerance_are_closed() {
+    let normals = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| [axis, -axis]);
+    let (tolerance, gap) = (1e-3, 3e-3);
+    let mut faces = bounded(normals.as_flattened());
+    let lifted = DAffine3::from_translation(DVec3::X * gap);
+    faces[0].surface = faces[0].surface.transformed(&lifted);
+    let result = tessellate(&solid(faces.clone()), &within(tolerance)).unwrap();
+    assert!(
+        result.shells.iter().all(Shell::is_closed),
+        "{:?}",
+        result.shells
+    );
+    // Faces of which nobody says that they are of a solid stay where they are.
+    let apart = tessellate(&scene(faces), &within(tolerance)).unwrap();
+    assert!(!apart.shells.iter().all(Shell::is_closed));
+    // What closing them costs is told.
+    let faces: Vec<&FaceMesh> = result.faces.iter().flatten().collect();
+    assert!(faces.iter().all(|face| face.gap <= face.proven));
+    let most = faces.iter().fold(0.0_f64, |most, face| most.max(face.gap));
+    assert!((tolerance..gap).contains(&most), "{most}");
+}
+
+#[test]
+fn rings_narrower_than_their_chords_are_filled() {
+    let turned = |profile: [[f64; 2]; 2]| -> Patch {
+        let [from, to] = profile.map(|[r, z]| DVec3::new(r, 0.0, z));
+        let line = Curve::line(from, to, 0.0..1.0).unwrap();
+        let surface = modelling::revolve(&line, DVec3::ZERO, DVec3::Z, 0.0..TAU);
+        surface.unwrap().into()
+    };
+    let circle = |radius: f64| {
+        let frame = modelling::Frame::about(DVec3::ZERO, DVec3::Z).unwrap();
+        let circle = modelling::circle(&frame, radius).unwrap().flattened();
+        TrimLoop::new(vec![circle], 1e-12).unwrap()
+    };
+    for width in [1e-3, 8.6e-4, 1e-4] {
+        let [inner, outer] = [3.4, 3.4 + width];
+        let (corner, side) = (DVec3::new(-4.0, -4.0, 0.0), 8.0);
+        let (x, y) = (side * DVec3::X, side * DVec3::Y);
+        let plane = modelling::plane(corner, x, y, -4.0..4.0, -4.0..4.0);
+        let mut ring: Patch = plane.unwrap().into();
+        ring.loops = [inner, outer].map(circle).into();
+        let faces = vec![
+            turned([[inner, 0.8], [inner, 0.0]]),
+            ring,
+            turned([[outer, 0.0], [3.5, -0.37]]),
+        ];
+        let result = tessellate(&scene(faces), &within(0.0166)).unwrap();
+        let shell = &result.shells[0];
+        assert_eq!(result.shells.len(), 1, "{width}");
+        assert_eq!((shell.euler, shell.crowded), (0, 0), "{width}: {shell:?}");
+    }
+}
