@@ -247,6 +247,35 @@ fn a_face_that_is_a_small_part_of_its_surface_has_its_side() {
 }
 
 #[test]
+fn fins_without_thickness_belong_to_their_body() {
+    // On an edge of a cube stand two faces with nothing between them, turned in any way, or twice as high as the
+    // side that they go on from.
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let fin = [tile(x + z, y, z), tile(x + z, z, y)];
+    let side = tile(x, y, z);
+    let high = tile(x, y, z * 2.0);
+    for sides in [
+        vec![side.clone(), fin[0].clone(), fin[1].clone()],
+        vec![side, fin[0].clone(), fin[0].clone()],
+        vec![high.clone(), fin[0].clone()],
+        vec![fin[1].clone(), high],
+    ] {
+        let rest = [
+            tile(DVec3::ZERO, x, y),
+            tile(z, x, y),
+            tile(DVec3::ZERO, x, z),
+            tile(y, x, z),
+            tile(DVec3::ZERO, y, z),
+        ];
+        let found = of_group(sides.into_iter().chain(rest));
+        assert_eq!((found.bodies.len(), found.open_faces), (1, 0), "{found:?}");
+        let body = &found.bodies[0];
+        assert!((body.volume - 1.0).abs() < 1e-9, "{body:?}");
+        assert!((body.area - 8.0).abs() < 1e-9, "{body:?}");
+    }
+}
+
+#[test]
 fn closed_surfaces_that_touch_are_bodies_of_their_own() {
     // They have both poles in common.
     let frame = Frame::about(DVec3::ZERO, DVec3::Z).unwrap();

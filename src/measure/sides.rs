@@ -36,10 +36,10 @@ pub(super) fn outsides(
 ) -> Option<Vec<f64>> {
     let mut numbers: Vec<u32> = faces.iter().map(|face| face.number).collect();
     numbers.sort_unstable();
-    let (mut sides, mut hits) = (Vec::new(), Vec::new());
+    let (mut votes, mut twins, mut hits) = (Vec::new(), Vec::new(), Vec::new());
     let (mut asked, mut agreed) = (0, 0);
     for face in faces {
-        let mut votes = 0_i32;
+        let (mut own, mut twin) = (0_i32, None);
         for uv in points(face) {
             let surface = &face.patch.surface;
             let (point, Some(normal)) = surface.point_and_regular_normal(uv) else {
@@ -54,22 +54,38 @@ pub(super) fn outsides(
             let range = f64::NEG_INFINITY..f64::INFINITY;
             accelerator.all(&ray, range, workspace, &mut hits);
             let here = bounds.diagonal() * HERE;
-            let ours = hits
-                .iter()
-                .filter(|hit| numbers.binary_search(&hit.shape).is_ok());
-            let (mut before, mut behind) = (0, 0);
-            for hit in ours {
-                before += usize::from(hit.t > here);
-                behind += usize::from(hit.t < -here);
+            let ours = || {
+                let ours = hits.iter();
+                ours.filter(|hit| numbers.binary_search(&hit.shape).is_ok())
+            };
+            let other = ours().find(|hit| hit.t.abs() <= here && hit.shape != face.number);
+            if let Some(hit) = other {
+                let there = faces.iter().position(|face| face.number == hit.shape);
+                twin = twin.or(there.map(|there| (there, hit.normal.dot(normal) > 0.0)));
+                continue;
             }
+            let before = ours().filter(|hit| hit.t > here).count();
+            let behind = ours().filter(|hit| hit.t < -here).count();
             asked += 1;
             if (before + behind) % 2 == 1 {
                 agreed += 1;
-                votes += if before % 2 == 0 { 1 } else { -1 };
+                own += if before % 2 == 0 { 1 } else { -1 };
             }
         }
-        sides.push(if votes < 0 { -1.0 } else { 1.0 });
+        votes.push(own);
+        twins.push(twin);
     }
+    let sign = |votes: i32| if votes < 0 { -1.0 } else { 1.0 };
+    let sides = votes.iter().zip(&twins).enumerate();
+    let sides = sides.map(|(k, (&own, twin))| match *twin {
+        // Of two faces with nothing between them one looks to each side.
+        Some((other, is_along)) if own == 0 && (votes[other] != 0 || other < k) => {
+            let along = sign(votes[other]);
+            if is_along { -along } else { along }
+        }
+        _ => sign(own),
+    });
+    let sides = sides.collect();
     let is_closed = asked > 0 && f64::from(agreed) >= AGREE * f64::from(asked);
     is_closed.then_some(sides)
 }

@@ -233,9 +233,12 @@ impl<'a> Walker<'a> {
         }
         let tolerances = self.uses.iter().map(|used| self.faces[used.face].tolerance);
         let reach = SAME * tolerances.fold(f64::INFINITY, f64::min);
+        // Where faces are apart an end may be farther from their boundaries than those of it.
+        let own = [range.start, range.end].map(|t| home.point(first.curve.evaluate(t)));
         kinks.retain(|&kink| {
             let point = home.point(first.curve.evaluate(kink));
-            self.ends.iter().all(|end| end.distance(point) > reach)
+            let is_far = |end: &DVec3| end.distance(point) > reach;
+            self.ends.iter().chain(&own).all(is_far)
         });
         kinks.push(range.end);
         // One crossing may have been found twice; the last one is the end, which stays.

@@ -507,3 +507,28 @@ fn solids_by_construction_have_all_their_faces() {
         "{error}"
     );
 }
+
+#[test]
+fn a_face_without_a_surface_has_the_plane_of_its_edges() {
+    // Two halves of a circle: their ends alone tell no plane.
+    let halves = "#30=CARTESIAN_POINT('',(-2.,0.,0.));#31=VERTEX_POINT('',#30);
+#32=EDGE_CURVE('',#12,#31,#13,.T.);#33=EDGE_CURVE('',#31,#12,#13,.T.);
+#34=ORIENTED_EDGE('',*,*,#32,.T.);#35=ORIENTED_EDGE('',*,*,#33,.T.);
+#36=EDGE_LOOP('',(#34,#35));#37=FACE_OUTER_BOUND('',#36,.T.);
+#38=ADVANCED_FACE('',(#37),$,.T.);#39=OPEN_SHELL('',(#38));";
+    let (scene, warnings) = read(&product("#39", &format!("{AXES}{DISK}{halves}")));
+    let [patch] = scene.patches() else {
+        panic!("one face")
+    };
+    let area = kernel::Integrals::of(patch, DVec3::ZERO).area();
+    assert!((area - 4.0 * PI).abs() < 1e-6, "{area}");
+    let text = "it has no surface; its edges are in one plane, which is taken";
+    assert!(warnings[0].ends_with(text), "{warnings:?}");
+    // Edges that are not in one plane tell none.
+    let tilted =
+        "#50=DIRECTION('',(0.,1.,1.));#51=AXIS2_PLACEMENT_3D('',#1,#50,#3);#52=CIRCLE('',#51,2.);";
+    let halves = halves.replace("#12,#31,#13", "#12,#31,#52") + tilted;
+    let (_, warnings) = read(&product("#39,#22", &format!("{AXES}{DISK}{halves}")));
+    let text = "it has no surface, and its edges are not in one plane";
+    assert!(warnings[0].ends_with(text), "{warnings:?}");
+}

@@ -3,11 +3,11 @@
 use std::rc::Rc;
 
 use glam::DVec3;
-use kernel::Curve;
+use kernel::{Aabb, Curve};
 
 use super::arcs::{Basis, End, between};
 use super::translator::Translator;
-use super::values::Record;
+use super::values::{Record, Value};
 use crate::Problem;
 use crate::iges::Fields;
 
@@ -16,6 +16,9 @@ const NESTING: usize = 16;
 
 /// A curve that ends farther from its vertex than this share of its size is too short.
 const BESIDE: f64 = 1e-2;
+
+/// Edges no farther from a plane than this share of their size are in it.
+const FLAT: f64 = 1e-6;
 
 /// An edge in the draft.
 #[derive(Debug)]
@@ -335,9 +338,15 @@ impl Translator<'_> {
             .flatten()
             .flat_map(|(edge, _)| edge.pieces.iter().flat_map(Curve::points))
             .collect();
+        let is_missing = record.name() != "FACE" && matches!(at.get(2), Some(Value::Nothing));
         // What polygons bound is flat, wherever the surface of the file is.
         let (pointer, is_turned) = if record.name() == "FACE" || self.is_facet(record) {
-            (self.plane_through(id, &loops)?, false)
+            (self.plane_through(id, &loops, f64::INFINITY)?, false)
+        } else if is_missing {
+            let plane = self.plane_through(id, &loops, FLAT)?;
+            let text = "it has no surface; its edges are in one plane, which is taken";
+            self.note(id, Problem::Invalid(text.to_owned()));
+            (plane, false)
         } else {
             let sheet = self.surface(at.reference(2)?, &hull, 0)?;
             (sheet.pointer, sheet.is_turned == at.is_true(3, true))
@@ -381,15 +390,25 @@ impl Translator<'_> {
         self.add(1, &fields, id)
     }
 
-    /// The plane of the first loop of a face that has no surface.
-    fn plane_through(&mut self, id: u64, loops: &[Vec<Stretch>]) -> Result<i64, Problem> {
+    /// The plane of the first loop of a face that has no surface, unless points of its edges are farther off than
+    /// a share of its size.
+    fn plane_through(
+        &mut self,
+        id: u64,
+        loops: &[Vec<Stretch>],
+        most: f64,
+    ) -> Result<i64, Problem> {
         let first = loops
             .first()
             .ok_or_else(|| Problem::Invalid("it has neither a surface nor a loop".to_owned()))?;
-        let points: Vec<DVec3> = first
-            .iter()
-            .filter_map(|(edge, _)| edge.pieces.first().map(Curve::start))
-            .collect();
+        let run = |(edge, is_backwards): &Stretch| {
+            let mut points: Vec<DVec3> = edge.pieces.iter().flat_map(Curve::points).collect();
+            if *is_backwards == edge.is_along {
+                points.reverse();
+            }
+            points
+        };
+        let points: Vec<DVec3> = first.iter().flat_map(run).collect();
         let origin = points.first().copied().unwrap_or_default();
         let pairs = points.windows(2);
         let normal: DVec3 = pairs
@@ -397,6 +416,12 @@ impl Translator<'_> {
             .sum();
         let normal = normal.try_normalize();
         let normal = normal.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
+        let size = Aabb::around(points.iter().copied()).diagonal();
+        let is_off = |p: &DVec3| (*p - origin).dot(normal).abs() > most * size;
+        if points.iter().any(is_off) {
+            let text = "it has no surface, and its edges are not in one plane";
+            return Err(Problem::Invalid(text.to_owned()));
+        }
         let location = self.vector(116, origin, id);
         let axis = self.vector(123, normal, id);
         let fields = Fields::new(190).integers([location, axis]);

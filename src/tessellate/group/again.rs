@@ -18,7 +18,7 @@ use crate::tessellate::shell::Shell;
 const ROOM: usize = 8;
 
 /// Edges are sewn over gaps so many times as wide as the tolerance where a solid is not closed otherwise.
-const WIDER: [f64; 3] = [2.0, 4.0, 8.0];
+const WIDER: [f64; 4] = [2.0, 4.0, 8.0, 16.0];
 
 impl Group {
     /// What the group became, with solids closed that are closed at a smaller tolerance, or where edges may be
