@@ -130,15 +130,18 @@ fn try_all(folders: &[&str], count: usize) {
 }
 
 #[test]
-fn pointers_to_files_elsewhere_are_told() {
+fn what_stands_for_other_files_is_told() {
     let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a21\nsize 12345\n";
+    let archive = "PK\x03\x04\x14\0\0\0\x08\0part.step";
     let options = ReadOptions {
         limits: &Limits::default(),
         resolver: &NoFiles,
     };
-    for ending in ["igs", "obj", "wrl", "x3d"] {
-        let error = read(pointer.as_bytes(), Some(ending), &options).unwrap_err();
-        assert!(error.to_string().contains("git lfs pull"), "{error}");
+    for ending in ["igs", "obj", "wrl", "x3d", "stpz"] {
+        for (head, told) in [(pointer, "git lfs pull"), (archive, "unpack it")] {
+            let error = read(head.as_bytes(), Some(ending), &options).unwrap_err();
+            assert!(error.to_string().contains(told), "{error}");
+        }
     }
 }
 

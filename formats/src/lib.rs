@@ -202,8 +202,17 @@ pub fn read(
 const GROWTH: usize = 100;
 const GROWTH_FREE: usize = 16 << 20;
 
-/// How files begin that Git LFS leaves in place of large ones.
-const LFS: &[u8] = b"version https://git-lfs.github.com/spec/";
+/// How files begin that stand for others, and what gets those.
+const STANDING_FOR: [(&[u8], &str); 2] = [
+    (
+        b"version https://git-lfs.github.com/spec/",
+        "it only points to a file in Git LFS; \"git lfs pull\" fetches that",
+    ),
+    (
+        b"PK\x03\x04",
+        "it is a ZIP archive; unpack it, and read the files in it",
+    ),
+];
 
 /// The content of a file, of no more than so many bytes, with gzip compression undone, if there
 /// is one.
@@ -241,9 +250,11 @@ fn read_plain(
     if bytes.is_empty() {
         return Err(unknown(Problem::Invalid("it is empty".to_owned())));
     }
-    if bytes.starts_with(LFS) {
-        let text = "it only points to a file in Git LFS; \"git lfs pull\" fetches that";
-        return Err(unknown(Problem::Invalid(text.to_owned())));
+    let other = STANDING_FOR
+        .iter()
+        .find(|(head, _)| bytes.starts_with(head));
+    if let Some((_, text)) = other {
+        return Err(unknown(Problem::Invalid((*text).to_owned())));
     }
     let by_content = FORMATS.iter().find(|format| (format.sniff)(bytes));
     let by_name = || {
