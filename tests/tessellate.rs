@@ -66,9 +66,12 @@ fn trimmed_faces_keep_their_area() {
 }
 
 #[test]
-fn bodies_with_poles_are_closed() {
-    // A pole that is not one point, holes too small to see, and ends without a normal.
+fn bodies_with_faults_are_closed() {
+    // A pole that is not one point, holes too small to see, ends without a normal, boundaries that run back over
+    // themselves, and edges farther from their faces than counts.
     let expected = [
+        ("made_truncated.wrl", 1),
+        ("gmsh_SampleCrankshaft4A.stp", 1),
         ("dune_laufmess.wrl", 31),
         ("dune_Untitled.wrl", 2),
         ("FourDucks.x3dv", 1),

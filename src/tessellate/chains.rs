@@ -63,6 +63,7 @@ impl<'a> Chains<'a> {
     pub(super) fn mesh(&mut self) -> Option<(Vec<Triangles>, usize)> {
         let (mut halvings, mut ties) = (0, 0);
         let mut untied = None;
+        let mut is_lenient = false;
         while self.limits.room.is_left() {
             let stretches = self.stretches();
             let outlines: Vec<_> = self
@@ -72,7 +73,9 @@ impl<'a> Chains<'a> {
                 .map(|(face, own)| Mesher::new(face, own, &self.limits))
                 .collect();
             let found = outlines.iter().flat_map(|(_, found)| found).copied();
-            let meetings: Vec<Meeting> = found.filter(|m| !self.is_slight(m)).collect();
+            let meetings: Vec<Meeting> = found
+                .filter(|meeting| !is_lenient || !self.is_slight(meeting))
+                .collect();
             if meetings.is_empty() || ties == TIES && untied.is_none() {
                 let meshes: Vec<_> = outlines.into_par_iter().map(|(m, _)| m.run()).collect();
                 let crossings = meshes.iter().map(|mesh| mesh.undrawn).sum();
@@ -85,8 +88,12 @@ impl<'a> Chains<'a> {
                 cuts = self.halves(&meetings);
             }
             if cuts.is_empty() && ties == TIES {
-                // Boundaries that run over each other: they stay as they were.
+                // Boundaries that run over each other: they stay as they were. Those that do so below the tolerance
+                // may be all that does not come apart.
                 self.chains = untied.take()?;
+                if !is_lenient {
+                    (is_lenient, ties) = (true, 0);
+                }
                 continue;
             }
             if cuts.is_empty() {
