@@ -200,6 +200,19 @@ fn of_group(patches: impl IntoIterator<Item = Patch>) -> Measure {
     measure(&scene)
 }
 
+/// The sides of a cube: floor and lid, and two across y and x each.
+fn cube() -> [Patch; 6] {
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    [
+        tile(DVec3::ZERO, x, y),
+        tile(z, x, y),
+        tile(DVec3::ZERO, x, z),
+        tile(y, x, z),
+        tile(DVec3::ZERO, y, z),
+        tile(x, y, z),
+    ]
+}
+
 /// Pieces of each side of a [`tile`].
 const PIECES: usize = 64;
 
@@ -208,14 +221,8 @@ fn bodies_that_only_their_triangles_close_are_bodies() {
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     // The lid is a little above the walls.
     let lid = z * 1.0003;
-    let tiles = [
-        tile(DVec3::ZERO, x, y),
-        tile(lid, x, y),
-        tile(DVec3::ZERO, x, z),
-        tile(y, x, z),
-        tile(DVec3::ZERO, y, z),
-        tile(x, y, z),
-    ];
+    let mut tiles = cube();
+    tiles[1] = tile(lid, x, y);
     let found = of_group(tiles);
     assert_eq!((found.bodies.len(), found.open_faces), (1, 0));
     let body = &found.bodies[0];
@@ -228,20 +235,15 @@ fn bodies_that_only_their_triangles_close_are_bodies() {
 #[test]
 fn a_face_that_is_a_small_part_of_its_surface_has_its_side() {
     // A cube of which a face is a millionth of its plane, with the normal inwards.
-    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let (x, y) = (DVec3::X, DVec3::Y);
     let mut floor = tile(DVec3::ZERO, x, y);
     let whole = -1000.0..1001.0;
     let (from, way) = (DVec3::new(-1000.0, -1000.0, 0.0), 2001.0);
     floor.surface =
         modelling::plane(from, x * way, y * way, whole.clone(), whole).expect("a plane");
-    let found = of_group([
-        floor,
-        tile(z, x, y),
-        tile(DVec3::ZERO, x, z),
-        tile(y, x, z),
-        tile(DVec3::ZERO, y, z),
-        tile(x, y, z),
-    ]);
+    let mut tiles = cube();
+    tiles[0] = floor;
+    let found = of_group(tiles);
     assert_eq!((found.bodies.len(), found.open_faces), (1, 0));
     assert!((found.bodies[0].volume - 1.0).abs() < 1e-9);
 }
@@ -252,7 +254,7 @@ fn fins_without_thickness_belong_to_their_body() {
     // side that they go on from.
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     let fin = [tile(x + z, y, z), tile(x + z, z, y)];
-    let side = tile(x, y, z);
+    let [rest @ .., side] = cube();
     let high = tile(x, y, z * 2.0);
     for sides in [
         vec![side.clone(), fin[0].clone(), fin[1].clone()],
@@ -260,14 +262,7 @@ fn fins_without_thickness_belong_to_their_body() {
         vec![high.clone(), fin[0].clone()],
         vec![fin[1].clone(), high],
     ] {
-        let rest = [
-            tile(DVec3::ZERO, x, y),
-            tile(z, x, y),
-            tile(DVec3::ZERO, x, z),
-            tile(y, x, z),
-            tile(DVec3::ZERO, y, z),
-        ];
-        let found = of_group(sides.into_iter().chain(rest));
+        let found = of_group(sides.into_iter().chain(rest.clone()));
         assert_eq!((found.bodies.len(), found.open_faces), (1, 0), "{found:?}");
         let body = &found.bodies[0];
         assert!((body.volume - 1.0).abs() < 1e-9, "{body:?}");

@@ -36,7 +36,7 @@ pub(super) fn outsides(
 ) -> Option<Vec<f64>> {
     let mut numbers: Vec<u32> = faces.iter().map(|face| face.number).collect();
     numbers.sort_unstable();
-    let (mut votes, mut twins, mut hits) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut votes, mut hits) = (Vec::new(), Vec::new());
     let (mut asked, mut agreed) = (0, 0);
     for face in faces {
         let (mut own, mut twin) = (0_i32, None);
@@ -60,8 +60,10 @@ pub(super) fn outsides(
             };
             let other = ours().find(|hit| hit.t.abs() <= here && hit.shape != face.number);
             if let Some(hit) = other {
-                let there = faces.iter().position(|face| face.number == hit.shape);
-                twin = twin.or(there.map(|there| (there, hit.normal.dot(normal) > 0.0)));
+                twin = twin.or_else(|| {
+                    let there = faces.iter().position(|face| face.number == hit.shape)?;
+                    Some((there, hit.normal.dot(normal) > 0.0))
+                });
                 continue;
             }
             let before = ours().filter(|hit| hit.t > here).count();
@@ -72,19 +74,20 @@ pub(super) fn outsides(
                 own += if before % 2 == 0 { 1 } else { -1 };
             }
         }
-        votes.push(own);
-        twins.push(twin);
+        votes.push((own, twin));
     }
     let sign = |votes: i32| if votes < 0 { -1.0 } else { 1.0 };
-    let sides = votes.iter().zip(&twins).enumerate();
-    let sides = sides.map(|(k, (&own, twin))| match *twin {
-        // Of two faces with nothing between them one looks to each side.
-        Some((other, is_along)) if own == 0 && (votes[other] != 0 || other < k) => {
-            let along = sign(votes[other]);
-            if is_along { -along } else { along }
-        }
-        _ => sign(own),
-    });
+    let sides = votes
+        .iter()
+        .enumerate()
+        .map(|(k, &(own, twin))| match twin {
+            // Of two faces with nothing between them one looks to each side.
+            Some((other, is_along)) if own == 0 && (votes[other].0 != 0 || other < k) => {
+                let along = sign(votes[other].0);
+                if is_along { -along } else { along }
+            }
+            _ => sign(own),
+        });
     let sides = sides.collect();
     let is_closed = asked > 0 && f64::from(agreed) >= AGREE * f64::from(asked);
     is_closed.then_some(sides)

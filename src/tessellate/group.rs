@@ -124,10 +124,10 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
         group.owners.extend(owners.get_key_value(&id));
         group.solids.extend(solids.get_key_value(&id));
         group.scale = group.scale.max(scale);
-        group.wider = 1.0;
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     for group in &mut groups {
+        group.wider = 1.0;
         group.members.sort_by_key(|id| id.index());
     }
     groups.sort_by_key(|group| group.members[0].index());

@@ -110,10 +110,7 @@ pub(super) fn faces(
                     Ok(trims) => trims,
                     Err(NOTHING) if sheet.is_plane() => return no_plane(reader, face, NOTHING),
                     Err(NOTHING) if trimmer.are_hairlines(reader, loops) => {
-                        let text =
-                            format!("{NOTHING}, which are no wider than a line; it is not shown");
-                        reader.repaired(face, &text);
-                        return Ok(Vec::new());
+                        return Ok(no_face(reader, face, "which are no wider than a line"));
                     }
                     Err(problem) => {
                         untrimmed(reader, face, &problem);
@@ -163,9 +160,13 @@ fn no_plane(reader: &mut Reader<'_, '_>, face: usize, problem: Problem) -> Resul
     if problem != NOTHING {
         return Err(problem);
     }
-    let text = format!("{problem}, and it has no border of its own; it is not shown");
-    reader.repaired(face, &text);
-    Ok(Vec::new())
+    Ok(no_face(reader, face, "and it has no border of its own"))
+}
+
+/// Notes that nothing is shown of a face inside whose loops is nothing, and why.
+fn no_face(reader: &mut Reader<'_, '_>, face: usize, why: &str) -> Parts {
+    reader.repaired(face, &format!("{NOTHING}, {why}; it is not shown"));
+    Vec::new()
 }
 
 /// The curves of a curve on a surface (type 142) for its own sake: those of space, or else those

@@ -338,11 +338,10 @@ impl Translator<'_> {
             .flatten()
             .flat_map(|(edge, _)| edge.pieces.iter().flat_map(Curve::points))
             .collect();
-        let is_missing = record.name() != "FACE" && matches!(at.get(2), Some(Value::Nothing));
         // What polygons bound is flat, wherever the surface of the file is.
         let (pointer, is_turned) = if record.name() == "FACE" || self.is_facet(record) {
             (self.plane_through(id, &loops, f64::INFINITY)?, false)
-        } else if is_missing {
+        } else if let Some(Value::Nothing) = at.get(2) {
             let plane = self.plane_through(id, &loops, FLAT)?;
             let text = "it has no surface; its edges are in one plane, which is taken";
             self.note(id, Problem::Invalid(text.to_owned()));

@@ -6,6 +6,7 @@
 //! sewn as far as needed.
 
 use std::collections::BTreeSet;
+use std::iter;
 
 use kernel::{PatchId, Scene};
 
@@ -35,17 +36,15 @@ impl Group {
             tried.extend(own.iter().copied());
             let mut small = self.of(&Vec::from_iter(own.iter().copied()));
             let finer = small.finer(tolerances);
-            let mut closed = |tolerances: &[f64], wider: f64| {
+            let over_gaps = WIDER.map(|wider| (tolerances, wider));
+            let mut tries = iter::once((&finer[..], 1.0)).chain(over_gaps);
+            let closed = tries.find_map(|(tolerances, wider)| {
                 small.wider = wider;
                 let room = Room::new(options.most_points / ROOM);
                 let made = small.refine(scene, tolerances, (options, &room), FINER);
                 made.filter(|made| made.shells.iter().all(|shell| shell.naked == 0))
-            };
-            let mut made = closed(&finer, 1.0);
-            for wider in WIDER {
-                made = made.or_else(|| closed(tolerances, wider));
-            }
-            let Some(made) = made else {
+            });
+            let Some(made) = closed else {
                 continue;
             };
             let is_other =
