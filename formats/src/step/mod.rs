@@ -20,12 +20,14 @@ mod external;
 #[cfg(test)]
 mod external_tests;
 mod nets;
+mod orientation;
 mod part21;
 #[cfg(test)]
 mod part21_tests;
 mod products;
 #[cfg(test)]
 mod products_tests;
+mod revolved;
 mod solids;
 mod structure;
 mod styles;
@@ -34,6 +36,7 @@ mod surfaces;
 mod tests;
 mod topology;
 mod translator;
+
 mod units;
 mod values;
 

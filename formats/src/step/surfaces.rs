@@ -9,6 +9,7 @@ use kernel::{Curve, Surface};
 use super::arcs::{Basis, Conic, End, between};
 use super::curves::NESTING;
 use super::nets::{of_surface, spline};
+use super::revolved::profile;
 use super::translator::Translator;
 use super::values::{Attributes, Record};
 use crate::Problem;
@@ -18,7 +19,7 @@ use crate::iges::Fields;
 const MARGIN: f64 = 1e-2;
 
 /// Directions are parallel, and a curve meets an axis, up to this.
-const PARALLEL: f64 = 1e-9;
+pub(super) const PARALLEL: f64 = 1e-9;
 
 /// A half angle of a cone of a quarter turn or more is in degrees, whatever the file says.
 const FLAT: f64 = FRAC_PI_2;
@@ -161,7 +162,7 @@ impl Translator<'_> {
 
     /// A torus that crosses itself: its outer or its inner sheet, as is wanted or as what is around
     /// its face tells.
-    fn spindle(
+    pub(super) fn spindle(
         &mut self,
         id: u64,
         frame: &Frame,
@@ -253,6 +254,12 @@ impl Translator<'_> {
         let axis = axis.try_normalize();
         let axis = axis.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
         let basis = geometry.basis(at.reference(1)?, 0)?;
+        if let Basis::Conic { frame, shape } = &basis {
+            let conic = (frame, *shape);
+            if let Some(sheet) = self.crossing(id, conic, [origin, axis], around)? {
+                return Ok(sheet);
+            }
+        }
         let height = |p: DVec3| (p - origin).dot(axis);
         let curve = match &basis {
             Basis::Line {
@@ -285,20 +292,7 @@ impl Translator<'_> {
                     is_turned,
                 });
             }
-            _ => wide(&basis, |frame| {
-                // Turned into the half plane of the curve, on either side of the axis.
-                let out = (frame.origin() - origin) + frame.x();
-                let out = (out - axis * out.dot(axis)).normalize_or_zero();
-                let turned = |&p: &DVec3| {
-                    let up = height(p);
-                    let radius = (p - origin - axis * up).length();
-                    [radius, -radius].map(|radius| {
-                        let off = origin + axis * up + out * radius - frame.origin();
-                        DVec2::new(off.dot(frame.x()), off.dot(frame.y()))
-                    })
-                };
-                around.iter().flat_map(turned).collect()
-            })?,
+            _ => profile(&basis, [origin, axis], around)?,
         };
         self.turned(id, &curve, [origin, axis])
     }
@@ -480,17 +474,17 @@ fn is_sphere(frame: &Frame, axes: DVec2, origin: DVec3, axis: DVec3) -> bool {
 }
 
 /// Why a surface cannot be made.
-fn endless() -> Problem {
+pub(super) fn endless() -> Problem {
     Problem::Unsupported("it has no end, because no curves of space bound it".to_owned())
 }
 
 /// The only piece of a curve.
-fn first(pieces: Vec<Curve<DVec3>>) -> Result<Curve<DVec3>, Problem> {
+pub(super) fn first(pieces: Vec<Curve<DVec3>>) -> Result<Curve<DVec3>, Problem> {
     pieces.into_iter().next().ok_or_else(endless)
 }
 
 /// The ends of a range of numbers, with some room; `None` without numbers.
-fn widened(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+pub(super) fn widened(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let mut range: Option<[f64; 2]> = None;
     for value in values {
         let [low, high] = range.unwrap_or([value; 2]);
@@ -503,7 +497,10 @@ fn widened(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
 
 /// A curve that is long enough for some points, which are given in the axes of a conic that has no
 /// end.
-fn wide(basis: &Basis, points: impl FnOnce(&Frame) -> Vec<DVec2>) -> Result<Curve<DVec3>, Problem> {
+pub(super) fn wide(
+    basis: &Basis,
+    points: impl FnOnce(&Frame) -> Vec<DVec2>,
+) -> Result<Curve<DVec3>, Problem> {
     let ends = match basis {
         Basis::Conic { frame, shape } => match shape {
             Conic::Ellipse(_) => None,

@@ -80,7 +80,9 @@ impl Translator<'_> {
                 self.solid(id, &shells, name, depth)
             }
             "CLOSED_SHELL" | "OPEN_SHELL" | "CONNECTED_FACE_SET" | "CONNECTED_FACE_SUB_SET" => {
-                let faces = self.items(&at.references(1)?, depth);
+                let faces = at.references(1)?;
+                self.find_against(&faces);
+                let faces = self.items(&faces, depth);
                 let fields = Fields::new(514).count(faces.len());
                 let fields = fields.integers(faces.into_iter().flat_map(|face| [face, 1]));
                 Some(self.add_named(1, &fields, id, name))
@@ -350,7 +352,13 @@ impl Translator<'_> {
             let sheet = self.surface(at.reference(2)?, &hull, 0)?;
             (sheet.pointer, sheet.is_turned == at.is_true(3, true))
         };
-        if is_turned {
+        let is_against = self.against.contains(&id);
+        if is_against {
+            let text =
+                "its loops run the other way round than those of its neighbours; they are turned";
+            self.note(id, Problem::Invalid(text.to_owned()));
+        }
+        if is_turned != is_against {
             loops.iter_mut().for_each(turn);
         }
         let mut pointers = Vec::new();

@@ -50,6 +50,8 @@ pub(super) struct Translator<'a> {
     pub edges: HashMap<u64, Result<Rc<Edge>, Problem>>,
     /// What items became.
     pub items: HashMap<u64, Option<i64>>,
+    /// Faces whose loops are to be turned.
+    pub against: HashSet<u64>,
     /// Items, representations and products that are being made.
     pub busy: HashSet<u64>,
     /// Instances that could not be used.
@@ -85,6 +87,7 @@ impl<'a> Translator<'a> {
             surfaces: HashMap::new(),
             edges: HashMap::new(),
             items: HashMap::new(),
+            against: HashSet::new(),
             busy: HashSet::new(),
             refused: BTreeSet::new(),
             failure: None,

@@ -1,0 +1,113 @@
+//! Conics that are turned around an axis which they cross.
+//!
+//! The whole of them would be the same surface twice, or two sheets of which a face is on one.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::iter;
+
+use glam::{DVec2, DVec3};
+use kernel::Curve;
+use kernel::modelling::Frame;
+
+use super::arcs::{Basis, Conic, End, between};
+use super::surfaces::{PARALLEL, Sheet, endless, first, wide, widened};
+use super::translator::Translator;
+use crate::Problem;
+
+impl Translator<'_> {
+    /// The surface of a circle whose plane has the axis in it and which crosses that, but not in its
+    /// middle; `None` for any other conic.
+    pub(super) fn crossing(
+        &mut self,
+        id: u64,
+        (frame, shape): (&Frame, Conic),
+        [origin, axis]: [DVec3; 2],
+        around: &[DVec3],
+    ) -> Result<Option<Sheet>, Problem> {
+        let Conic::Ellipse(axes) = shape else {
+            return Ok(None);
+        };
+        let off = frame.origin() - origin;
+        let out = off - axis * off.dot(axis);
+        let (radius, major) = (axes.x, out.length());
+        let is_flat = frame.z().dot(axis).abs() <= PARALLEL
+            && frame.z().dot(out).abs() <= PARALLEL * radius
+            && (axes.x - axes.y).abs() <= PARALLEL * radius;
+        if !is_flat || major <= PARALLEL * radius || major >= radius {
+            return Ok(None);
+        }
+        let torus = Frame::new(frame.origin() - out, axis, out).map_err(Problem::Geometry)?;
+        let sheet = self.spindle(id, &torus, [major, radius], None, around)?;
+        Ok(Some(Sheet {
+            is_turned: frame.z().dot(out.cross(axis)) < 0.0,
+            ..sheet
+        }))
+    }
+}
+
+/// The curve that is turned around an axis, long enough for some points.
+pub(super) fn profile(
+    basis: &Basis,
+    [origin, axis]: [DVec3; 2],
+    around: &[DVec3],
+) -> Result<Curve<DVec3>, Problem> {
+    if let Basis::Conic { frame, shape } = basis
+        && let Some(half) = half((frame, *shape), [origin, axis], around)?
+    {
+        return Ok(half);
+    }
+    wide(basis, |frame| {
+        // Turned into the half plane of the curve, on either side of the axis.
+        let out = (frame.origin() - origin) + frame.x();
+        let out = (out - axis * out.dot(axis)).normalize_or_zero();
+        let turned = |&p: &DVec3| {
+            let up = (p - origin).dot(axis);
+            let radius = (p - origin - axis * up).length();
+            [radius, -radius].map(|radius| {
+                let off = origin + axis * up + out * radius - frame.origin();
+                DVec2::new(off.dot(frame.x()), off.dot(frame.y()))
+            })
+        };
+        around.iter().flat_map(turned).collect()
+    })
+}
+
+/// The half, on one side of the axis, of a conic that is the same on both; `None` for any other.
+fn half(
+    (frame, shape): (&Frame, Conic),
+    [origin, axis]: [DVec3; 2],
+    around: &[DVec3],
+) -> Result<Option<Curve<DVec3>>, Problem> {
+    let off = frame.origin() - origin;
+    let is_along = |way: DVec3| way.cross(axis).length() <= PARALLEL;
+    let size = match shape {
+        Conic::Ellipse(axes) | Conic::Hyperbola(axes) => axes.max_element(),
+        Conic::Parabola(focus) => focus,
+    };
+    if off.cross(axis).length() > PARALLEL * size.max(off.length()) {
+        return Ok(None);
+    }
+    let range = match shape {
+        Conic::Ellipse(_) if is_along(frame.x()) => [0.0, PI],
+        Conic::Ellipse(_) if is_along(frame.y()) => [-FRAC_PI_2, FRAC_PI_2],
+        Conic::Parabola(_) | Conic::Hyperbola(_) if is_along(frame.x()) => {
+            if around.is_empty() {
+                return Err(endless());
+            }
+            let reach = around.iter().map(|&p| {
+                let off = p - frame.origin();
+                let along = off.dot(frame.x());
+                let radius = (off - frame.x() * along).length();
+                shape.parameter(DVec2::new(along, radius))
+            });
+            let [_, end] = widened(reach.chain(iter::once(0.0))).ok_or_else(endless)?;
+            [0.0, end]
+        }
+        _ => return Ok(None),
+    };
+    let basis = Basis::Conic {
+        frame: *frame,
+        shape,
+    };
+    first(between(&basis, Some(range.map(End::At)))?).map(Some)
+}
