@@ -30,7 +30,19 @@ impl Translator<'_> {
             }
         }
         let turned = against(&links).into_iter().map(|number| faces[number]);
+        let turned: Vec<u64> = turned.filter(|&face| self.is_ambiguous(face)).collect();
         self.against.extend(turned);
+    }
+
+    /// Whether a loop bounds a face on either side of it: the surface has an end everywhere.
+    fn is_ambiguous(&self, face: u64) -> bool {
+        let record = self.exchange.get(face);
+        let surface = record.and_then(|record| record.attributes().reference(2));
+        let kind = surface.map(|surface| self.exchange.keyword(surface));
+        kind.is_ok_and(|kind| {
+            let endless: [&[u8]; 3] = [b"PLANE", b"CYLINDRICAL_SURFACE", b"CONICAL_SURFACE"];
+            !endless.iter().any(|name| kind.eq_ignore_ascii_case(name))
+        })
     }
 
     /// The edges around a face, and whether each is run through backwards there.
