@@ -36,7 +36,6 @@ mod surfaces;
 mod tests;
 mod topology;
 mod translator;
-
 mod units;
 mod values;
 

@@ -16,7 +16,9 @@ impl Translator<'_> {
         let mut uses: HashMap<u64, Vec<(usize, bool)>> = HashMap::new();
         for (number, &face) in faces.iter().enumerate() {
             // What cannot be read is told where the face is made.
-            for (edge, is_backwards) in self.directions(face).unwrap_or_default() {
+            let directions = self.directions(face).unwrap_or_default();
+            self.uses_left -= directions.len();
+            for (edge, is_backwards) in directions {
                 uses.entry(edge).or_default().push((number, is_backwards));
             }
         }
@@ -45,7 +47,7 @@ impl Translator<'_> {
         })
     }
 
-    /// The edges around a face, and whether each is run through backwards there.
+    /// The edges around a face, and whether each is run through backwards there; no more than are left.
     fn directions(&self, face: u64) -> Result<Vec<(u64, bool)>, Problem> {
         let record = self.exchange.get(face)?;
         let mut directions = Vec::new();
@@ -60,6 +62,10 @@ impl Translator<'_> {
                 continue;
             }
             for edge in path.attributes().references(1)? {
+                // Each use has an instance of its own, unless the file is out to take all time and memory.
+                if directions.len() == self.uses_left {
+                    return Ok(directions);
+                }
                 let record = self.exchange.get(edge)?;
                 let at = record.attributes();
                 if matches!(record.name(), "ORIENTED_EDGE" | "SEAM_EDGE") {

@@ -3,14 +3,13 @@
 //! The whole of them would be the same surface twice, or two sheets of which a face is on one.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::iter;
 
 use glam::{DVec2, DVec3};
 use kernel::Curve;
 use kernel::modelling::Frame;
 
 use super::arcs::{Basis, Conic, End, between};
-use super::surfaces::{PARALLEL, Sheet, endless, first, wide, widened};
+use super::surfaces::{MARGIN, PARALLEL, Sheet, endless, first, wide};
 use super::translator::Translator;
 use crate::Problem;
 
@@ -91,17 +90,14 @@ fn half(
         Conic::Ellipse(_) if is_along(frame.x()) => [0.0, PI],
         Conic::Ellipse(_) if is_along(frame.y()) => [-FRAC_PI_2, FRAC_PI_2],
         Conic::Parabola(_) | Conic::Hyperbola(_) if is_along(frame.x()) => {
-            if around.is_empty() {
-                return Err(endless());
-            }
             let reach = around.iter().map(|&p| {
                 let off = p - frame.origin();
                 let along = off.dot(frame.x());
                 let radius = (off - frame.x() * along).length();
                 shape.parameter(DVec2::new(along, radius))
             });
-            let [_, end] = widened(reach.chain(iter::once(0.0))).ok_or_else(endless)?;
-            [0.0, end]
+            let farthest = reach.reduce(f64::max).ok_or_else(endless)?;
+            [0.0, farthest * (1.0 + MARGIN)]
         }
         _ => return Ok(None),
     };

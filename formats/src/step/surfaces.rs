@@ -16,7 +16,7 @@ use crate::Problem;
 use crate::iges::Fields;
 
 /// How much larger a surface is made than its trim curves need, as a share of their size.
-const MARGIN: f64 = 1e-2;
+pub(super) const MARGIN: f64 = 1e-2;
 
 /// Directions are parallel, and a curve meets an axis, up to this.
 pub(super) const PARALLEL: f64 = 1e-9;
@@ -484,7 +484,7 @@ pub(super) fn first(pieces: Vec<Curve<DVec3>>) -> Result<Curve<DVec3>, Problem> 
 }
 
 /// The ends of a range of numbers, with some room; `None` without numbers.
-pub(super) fn widened(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+fn widened(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let mut range: Option<[f64; 2]> = None;
     for value in values {
         let [low, high] = range.unwrap_or([value; 2]);

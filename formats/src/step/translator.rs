@@ -52,6 +52,8 @@ pub(super) struct Translator<'a> {
     pub items: HashMap<u64, Option<i64>>,
     /// Faces whose loops are to be turned.
     pub against: HashSet<u64>,
+    /// How many uses of edges may yet be looked at for that.
+    pub uses_left: usize,
     /// Items, representations and products that are being made.
     pub busy: HashSet<u64>,
     /// Instances that could not be used.
@@ -88,6 +90,7 @@ impl<'a> Translator<'a> {
             edges: HashMap::new(),
             items: HashMap::new(),
             against: HashSet::new(),
+            uses_left: exchange.size(),
             busy: HashSet::new(),
             refused: BTreeSet::new(),
             failure: None,
