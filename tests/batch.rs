@@ -352,6 +352,7 @@ fn folders_stand_for_the_files_in_them() {
         ("can.igs", "parts/can.igs"),
         ("teapot.obj", "parts/more/pot.obj"),
         ("teapot.mtl", "parts/more/teapot.mtl"),
+        ("can.igs", "parts/._hidden.igs"),
     ] {
         fs::copy(place.path("samples").join(from), place.path(to)).unwrap();
     }

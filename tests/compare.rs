@@ -102,7 +102,7 @@ fn curves_that_are_points_do_not_hide_the_border() {
 #[test]
 fn a_limit_sets_the_exit_code() {
     let place = Place::new();
-    for (limit, code) in [("0.5%", 0), ("0.001%", 1)] {
+    for (limit, code) in [("0.5%", 0), ("0.001%", 1), ("1e-11%", 1)] {
         let line = "compare samples/can.igs --tolerance 0.4% -o report --size 80x60";
         let run = place.run(&format!("{line} --fail-above {limit}"));
         assert_eq!(run.code, Some(code), "{limit}: {}", run.stderr);

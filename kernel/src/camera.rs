@@ -47,8 +47,34 @@ pub struct Camera {
 /// Opening angle of the cameras we place ourselves.
 const FRAMING_FOV: f64 = 35.0 * std::f64::consts::PI / 180.0;
 
+/// How often two points are looked for that are to lie as far on both sides of a picture.
+const CENTRING_STEPS: usize = 32;
+
 /// Room around the object in a framed picture, as a factor.
 const FRAMING_MARGIN: f64 = 1.08;
+
+/// The sideways step from which points, told by their place along it and their depth, reach equally
+/// far to both sides of a picture.
+fn middle_step(points: &[(f64, f64)]) -> f64 {
+    let mut step = 0.0;
+    for _ in 0..CENTRING_STEPS {
+        let slope = |&(x, depth): &(f64, f64)| (x - step) / depth;
+        let by_slope = |a: &&(f64, f64), b: &&(f64, f64)| slope(a).total_cmp(&slope(b));
+        let outermost = [
+            points.iter().min_by(by_slope),
+            points.iter().max_by(by_slope),
+        ];
+        let [Some(&(left, left_depth)), Some(&(right, right_depth))] = outermost else {
+            break;
+        };
+        let next = (left * right_depth + right * left_depth) / (left_depth + right_depth);
+        if !next.is_finite() || (next - step).abs() <= f64::EPSILON * (right - left) {
+            break;
+        }
+        step = next;
+    }
+    step
+}
 
 impl Camera {
     /// A camera at `eye` that looks at `target` with `up` upwards in the picture.
@@ -107,9 +133,15 @@ impl Camera {
             projection,
         };
         // Along each side of the picture a corner at (x, depth z towards the camera) is seen
-        // from the distance d and the sideways step c if |x - c| <= slope (d - z).
+        // from the distance d and the sideways step c if |x - c| <= slope (d - z); there is such a
+        // step if the sum of what both ways need is no more than 2 slope d.
         let slope = (FRAMING_FOV * 0.5).tan() / FRAMING_MARGIN;
-        let mut corners: Vec<_> = boxes.iter().flat_map(Aabb::corners).collect();
+        let corners = |b: &Aabb| {
+            b.corners()
+                .into_iter()
+                .take(if b.min == b.max { 1 } else { 8 })
+        };
+        let mut corners: Vec<_> = boxes.iter().flat_map(corners).collect();
         if bounds.is_empty() {
             corners = vec![center];
         }
@@ -120,15 +152,22 @@ impl Camera {
                     .map(|&p| (p - center).dot(axis - forward * slope));
                 ways.fold(f64::NEG_INFINITY, f64::max)
             };
-            let (plus, minus) = (reach(axis), reach(-axis));
-            ((plus + minus) / (2.0 * slope), (plus - minus) * 0.5)
+            (reach(axis) + reach(-axis)) / (2.0 * slope)
         };
         let shorter = shorter_side(aspect) * slope;
-        let (distance_x, step_x) = fit(camera.right, shorter.x);
-        let (distance_y, step_y) = fit(camera.up, shorter.y);
+        let far = fit(camera.right, shorter.x).max(fit(camera.up, shorter.y));
         // Outside the sphere around the boxes in any case.
-        let distance = radius.max(distance_x).max(distance_y);
-        camera.eye = center + camera.right * step_x + camera.up * step_y - forward * distance;
+        let distance = radius.max(far);
+        let centred = |axis: DVec3| {
+            let seen = |p: &DVec3| {
+                let way = *p - center;
+                (way.dot(axis), distance + way.dot(forward))
+            };
+            let seen: Vec<_> = corners.iter().map(seen).collect();
+            middle_step(&seen)
+        };
+        let steps = camera.right * centred(camera.right) + camera.up * centred(camera.up);
+        camera.eye = center + steps - forward * distance;
         camera
     }
 
@@ -284,13 +323,14 @@ mod tests {
                 for aspect in [0.2, 1.0, 16.0 / 9.0] {
                     let camera = Camera::framing(&[bounds], up, aspect);
                     assert!(camera.up().dot(up) > 0.0 && camera.forward().dot(up) < 0.0);
-                    let mut reach: f64 = 0.0;
+                    let (mut least, mut most) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
                     for corner in bounds.corners() {
                         let (film, depth) = project(&camera, corner, aspect);
                         assert!(depth > 0.0 && film.abs().max_element() <= 1.0, "{film}");
-                        reach = reach.max(film.abs().max_element());
+                        (least, most) = (least.min(film), most.max(film));
                     }
-                    assert!(reach > 0.05, "{shape} {reach}");
+                    assert!(most.max_element() > 0.05, "{shape} {most}");
+                    assert!((least + most).abs().max_element() < 1e-9, "{least} {most}");
                 }
             }
         }

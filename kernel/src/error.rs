@@ -70,6 +70,9 @@ pub enum Error {
         /// Position in the list of points.
         index: usize,
     },
+    /// What is shown reaches farther than [`FARTHEST`](crate::FARTHEST) from the origin, where its nodes put
+    /// it.
+    TooFar,
     /// A weight is zero, negative or not finite.
     Weight {
         /// Position in the list of weights.
@@ -211,6 +214,7 @@ impl fmt::Display for Error {
                     "point {index} is not finite, or beyond {FARTHEST:e} from the origin"
                 )
             }
+            Self::TooFar => write!(f, "transformations put it beyond {FARTHEST:e}"),
             Self::Weight { index, found } => {
                 write!(f, "weight {index} is {found}; weights must be positive")
             }

@@ -3,7 +3,8 @@
 //! Rectangles of a piece are integrated by Gauss's rules, halved until two answers agree. Where
 //! trim loops pass, the integral over what they enclose is one along the loops (Green): from the
 //! left border of the domain to the loop, along u by quadrature, summed up along v. Loops are cut
-//! where they cross knots, so that everything integrated is smooth.
+//! where they cross knots, so that everything integrated is smooth. Loops that cross each other or
+//! themselves are none of these: what is inside an odd number of them is summed up row by row.
 
 mod extent;
 mod piece;
@@ -19,8 +20,8 @@ pub use self::rules::VolumeRule;
 
 use self::piece::Piece;
 use self::sums::Sums;
-use crate::trim::{crossings, shifts};
-use crate::{Aabb, BezierSurface, Curve, Patch, oriented};
+use crate::trim::{Rows, crossings, shifts};
+use crate::{Aabb, BezierSurface, Curve, Patch, TrimLoop, oriented};
 
 /// Error that is looked for, as a share of what a cube of the size of the face has.
 const ACCURACY: f64 = 1e-12;
@@ -30,6 +31,10 @@ const ROUNDINGS: f64 = 4.0;
 
 /// Steps of a strip in which the places are counted where loops cross the borders of pieces.
 const STEPS: f64 = (1_u64 << 40) as f64;
+
+/// Segments of loops that cross each other in all ranges of rows in which no segment ends, before no
+/// more is looked at.
+const PASSES: usize = 1 << 22;
 
 impl Patch {
     /// How far [`Patch::bounds`] may be too small, as a share of the diagonal of the box around
@@ -150,6 +155,13 @@ impl<'a> Face<'a> {
         Piece::new(&self.pieces[i * strips + j], self.origin, self.tolerance)
     }
 
+    /// The lower and the upper corner of the domain.
+    fn domain(&self) -> [DVec2; 2] {
+        let surface = &self.patch.surface;
+        let [u, v] = [surface.knots_u().domain(), surface.knots_v().domain()];
+        [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)]
+    }
+
     fn integrals(&self) -> Integrals {
         let mut total = self.quadrature();
         total.errors += total.sums.abs() * self.rounding();
@@ -183,7 +195,13 @@ impl<'a> Face<'a> {
             }
             return total;
         }
-        let mut chords = self.chords();
+        let loops = oriented(&self.patch.loops);
+        let closed = self.patch.surface.closed();
+        let rows = Rows::new(&loops, self.domain(), closed, &self.breaks[1]);
+        if !rows.are_apart() {
+            return self.by_rows(&rows);
+        }
+        let mut chords = self.chords(&loops);
         chords.sort_by_key(|chord| (chord.column, chord.strip));
         let ends = counted(&chords, columns);
         for group in chords.chunk_by(|a, b| (a.column, a.strip) == (b.column, b.strip)) {
@@ -204,15 +222,51 @@ impl<'a> Face<'a> {
         total
     }
 
+    /// The integrals over what is inside an odd number of loops that cross each other or themselves.
+    fn by_rows(&self, rows: &Rows) -> Integrals {
+        let mut total = Integrals::default();
+        let [columns, strips] = &self.breaks;
+        let mut left = PASSES;
+        let mut pieces: (usize, Vec<Piece>) = (0, Vec::new());
+        for (range, met) in rows.ranges() {
+            let strip = strips.partition_point(|&knot| knot <= range[0]);
+            let Some([low, high]) = strip.checked_sub(1).and_then(|k| strips[k..].first_chunk())
+            else {
+                continue;
+            };
+            left = left.saturating_sub(1 + met.len() * columns.len());
+            if left == 0 {
+                // What is not looked at may be all of it.
+                total.errors = self.tolerance * ACCURACY.recip();
+                return total;
+            }
+            if pieces.0 != strip {
+                let of = |column| self.piece(column, strip - 1);
+                pieces = (strip, (0..columns.len() - 1).map(of).collect());
+            }
+            for (piece, ends) in pieces.1.iter().zip(columns.windows(2)) {
+                let local = |u: f64| ((u - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
+                let intervals = |t: f64| {
+                    piece.spend(met.len());
+                    let inside = rows.inside(&met, low + (high - low) * t).into_iter();
+                    let inside = inside.map(|ends| ends.map(local));
+                    inside.filter(|[from, to]| from < to).collect()
+                };
+                let range = range.map(|v| (v - low) / (high - low));
+                let (sums, errors) = piece.inside(intervals, range);
+                total.sums += sums;
+                total.errors += errors;
+            }
+        }
+        total
+    }
+
     /// The loops, outer ones to the left and holes to the right, cut at the knots.
-    fn chords(&self) -> Vec<Chord> {
-        let surface = &self.patch.surface;
-        let [u, v] = [surface.knots_u().domain(), surface.knots_v().domain()];
-        let domain = [DVec2::new(u.start, v.start), DVec2::new(u.end, v.end)];
-        let closed = surface.closed();
+    fn chords(&self, loops: &[TrimLoop]) -> Vec<Chord> {
+        let (domain, closed) = (self.domain(), self.patch.surface.closed());
         let mut chords = Vec::new();
-        for trim in oriented(&self.patch.loops) {
-            for shift in shifts(&trim, domain, closed) {
+        for trim in loops {
+            for shift in shifts(trim, domain, closed) {
                 for segment in trim.segments() {
                     let moved = segment.transformed(&DAffine2::from_translation(shift));
                     for piece in moved.bezier_pieces() {

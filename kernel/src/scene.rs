@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec2, DVec3};
 mod extent;
 
 use self::extent::Hull;
-use crate::{Aabb, Camera, Curve, Error, Image, Light, Material, Mesh, Patch, Sky, Unit};
+use crate::{Aabb, Camera, Curve, Error, FARTHEST, Image, Light, Material, Mesh, Patch, Sky, Unit};
 
 /// Index of a patch in its scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -337,7 +337,7 @@ impl Scene {
     /// Makes `node` the one node that contains all that is shown.
     ///
     /// # Errors
-    /// If it is not a node of this scene.
+    /// If it is not a node of this scene, or what it shows is too far away to be computed with.
     pub fn set_root(&mut self, node: NodeId) -> Result<(), Error> {
         if node.0 >= self.nodes.len() {
             return Err(Error::Reference {
@@ -347,6 +347,13 @@ impl Scene {
         }
         self.root = Some(node);
         self.hull = Hull::default();
+        let extent = self.extent();
+        let farthest = extent.min.abs().max(extent.max.abs()).max_element();
+        if !extent.is_empty() && farthest > FARTHEST {
+            self.root = None;
+            self.hull = Hull::default();
+            return Err(Error::TooFar);
+        }
         Ok(())
     }
 

@@ -10,6 +10,7 @@ mod nesting;
 mod parts;
 mod region;
 mod rings;
+mod rows;
 #[cfg(test)]
 mod tests;
 
@@ -23,6 +24,7 @@ pub(crate) use nesting::aside;
 pub use nesting::{Nest, nesting, oriented};
 pub(crate) use region::shifts;
 pub use region::{Cover, TrimRegion};
+pub(crate) use rows::Rows;
 
 use crate::{Curve, Error};
 

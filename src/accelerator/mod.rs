@@ -24,6 +24,7 @@ mod leaving;
 mod meetings;
 mod model;
 mod octet;
+mod outline;
 mod packet;
 mod places;
 mod powers;
@@ -228,28 +229,10 @@ impl Workspace {
     }
 }
 
-/// Instances of which the outlines are gone through one by one.
-const OUTLINED: usize = 256;
-
 impl<'a> Accelerator<'a> {
     /// The box around everything.
     pub fn bounds(&self) -> Aabb {
         self.top.bounds()
-    }
-
-    /// Boxes that together hold everything, many small ones where that is cheap.
-    pub fn outline(&self) -> Vec<Aabb> {
-        if self.instances.len() > OUTLINED {
-            return self.top.outline();
-        }
-        let boxes = self.instances.iter().flat_map(|instance| {
-            let cluster = &self.clusters[instance.cluster as usize];
-            let local = [cluster.tree.outline(), cluster.triangle_tree.outline()].concat();
-            local
-                .into_iter()
-                .map(|b| b.transformed(&instance.world_from_cluster))
-        });
-        boxes.collect()
     }
 
     /// Number of patches after instancing; the numbers of meshes follow those of patches.

@@ -185,22 +185,22 @@ impl Tree {
         self.bounds
     }
 
-    /// The boxes of the two uppermost levels: a tighter outline than the one box around all.
-    pub(crate) fn outline(&self) -> Vec<Aabb> {
-        let mut boxes = Vec::new();
-        let Some(root) = self.nodes.first() else {
-            return boxes;
+    /// The boxes of the uppermost levels, about `most`: tighter than the one box around all.
+    pub(crate) fn outline(&self, most: usize) -> Vec<Aabb> {
+        let children = |node: &Node| -> Vec<(Aabb, u32)> {
+            let own = (0..WIDTH).map(|k| (self.child_box(node, k), node.child[k]));
+            own.filter(|(b, _)| !b.is_empty()).collect()
         };
-        for k in 0..WIDTH {
-            let child = root.child[k];
-            let below = (child & IS_LEAF == 0 && child != 0).then(|| &self.nodes[child as usize]);
-            match below {
-                Some(node) => boxes.extend((0..WIDTH).map(|k| self.child_box(node, k))),
-                None => boxes.push(self.child_box(root, k)),
-            }
+        let is_node = |child: u32| child & IS_LEAF == 0 && child != 0;
+        let mut all: Vec<_> = self.nodes.iter().take(1).flat_map(children).collect();
+        while all.len() * WIDTH <= most && all.iter().any(|(_, child)| is_node(*child)) {
+            let split = |(own, child)| match is_node(child) {
+                true => children(&self.nodes[child as usize]),
+                false => vec![(own, child)],
+            };
+            all = all.into_iter().flat_map(split).collect();
         }
-        boxes.retain(|b| !b.is_empty());
-        boxes
+        all.into_iter().map(|(own, _)| own).collect()
     }
 
     /// A child's box in the coordinates of the primitives.

@@ -148,7 +148,7 @@ fn around(boxes: impl Iterator<Item = Aabb>) -> Aabb {
 #[cfg(test)]
 mod tests {
     use glam::{DAffine3, DVec3};
-    use kernel::{Child, KnotVector, Node, Patch, Ray, Surface};
+    use kernel::{Child, FARTHEST, KnotVector, Node, Patch, Ray, Surface};
 
     use super::super::tests::{all_hits, ball, scene_of};
     use super::super::{Accelerator, Workspace};
@@ -171,9 +171,18 @@ mod tests {
 
     #[test]
     fn no_scene_is_too_large_to_be_built() {
-        for scale in [1.0, 1e50, 1e80, 1e100] {
+        for (scale, half) in [
+            (1.0, 1e99),
+            (1e50, 1e49),
+            (1e80, 1e19),
+            (1e98, 50.0),
+            (1e100, 1e99),
+        ] {
             let mut patches = balls();
-            patches.extend([ground(1e99), ball(1e88, DVec3::splat(1e10))]);
+            patches.extend([
+                ground(half),
+                ball(half * 1e-11, DVec3::splat(1e10_f64.min(half))),
+            ]);
             let mut scene = scene_of(patches);
             for parent_from_node in [
                 DAffine3::from_scale(DVec3::splat(scale)),
@@ -185,10 +194,15 @@ mod tests {
                     ..Node::default()
                 };
                 let outer = scene.add_node(node).unwrap();
-                scene.set_root(outer).unwrap();
+                let found = scene.set_root(outer);
+                let is_too_far = scale * half > FARTHEST && parent_from_node != DAffine3::IDENTITY;
+                assert_eq!(found.is_err(), is_too_far, "{scale}");
             }
             let accelerator = Accelerator::build(&scene, &METHODS[0]).sealed(None);
-            assert!(accelerator.cell_count() > 0, "{scale}");
+            assert!(
+                scene.root().is_none() || accelerator.cell_count() > 0,
+                "{scale}"
+            );
         }
     }
 

@@ -117,7 +117,7 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
         .transpose()?;
     compare::remove_earlier(&args.output, &args.meshes)
         .with_context(|| args.output.display().to_string())?;
-    let candidates = if args.meshes.is_empty() {
+    let mut candidates = if args.meshes.is_empty() {
         own(args, scene, &source)?
     } else {
         let open = |path: &PathBuf| foreign(path, scene, &args.read.limits());
@@ -126,29 +126,12 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
             .map(open)
             .collect::<anyhow::Result<_>>()?
     };
-    let options = TessellateOptions {
-        tolerance: of_exact(scene, &candidates, limit),
-        ..TessellateOptions::default()
-    };
-    let triangles = tessellate(scene, &options)?;
-    let mut faces = triangles.faces.iter().flatten();
-    if faces.all(|face| face.mesh.triangles().is_empty()) {
+    let Some(subject) = subject(args, scene, &mut candidates, limit)? else {
         bail!(
             "{}: all of it is lines or points within the tolerance",
             nothing()
         );
-    }
-    let subject = Subject::new(scene, triangles);
-    let mut candidates = candidates;
-    for candidate in &mut candidates {
-        candidate.limit = limit;
-        if args.align
-            && let Some(fit) = subject.fit(&candidate.scene, &candidate.scene_from_mesh)
-        {
-            candidate.scene_from_mesh = fit.scene_from_mesh * candidate.scene_from_mesh;
-            candidate.fit = Some(fit);
-        }
-    }
+    };
     let view = View {
         camera: scene.cameras.first().cloned(),
         width: args.size.0,
@@ -172,12 +155,57 @@ fn run_here(args: &Args) -> anyhow::Result<Failures> {
     })
 }
 
-/// The tolerance of the exact side: finer than meshes and limit.
-fn of_exact(scene: &Scene, candidates: &[Candidate], limit: Option<f64>) -> Tolerance {
+/// The exact side, as fine as the meshes and the limit need it, with the meshes fitted to it if that
+/// is asked for; nothing if it has no triangles.
+fn subject<'a>(
+    args: &Args,
+    scene: &'a Scene,
+    candidates: &mut [Candidate],
+    limit: Option<f64>,
+) -> anyhow::Result<Option<Subject<'a>>> {
+    let exact = |tolerance: f64| {
+        let tolerance = Tolerance::Length(tolerance);
+        let options = TessellateOptions {
+            tolerance,
+            ..TessellateOptions::default()
+        };
+        tessellate(scene, &options)
+    };
+    let tolerance = of_exact(scene, candidates);
+    let triangles = exact(tolerance)?;
+    let mut faces = triangles.faces.iter().flatten();
+    if faces.all(|face| face.mesh.triangles().is_empty()) {
+        return Ok(None);
+    }
+    let mut subject = Subject::new(scene, triangles);
+    for candidate in &mut *candidates {
+        candidate.limit = limit;
+        if args.align
+            && let Some(fit) = subject.fit(&candidate.scene, &candidate.scene_from_mesh)
+        {
+            candidate.scene_from_mesh = fit.scene_from_mesh * candidate.scene_from_mesh;
+            candidate.fit = Some(fit);
+        }
+    }
+    if let Some(limit) = limit
+        && FINER * limit < tolerance
+        && !candidates
+            .iter()
+            .all(|c| subject.is_exceeded(&c.scene, &c.scene_from_mesh, limit))
+    {
+        match exact(FINER * limit) {
+            Ok(triangles) => subject = Subject::new(scene, triangles),
+            Err(error) => say!("nurbray: --fail-above: it may not be proven: {error}"),
+        }
+    }
+    Ok(Some(subject))
+}
+
+/// The tolerance of the exact side: finer than the meshes.
+fn of_exact(scene: &Scene, candidates: &[Candidate]) -> f64 {
     let foreign = Tolerance::Relative(FOREIGN).length(scene.extent().diagonal());
     let made = candidates.iter().filter_map(|c| Some(c.made?.tolerance));
-    let finest = made.reduce(f64::min).map_or(foreign, |made| FINER * made);
-    Tolerance::Length(limit.map_or(finest, |limit| finest.min(FINER * limit)))
+    made.reduce(f64::min).map_or(foreign, |made| FINER * made)
 }
 
 /// Our own glTF at every tolerance, read back from the file.
@@ -237,22 +265,28 @@ fn foreign(path: &Path, scene: &Scene, limits: &Limits) -> anyhow::Result<Candid
 
 /// The exit code, after telling which meshes are, or may be, farther away than `limit`.
 fn verdict(report: &Report, limit: f64) -> u8 {
-    let (unit, mut code) = (visible(&report.unit), 0);
+    let (unit, mut code) = (behind(&report.unit), 0);
     for mesh in report.failures(limit) {
         code = DIFFERENT;
         let (name, found) = (visible(&mesh.name), mesh.deviation.found());
         if mesh.triangles == 0 {
             say!("nurbray: {name}: --fail-above: it is empty");
         } else if found > limit {
-            say!("nurbray: {name}: {found:.4e} {unit} apart; --fail-above is {limit:.4e} {unit}");
+            say!("nurbray: {name}: {found:.4e}{unit} apart; --fail-above is {limit:.4e}{unit}");
         } else {
             say!(
-                "nurbray: {name}: {found:.4e} {unit} apart as far as is found, but not proven to be \
-                within --fail-above, which is {limit:.4e} {unit}"
+                "nurbray: {name}: {found:.4e}{unit} apart as far as is found, but not proven to be \
+                within --fail-above, which is {limit:.4e}{unit}"
             );
         }
     }
     code
+}
+
+/// A unit as it stands behind a number; nothing if there is none.
+fn behind(unit: &str) -> String {
+    let space = if unit.is_empty() { "" } else { " " };
+    format!("{space}{}", visible(unit))
 }
 
 /// A line for each mesh and fault, and where the report is.
@@ -268,12 +302,12 @@ fn tell(args: &Args, report: &Report, started: Instant) -> anyhow::Result<()> {
     for mesh in &report.meshes {
         writeln!(
             out,
-            "{}: {} triangles, {:.4e} to {:.4e} {} apart, {} silhouette pixels, FLIP {:.4}",
+            "{}: {} triangles, {:.4e} to {:.4e}{} apart, {} silhouette pixels, FLIP {:.4}",
             visible(&mesh.name),
             mesh.triangles,
             mesh.deviation.found(),
             mesh.bound(),
-            visible(&report.unit),
+            behind(&report.unit),
             mesh.image.silhouette_pixels,
             mesh.image.flip
         )?;

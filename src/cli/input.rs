@@ -148,7 +148,7 @@ pub(super) fn files(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files?.concat())
 }
 
-/// The file at a path; of a folder those in it and below that some format may read.
+/// The file at a path; of a folder those in it and below that some format may read, hidden ones aside.
 ///
 /// # Errors
 /// If it is a folder that has no such file.
@@ -174,6 +174,9 @@ fn find(folder: &Path, found: &mut Vec<PathBuf>) {
         found.push(folder.to_owned());
         return;
     };
+    // Other systems leave files such as `._part.igs` beside those that are meant.
+    let is_hidden = |entry: &fs::DirEntry| entry.file_name().as_encoded_bytes().starts_with(b".");
+    entries.retain(|entry| !is_hidden(entry));
     entries.sort_by_key(fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();

@@ -127,6 +127,18 @@ pub(crate) fn feet(exact: &Exact<'_>, soup: &Soup) -> Vec<Foot> {
     points.filter_map(|&p| exact.nearest(p)).collect()
 }
 
+/// Whether a corner of the triangles of the exact side, or a point of the mesh, is farther away than
+/// `limit`.
+pub(crate) fn exceeds(exact: &Exact<'_>, soup: &Soup, limit: f64) -> bool {
+    let vertices = exact.vertices.par_iter().map(|vertex| vertex.point);
+    let corner = |p: DVec3| soup.tree.nearest(p).is_none_or(|n| n.distance > limit);
+    let point = |&p: &DVec3| {
+        let is_far = |foot: Foot| foot.distance > limit && exact.surest(p, foot).distance > limit;
+        exact.nearest(p).is_none_or(is_far)
+    };
+    vertices.any(corner) || soup.points.par_iter().any(point)
+}
+
 /// Looks for the largest distance over these cells; the worst places are chosen among them and
 /// those with the largest values at the end.
 fn reach<F: Distances>(function: &F, cells: Vec<F::Cell>, size: f64, effort: Effort) -> Reach {

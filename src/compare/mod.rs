@@ -170,6 +170,13 @@ impl<'a> Subject<'a> {
         measure(&exact, part.as_ref().unwrap_or(&soup), f64::INFINITY, None).0
     }
 
+    /// Whether a mesh is found to be farther away than `limit` without looking closely.
+    pub fn is_exceeded(&self, mesh: &Scene, scene_from_mesh: &DAffine3, limit: f64) -> bool {
+        let (exact, soup) = (self.exact(), Soup::new(mesh, scene_from_mesh));
+        let part = of_surfaces(&exact, &soup);
+        deviation::exceeds(&exact, part.as_ref().unwrap_or(&soup), limit)
+    }
+
     /// Fits the meshes of another scene onto the surfaces; nothing if they are in another unit, which
     /// no turn and way mends.
     pub fn fit(&self, mesh: &Scene, scene_from_mesh: &DAffine3) -> Option<Fit> {

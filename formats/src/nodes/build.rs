@@ -260,8 +260,9 @@ impl<'a> Builder<'a> {
         if let (false, Some(scope)) = (def.is_empty(), self.scopes.last_mut()) {
             scope.nodes.insert(def, index);
         }
-        if is_scene {
-            self.loader.scene.get_or_insert(index);
+        if is_scene && *self.loader.scene.get_or_insert(index) != index {
+            let text = "the file has a scene before it; it is not shown";
+            self.warnings.invalid(self.tree.nodes[index].place(), text);
         }
         self.link(index, slot, true);
         Ok(())

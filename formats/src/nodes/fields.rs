@@ -1,13 +1,16 @@
 //! The fields that the standards give to nodes, so that others are told: a misspelt field, or one
-//! that another program has made up, would be passed over in silence.
+//! that another program has made up, would be passed over in silence, and so would nodes that stand
+//! where no field is for them.
 
 use std::collections::HashMap;
 
 use super::animate::plain_name;
+use super::kinds::is_misplaced;
 use super::{Link, Tree};
 use crate::Warnings;
 
-/// Tells of the fields that the standards do not give to their nodes.
+/// Tells of the fields that the standards do not give to their nodes, and of nodes in those that have
+/// no place for them.
 pub(super) fn check(tree: &Tree, warnings: &mut Warnings) {
     let mut known: HashMap<&str, Vec<&str>> = HashMap::new();
     for (kinds, fields) in FIELDS {
@@ -19,6 +22,15 @@ pub(super) fn check(tree: &Tree, warnings: &mut Warnings) {
         }
     }
     for node in &tree.nodes {
+        for inside in tree.inside(node) {
+            if is_misplaced(&inside.kind, &node.kind) {
+                let text = format!(
+                    "it stands in {}, which shows none; it is left out",
+                    node.kind
+                );
+                warnings.invalid(inside.place(), text);
+            }
+        }
         let Some(known) = known.get(&*node.kind) else {
             continue;
         };
@@ -306,6 +318,24 @@ const FIELDS: &[(&str, &str)] = &[
 #[cfg(test)]
 mod tests {
     use super::super::tests::read_scene;
+
+    #[test]
+    fn nodes_that_have_no_place_where_they_stand_are_told() {
+        let plane = "uDimension 2 vDimension 2 uOrder 2 vOrder 2 \
+            controlPoint Coordinate { point [0 0 0 1 0 0 0 1 0 1 1 0] }";
+        for inside in [
+            "geometry Transform { children Shape { geometry Sphere { } } }".to_owned(),
+            "appearance Appearance { texture Box { } }".to_owned(),
+            format!("geometry NurbsTrimmedSurface {{ {plane} trimmingContour [ Box {{ }} ] }}"),
+            format!("geometry NurbsPatchSurface {{ {plane} texCoord Box {{ }} }}"),
+        ] {
+            let import = read_scene(&format!("Shape {{ {inside} }}"));
+            let told = import.warnings.as_slice().iter().map(ToString::to_string);
+            let told: Vec<_> = told.filter(|t| t.contains("which shows none")).collect();
+            assert_eq!(told.len(), 1, "{inside}: {told:?}");
+            assert!(import.scene.patches().len() <= 1, "{inside}");
+        }
+    }
 
     #[test]
     fn fields_that_no_standard_has_are_told() {

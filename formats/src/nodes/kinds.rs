@@ -1,5 +1,7 @@
 //! Types of nodes, by what becomes of them.
 
+use super::wires::is_wire;
+
 /// Nodes that show their children, or some of them.
 pub(super) fn is_group(kind: &str) -> bool {
     GROUPS.contains(&kind) || TRANSFORMS.contains(&kind)
@@ -84,6 +86,18 @@ pub(super) fn is_material(kind: &str) -> bool {
 
 pub(super) fn is_geometry(kind: &str) -> bool {
     SURFACES.contains(&kind) || MESHES.contains(&kind)
+}
+
+/// Whether what shows something stands in a node that has no place for it.
+pub(super) fn is_misplaced(inner: &str, outer: &str) -> bool {
+    match outer {
+        "Shape" => stands_in_scene(inner),
+        "Appearance" => stands_in_scene(inner) || is_geometry(inner) || is_wire(inner),
+        outer if is_geometry(outer) || is_wire(outer) => {
+            stands_in_scene(inner) || is_geometry(inner) && outer != "TrimmedSurface"
+        }
+        _ => false,
+    }
 }
 
 /// Nodes that show nothing by themselves.

@@ -91,8 +91,8 @@ impl Converter<'_> {
     /// The whole numbers of a field; empty if one of them is malformed.
     pub(super) fn indices(&mut self, node: &Node, field: &str) -> Result<Vec<i64>, Error> {
         let words = super::text::words(node.text(field).unwrap_or_default());
-        let indices: Result<Vec<i64>, _> = words.map(str::parse).collect();
-        let indices = indices.unwrap_or_else(|_| {
+        let indices: Option<Vec<i64>> = words.map(super::text::whole).collect();
+        let indices = indices.unwrap_or_else(|| {
             let text = "something is no whole number; the field is not used";
             self.warnings.invalid(node.field_place(field), text);
             Vec::new()

@@ -307,14 +307,25 @@ impl Node {
         self.tuple(field, warnings).map_or(default, DVec3::from)
     }
 
-    /// A whole number, or its default; for counts and orders.
+    /// A whole number that is not negative, or its default; for counts and orders.
     pub(crate) fn count(&self, field: &str, default: usize, warnings: &mut Warnings) -> usize {
+        self.whole(field, ("a count", default), warnings)
+    }
+
+    /// A whole number, or its default, with the word for what is wanted.
+    pub(crate) fn whole<T: TryFrom<i64> + Copy + std::fmt::Display>(
+        &self,
+        field: &str,
+        (what, default): (&str, T),
+        warnings: &mut Warnings,
+    ) -> T {
         let Some(text) = self.text(field) else {
             return default;
         };
-        text::count(text).unwrap_or_else(|| {
+        let found = text::whole(text).and_then(|found| found.try_into().ok());
+        found.unwrap_or_else(|| {
             let word: String = text.trim().chars().take(20).collect();
-            let text = format!("{word:?} is not a count; {default} is used");
+            let text = format!("{word:?} is not {what}; {default} is used");
             warnings.invalid(self.field_place(field), text);
             default
         })
@@ -429,6 +440,7 @@ mod field_tests {
         for text in ["12", " +12, ", "12.0", "12.", "0xC"] {
             assert_eq!(node(text).count("a", 3, &mut warnings), 12, "{text}");
         }
+        assert_eq!(text::whole("-0X1f"), Some(-31));
         assert!(warnings.as_slice().is_empty());
         for text in ["-12", "12.5", "1e1", "1 2", "0x", ""] {
             let mut warnings = Warnings::default();

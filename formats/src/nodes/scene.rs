@@ -12,7 +12,7 @@ use kernel::{Child, Item, MaterialId, NodeId, Patch, Scene, Shape, Surface, Wire
 
 use super::animate::is_driver;
 use super::curve::is_parameter_curve;
-use super::kinds::{MESHES, SILENT, TRANSFORMS, is_geometry, is_group, is_material};
+use super::kinds::{MESHES, SILENT, TRANSFORMS, is_geometry, is_group, is_material, is_misplaced};
 use super::lights::Lamp;
 use super::texture::{self, is_texture};
 use super::wires::is_wire;
@@ -512,7 +512,8 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
     let is_child = |&i: &usize| {
         let link = &node.children[i];
         let apart = link.field.as_deref() == Some("proxy");
-        !tree.nodes[link.node].is_metadata() && !apart
+        let inside = &tree.nodes[link.node];
+        !inside.is_metadata() && !apart && !is_misplaced(&inside.kind, &node.kind)
     };
     let mut all = (0..node.children.len()).filter(is_child);
     let kind = &*node.kind;
@@ -550,10 +551,9 @@ fn shown(tree: &Tree, node: &Node, warnings: &mut Warnings) -> Vec<usize> {
             .filter(|&i| matches!(node.children[i].field.as_deref(), Some("skeleton" | "skin")))
             .collect(),
         "Switch" => {
-            let choice = node.number("whichChoice", -1.0, warnings);
-            let all = all.enumerate();
-            let chosen = all.filter(|&(i, _)| (i as f64 - choice).abs() < 0.5);
-            chosen.map(|(_, child)| child).collect()
+            let choice: i64 = node.whole("whichChoice", ("a whole number", -1), warnings);
+            let chosen = usize::try_from(choice).ok();
+            chosen.and_then(|i| all.nth(i)).into_iter().collect()
         }
         _ => all.collect(),
     }

@@ -76,12 +76,12 @@ pub(super) fn words(text: &str) -> impl Iterator<Item = &str> {
     words.filter(|word| !word.is_empty())
 }
 
-/// A whole number that is not negative. VRML 97 allows hexadecimal ones, and some programs write
-/// a point behind.
-pub(super) fn count(text: &str) -> Option<usize> {
+/// A whole number. VRML 97 allows hexadecimal ones, and some programs write a point behind.
+pub(super) fn whole(text: &str) -> Option<i64> {
     let word = text.trim_matches(|c: char| c == ',' || c.is_ascii_whitespace());
-    if let Some(digits) = word.strip_prefix("0x").or_else(|| word.strip_prefix("0X")) {
-        return usize::from_str_radix(digits, 16).ok();
+    let (sign, bare) = word.strip_prefix('-').map_or((1, word), |bare| (-1, bare));
+    if let Some(digits) = bare.strip_prefix("0x").or_else(|| bare.strip_prefix("0X")) {
+        return Some(sign * i64::from(u32::from_str_radix(digits, 16).ok()?));
     }
     let (whole, fraction) = word.split_once('.').unwrap_or((word, ""));
     let is_whole = fraction.bytes().all(|b| b == b'0');

@@ -54,7 +54,8 @@ impl Converter<'_> {
     /// If a limit is passed.
     pub(super) fn pixel_texture(&mut self, node: &Node) -> Result<Made, Error> {
         let words = super::text::words(node.text("image").unwrap_or_default());
-        let numbers: Option<Vec<u32>> = words.map(whole).collect();
+        let number = |word| u32::try_from(super::text::whole(word)?).ok();
+        let numbers: Option<Vec<u32>> = words.map(number).collect();
         let numbers = numbers.unwrap_or_default();
         self.count_points(numbers.len(), node)?;
         let (size, texels) = numbers.split_at_checked(3).unwrap_or_default();
@@ -267,15 +268,6 @@ pub(super) fn unlit() -> Material {
         specular: DVec3::ZERO,
         shininess: 1.0,
         ..Material::default()
-    }
-}
-
-/// A whole number, decimal or with `0x` before its hexadecimal digits.
-fn whole(word: &str) -> Option<u32> {
-    let digits = word.strip_prefix("0x").or_else(|| word.strip_prefix("0X"));
-    match digits {
-        Some(digits) => u32::from_str_radix(digits, 16).ok(),
-        None => word.parse().ok(),
     }
 }
 

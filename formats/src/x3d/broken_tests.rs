@@ -447,3 +447,11 @@ fn meshes_without_triangles_are_left_out() {
     let text = "line 2, IndexedFaceSet: this IndexedFaceSet has no triangle; it is left out";
     assert!(told.contains(&text.to_owned()), "{told:?}");
 }
+
+#[test]
+fn a_second_scene_is_told() {
+    let one = "<X3D><Scene><Shape><Box/></Shape></Scene></X3D>";
+    let import = read_with(&Limits::default(), &format!("{one}{one}")).unwrap();
+    let text = "line 1, Scene: the file has a scene before it; it is not shown";
+    assert_eq!(messages(&import), [text]);
+}

@@ -105,6 +105,7 @@ fn switches_and_levels_show_one_child() {
     assert_eq!(count("<LOD><MetadataSet/>", "</LOD>"), 1);
     assert_eq!(count("<Switch>", "</Switch>"), 0);
     assert_eq!(count("<Switch whichChoice='1'>", "</Switch>"), 1);
+    assert_eq!(count("<Switch whichChoice='0x1'>", "</Switch>"), 1);
     assert_eq!(count("<Group visible='false'>", "</Group>"), 0);
     assert_eq!(count("<Anchor>", "</Anchor>"), 2);
     assert_eq!(count("<NurbsSet>", "</NurbsSet>"), 0);

@@ -153,12 +153,18 @@ impl Piece {
 
     /// One application of the rule to an interval of a row.
     fn line<const N: usize>(&self, row: &Row<N>, s: [f64; 2]) -> Sums {
-        self.left.set(self.left.get().saturating_sub(1));
+        self.spend(1);
         let mut sums = Sums::default();
         for &(x, weight) in &self.rules[0].nodes {
             sums += self.density(row, s[0] + (s[1] - s[0]) * x) * weight;
         }
         sums * (s[1] - s[0])
+    }
+
+    /// Takes note of what has been looked at, as many intervals or what takes as long.
+    pub(super) fn spend(&self, intervals: usize) {
+        let spent = u32::try_from(intervals).unwrap_or(u32::MAX);
+        self.left.set(self.left.get().saturating_sub(spent));
     }
 
     /// Whether halving makes an integral better; what is not a number stays so.
@@ -259,15 +265,36 @@ impl Piece {
     }
 
     fn left_of_rows<const N: usize>(&self, curve: &Curve<DVec2>, range: [f64; 2]) -> (Sums, Sums) {
+        self.halved(range, |x| {
+            let at = curve.derivatives(x);
+            let [s, t] = at.point.to_array().map(|x| x.clamp(0.0, 1.0));
+            let row = self.row::<N>(t);
+            self.along(&row, [0.0, s]) * at.first.y
+        })
+    }
+
+    /// The integral over intervals of the rows in a range of local parameters, and its error.
+    pub(super) fn inside(
+        &self,
+        intervals: impl Fn(f64) -> Vec<[f64; 2]>,
+        range: [f64; 2],
+    ) -> (Sums, Sums) {
+        self.halved(range, |t| {
+            let row = self.row::<ALL>(t);
+            let parts = intervals(t).into_iter().map(|s| self.along(&row, s));
+            parts.fold(Sums::default(), |sum, part| sum + part)
+        })
+    }
+
+    /// The integral of a function over a range that is halved until two answers agree, and its
+    /// error.
+    fn halved(&self, range: [f64; 2], function: impl Fn(f64) -> Sums) -> (Sums, Sums) {
         let apply = |range: [f64; 2]| {
             let mut sums = Sums::default();
             let span = range[1] - range[0];
-            // Curves are short: a few nodes do.
+            // Ranges are short: a few nodes do.
             for &(x, weight) in &RULES[0].nodes {
-                let at = curve.derivatives(range[0] + span * x);
-                let [s, t] = at.point.to_array().map(|x| x.clamp(0.0, 1.0));
-                let row = self.row::<N>(t);
-                sums += self.along(&row, [0.0, s]) * (weight * span * at.first.y);
+                sums += function(range[0] + span * x) * (weight * span);
             }
             sums
         };

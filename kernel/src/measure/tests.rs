@@ -55,6 +55,37 @@ fn sides_that_loops_share_are_not_in_the_box() {
 }
 
 #[test]
+fn what_is_inside_an_odd_number_of_loops_that_cross_counts() {
+    // A bow tie: both of its halves; two squares, less twice what they share.
+    let tie = [[0.1, 0.1], [0.9, 0.9], [0.9, 0.1], [0.1, 0.9], [0.1, 0.1]];
+    let tie = Curve::polyline(&tie.map(DVec2::from)).unwrap();
+    let tie = vec![TrimLoop::new(vec![tie], 0.0).unwrap()];
+    let squares = vec![
+        window(DVec2::splat(0.1), DVec2::splat(0.6)),
+        window(DVec2::splat(0.4), DVec2::splat(0.9)),
+    ];
+    // Two circles of radius r whose centres are r apart share (2 pi / 3 - sqrt(3) / 2) r^2.
+    let circles = vec![
+        circle(DVec2::new(0.35, 0.5), 0.3, 1.0),
+        circle(DVec2::new(0.65, 0.5), 0.3, 1.0),
+    ];
+    let shared = (2.0 * PI / 3.0 - 0.75_f64.sqrt()) * 0.09;
+    let apart = 2.0 * (PI * 0.09 - shared);
+    for (loops, expected) in [(tie, 0.32), (squares, 0.42), (circles, apart)] {
+        let mut patch = Patch::from(square());
+        patch.loops = loops;
+        // The square has sides of three and two.
+        let found = Integrals::of(&patch, DVec3::ZERO);
+        let (area, error) = (found.area() / 6.0, found.area_error() / 6.0);
+        assert!(
+            (area - expected).abs() <= error,
+            "{area} +- {error}, {expected}"
+        );
+        assert!(error < 1e-6, "{error}");
+    }
+}
+
+#[test]
 fn boxes_end_where_a_side_is_no_longer_shared() {
     // z = u (1 - v), without a corner where it is highest; the notch, or one loop with a line to and fro.
     let corners = [

@@ -10,6 +10,12 @@ use crate::{Aabb, Mesh, Patch};
 /// Places of nodes that are looked into, before boxes around their boxes have to do.
 const VISITS: u32 = 1 << 22;
 
+/// The box around what has no finite place.
+const EVERYWHERE: Aabb = Aabb {
+    min: DVec3::NEG_INFINITY,
+    max: DVec3::INFINITY,
+};
+
 impl Scene {
     /// A box around everything shown: the [control points of patches](Patch::hull_bounds), the
     /// vertices of meshes.
@@ -60,7 +66,9 @@ impl Scene {
             });
             let own = parts(node).into_iter().map(|(bounds, _)| bounds);
             let bounds = children.chain(own).fold(Aabb::EMPTY, Aabb::union);
-            loose.push(bounds.transformed(&node.parent_from_node));
+            let moved = bounds.transformed(&node.parent_from_node);
+            let is_held = bounds.is_empty() || moved.min.is_finite() && moved.max.is_finite();
+            loose.push(if is_held { moved } else { EVERYWHERE });
         }
         // The points of what may reach beyond those before.
         let mut bounds = Aabb::EMPTY;
@@ -71,6 +79,9 @@ impl Scene {
             let reaches = |bounds: &Aabb, of: Aabb, map: &DAffine3| {
                 !of.is_empty() && bounds.union(of.transformed(map)) != *bounds
             };
+            if !world_from_parent.is_finite() && !loose[id.0].is_empty() {
+                return EVERYWHERE;
+            }
             if !reaches(&bounds, loose[id.0], &world_from_parent) {
                 continue;
             }
@@ -81,6 +92,9 @@ impl Scene {
             }
             let node = self.node(id);
             let world_from_node = world_from_parent * node.parent_from_node;
+            if !world_from_node.is_finite() {
+                return EVERYWHERE;
+            }
             for (of, part) in parts(node) {
                 if !reaches(&bounds, of, &world_from_node) {
                     continue;

@@ -227,3 +227,25 @@ fn bounds_are_those_of_what_is_left_of_faces() {
     assert_eq!(bounds.min, DVec3::new(0.25, 0.0, 0.0));
     assert_eq!(bounds.max, DVec3::new(0.5, 0.75, 0.0));
 }
+
+#[test]
+fn what_nodes_put_too_far_away_is_refused() {
+    for (away, is_held) in [(1e98, true), (1e100, false), (1e308, false)] {
+        let mut scene = Scene::default();
+        let patch = Shape::Patch(scene.add_patch(square()).unwrap());
+        let mut node = scene.add_node(moved(DVec3::Y, vec![shown(patch)])).unwrap();
+        for turn in [0.0, 1.0, 2.0] {
+            let parent_from_node =
+                DAffine3::from_rotation_x(turn) * DAffine3::from_translation(DVec3::splat(away));
+            let children = vec![Child::Node(node)];
+            let outer = Node {
+                parent_from_node,
+                ..moved(DVec3::ZERO, children)
+            };
+            node = scene.add_node(outer).unwrap();
+        }
+        let found = scene.set_root(node);
+        assert_eq!(found, if is_held { Ok(()) } else { Err(Error::TooFar) });
+        assert_eq!(scene.root().is_some(), is_held);
+    }
+}

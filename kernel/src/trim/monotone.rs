@@ -75,6 +75,30 @@ impl Segment {
         }
     }
 
+    /// Whether its loop runs from its lower to its upper end.
+    pub(super) fn rises(&self) -> bool {
+        self.t[0] < self.t[1]
+    }
+
+    /// The u of the segment at a height between its ends.
+    pub(super) fn place(&self, coefficients: &[DVec3], v: f64) -> f64 {
+        let (low, high) = (self.low, self.high);
+        if self.count == 0 {
+            return low.lerp(high, (v - low.y) / (high.y - low.y)).x;
+        }
+        let [mut below, mut above] = self.t;
+        for _ in 0..STEPS {
+            let t = 0.5 * (below + above);
+            if v >= self.point(coefficients, t).y {
+                below = t;
+            } else {
+                above = t;
+            }
+        }
+        let u = self.point(coefficients, 0.5 * (below + above)).x;
+        u.clamp(low.x.min(high.x), low.x.max(high.x))
+    }
+
     /// Whether a ray from `p` towards larger u crosses the segment. The upper end does not
     /// belong to it, so that a ray through a common end counts one of two neighbours.
     #[inline]

@@ -291,6 +291,10 @@ impl TrimRegion {
             return;
         };
         *room -= copies(&cut);
+        // The first half leaves room for the second.
+        let sizes = cut.halves.each_ref().map(Vec::len);
+        let mut rest = *room * sizes[1] / (sizes[0] + sizes[1]).max(1);
+        *room -= rest;
         let node = self.nodes.len();
         let axis = usize::from(cut.axis);
         let mut parts = [cell; 2];
@@ -313,6 +317,7 @@ impl TrimRegion {
                 ^ self.is_odd(&members, cell.max.x, middle)
                 ^ self.is_odd(&half, part.max.x, middle);
             self.divide(part, half, state, levels - 1, room);
+            *room += std::mem::take(&mut rest);
         }
     }
 
@@ -403,7 +408,7 @@ pub(crate) fn shifts(trim: &TrimLoop, [min, max]: [DVec2; 2], closed: [bool; 2])
 }
 
 /// Adds the segments of a loop, each from the end of the one before.
-fn add(segments: &mut Segments, trim: &TrimLoop, shift: DVec2, domain: &Rect) {
+pub(super) fn add(segments: &mut Segments, trim: &TrimLoop, shift: DVec2, domain: &Rect) {
     let near = (domain.max - domain.min) * SNAP;
     let snap = |mut p: DVec2| {
         for axis in 0..2 {
