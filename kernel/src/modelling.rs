@@ -32,7 +32,7 @@ pub use fit::{Fit, FitSurface, fit, fit_surface};
 pub use interpolate::{Along, Interpolation, Spacing, interpolate, interpolate_curve};
 pub use loft::loft;
 pub use quadric::{cone, cylinder, plane, sphere, torus};
-pub use sweep::{extrude, revolve, ruled, swung};
+pub use sweep::{extrude, revolve, ruled, swung, with_equal_weights};
 pub use swept::{Swept, swept};
 
 /// A right-handed system of three perpendicular unit vectors at a point.

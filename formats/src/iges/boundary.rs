@@ -36,12 +36,14 @@ impl Loop {
 }
 
 /// A stretch of a loop, by pointers to curves.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct Use {
     /// In the parameter domain, in order; empty if there are none.
     pub flat: Vec<i64>,
     /// In space: the curve, or the list that has its edge; zero if there is none.
     pub space: i64,
+    /// Pointer to what moves the curve of space beside its own transformation, or zero.
+    pub matrix: i64,
     /// The number of the edge in the list, from 1 on; zero for a curve.
     pub edge: i64,
     /// Whether the curve of space is run through backwards.
@@ -53,24 +55,24 @@ pub(super) fn read(file: &File<'_>, pointer: i64) -> Result<Option<Loop>, Proble
     let index = file.follow(pointer, "a boundary")?;
     let mut buffer = Vec::new();
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-    match file.entries[index].kind {
+    let entry = &file.entries[index];
+    let found = match entry.kind {
         142 => {
             let _way_of_making = parameters.integer()?;
             let _surface = parameters.integer()?;
             let [flat, space] = [parameters.integer()?, parameters.integer_or(0)?];
             let prefers_space = parameters.integer_or(0)? == 2;
             let flat = Some(flat).filter(|p| *p != 0).into_iter().collect();
-            let reversed = false;
-            Ok(Some(Loop {
-                uses: vec![Use {
-                    flat,
-                    space,
-                    reversed,
-                    edge: 0,
-                }],
+            let uses = vec![Use {
+                flat,
+                space,
+                ..Use::default()
+            }];
+            Some(Loop {
+                uses,
                 is_oriented: false,
                 prefers_space,
-            }))
+            })
         }
         // A plane with its curve, after its equation.
         108 => {
@@ -80,18 +82,23 @@ pub(super) fn read(file: &File<'_>, pointer: i64) -> Result<Option<Loop>, Proble
                 space,
                 ..Use::default()
             }];
-            Ok(Some(Loop {
+            Some(Loop {
                 uses,
                 ..Loop::default()
-            }))
+            })
         }
-        141 => boundary(&mut parameters).map(Some),
-        508 => edges(&mut parameters),
+        141 => Some(boundary(&mut parameters)?),
+        508 => edges(&mut parameters)?,
         _ => {
             let text = format!("{} is no boundary", file.source(index));
-            Err(Problem::Invalid(text))
+            return Err(Problem::Invalid(text));
         }
-    }
+    };
+    Ok(found.map(|mut one| {
+        let uses = one.uses.iter_mut();
+        uses.for_each(|stretch| stretch.matrix = entry.transform);
+        one
+    }))
 }
 
 /// A boundary (type 141).
@@ -110,7 +117,7 @@ fn boundary(parameters: &mut Parameters<'_>) -> Result<Loop, Problem> {
             flat,
             space,
             reversed,
-            edge: 0,
+            ..Use::default()
         });
     }
     Ok(Loop {
@@ -142,6 +149,7 @@ fn edges(parameters: &mut Parameters<'_>) -> Result<Option<Loop>, Problem> {
             space,
             reversed,
             edge,
+            ..Use::default()
         });
     }
     let is_point = uses.iter().all(|u| u.space == 0 && u.flat.is_empty());

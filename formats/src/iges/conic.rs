@@ -1,6 +1,6 @@
 //! Circular and conic arcs (types 100 and 104).
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 use std::ops::Range;
 
 use glam::{DMat2, DVec2, DVec3};
@@ -60,10 +60,17 @@ impl Conic {
         self.off(start).max(self.off(end))
     }
 
-    /// The axes of the quadratic form.
+    /// The axes of the quadratic form, the one next to the x axis first: parameters count from there,
+    /// whichever is longer.
     fn axes(&self) -> [DVec2; 2] {
         let (x, y) = (self.square.x_axis, self.square.y_axis);
-        let axis = DVec2::from_angle(0.5 * f64::atan2(2.0 * x.y, x.x - y.y));
+        let turn = 0.5 * f64::atan2(2.0 * x.y, x.x - y.y);
+        let is_near = turn.abs() <= FRAC_PI_4;
+        let axis = DVec2::from_angle(if is_near {
+            turn
+        } else {
+            turn - FRAC_PI_2.copysign(turn)
+        });
         [axis, axis.perp()]
     }
 

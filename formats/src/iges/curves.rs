@@ -6,11 +6,13 @@ use std::ops::Range;
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Curve, KnotVector};
 
+use super::boundary::Use;
 use super::conic;
 use super::directory::{File, WHOLE};
 use super::net::Net;
 use super::offset;
 use super::parameters::Parameters;
+use super::sheets::Warp;
 use super::transform::{Transforms, check_finite};
 use crate::Problem;
 
@@ -23,6 +25,10 @@ const MEMBERS: usize = 100_000;
 
 /// Ends of the members of a composite curve no farther apart than this share of the largest meet.
 const MEETS: f64 = 1e-5;
+
+/// Chords of an arc over equal angles that are compared, and the share of one by which they may differ.
+const CHORDS: u32 = 8;
+const EVEN: f64 = 1e-6;
 
 /// A curve, and what its parameter means.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,8 +66,20 @@ impl Rail {
 
     /// Whether its length grows evenly with the parameter, as along a line or an arc.
     pub(super) fn is_even(&self) -> bool {
-        self.arcs == [self.curve.domain()]
-            || self.curve.degree() == 1 && self.curve.points().count() == 2
+        let domain = self.curve.domain();
+        let is_line = self.curve.degree() == 1 && self.curve.points().count() == 2;
+        if is_line || self.arcs != [domain.clone()] {
+            return is_line;
+        }
+        // Arcs of ellipses have angles, too.
+        let warp = Warp::new(self);
+        let place = |k: u32| {
+            let share = f64::from(k) / f64::from(CHORDS);
+            let parameter = domain.start + (domain.end - domain.start) * share;
+            self.curve.evaluate(warp.apply(parameter, &domain))
+        };
+        let chord = |k: u32| place(k).distance(place(k + 1));
+        (1..CHORDS).all(|k| (chord(k) - chord(0)).abs() <= EVEN * chord(0))
     }
 }
 
@@ -106,10 +124,24 @@ impl Reader<'_, '_> {
         result
     }
 
-    /// The curves of an entity, to be looked at only: nothing is noted.
-    pub(super) fn glimpse(&mut self, index: usize) -> Result<Vec<Rail>, Problem> {
+    /// The curves of space of a stretch of a loop, as they run.
+    pub(super) fn rails_along(&mut self, stretch: &Use) -> Result<Vec<Rail>, Problem> {
+        let index = self.file.follow(stretch.space, "a trim curve")?;
+        let mut rails = self.rails(index)?;
+        let map = self.transforms.follow(self.file, stretch.matrix)?;
+        if map != DAffine3::IDENTITY {
+            for rail in &mut rails {
+                rail.curve = rail.curve.transformed(&map);
+            }
+            check_finite(rails.iter().flat_map(|rail| rail.curve.points()))?;
+        }
+        Ok(rails)
+    }
+
+    /// As [`Reader::rails_along`], to be looked at only: nothing is noted.
+    pub(super) fn glimpse_along(&mut self, stretch: &Use) -> Result<Vec<Rail>, Problem> {
         let before = self.repairs.len();
-        let rails = self.rails(index);
+        let rails = self.rails_along(stretch);
         self.repairs.truncate(before);
         rails
     }
@@ -247,7 +279,13 @@ impl Reader<'_, '_> {
                 let line = Curve::line(start, end, 0.0..1.0).map_err(Problem::Geometry)?;
                 Rail::from(line)
             }
-            112 => cubics(parameters)?,
+            112 => {
+                let (rail, gap) = cubics(parameters)?;
+                if gap > GAP {
+                    self.repaired(index, BRIDGED);
+                }
+                rail
+            }
             116 => {
                 let point = point(parameters)?;
                 let line = Curve::line(point, point, 0.0..1.0).map_err(Problem::Geometry)?;
@@ -424,7 +462,7 @@ fn polyline(parameters: &mut Parameters<'_>, form: i64) -> Result<Rail, Problem>
 }
 
 /// A parametric spline curve (type 112): cubic polynomials between breakpoints.
-fn cubics(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
+fn cubics(parameters: &mut Parameters<'_>) -> Result<(Rail, f64), Problem> {
     for _ in 0..3 {
         parameters.integer()?;
     }
@@ -433,6 +471,7 @@ fn cubics(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
     let count = parameters.expect(count, "segments")?;
     let breaks = parameters.reals(count.saturating_add(1), "breakpoints")?;
     let (mut knots, mut points) = (Vec::new(), Vec::new());
+    let mut gap = 0.0_f64;
     for pair in breaks.windows(2) {
         let mut coefficients = [DVec3::ZERO; 4];
         for axis in 0..3 {
@@ -446,6 +485,7 @@ fn cubics(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
             knots.extend([pair[0]; 4]);
         } else if let Some(last) = points.last_mut() {
             // Neighbours meet up to rounding.
+            gap = gap.max(last.distance(bezier[0]));
             *last = (*last + bezier[0]) * 0.5;
         }
         points.extend(&bezier[1..]);
@@ -454,8 +494,14 @@ fn cubics(parameters: &mut Parameters<'_>) -> Result<Rail, Problem> {
     knots.extend(knots.last().copied());
     let knots = KnotVector::new(3, knots).map_err(Problem::Geometry)?;
     let curve = Curve::new(knots, &points, None).map_err(Problem::Geometry)?;
-    Ok(Rail::from(curve))
+    let gap = gap / curve.hull_bounds().diagonal();
+    Ok((Rail::from(curve), gap))
 }
+
+/// Gaps between the pieces of cubic curves and surfaces that are told, as a share of the size of these,
+/// and how.
+pub(super) const GAP: f64 = 1e-5;
+pub(super) const BRIDGED: &str = "its pieces do not meet; their borders are moved together";
 
 /// The Bézier points of `a + b s + c s^2 + d s^3` for `s` from 0 to `h`.
 pub(super) fn bezier([a, b, c, d]: [DVec3; 4], h: f64) -> [DVec3; 4] {
@@ -506,7 +552,7 @@ mod tests {
         // x = s + s^3 over 1..3, then x = 10 + s over 3..4; y = 2, z = s^2 and 4.
         let record = "3,0,3,2,1.,3.,4.,0.,1.,0.,1.,2.,0.,0.,0.,0.,0.,1.,0.,\
                       10.,1.,0.,0.,2.,0.,0.,0.,4.,0.,0.,0.;";
-        let curve = cubics(&mut parameters(record)).unwrap().curve;
+        let curve = cubics(&mut parameters(record)).unwrap().0.curve;
         let expected = DVec3::new(1.5 + 1.5_f64.powi(3), 2.0, 2.25);
         assert!(curve.evaluate(2.5).distance(expected) < 1e-14);
         assert!(curve.evaluate(3.5).distance(DVec3::new(10.5, 2.0, 4.0)) < 1e-14);

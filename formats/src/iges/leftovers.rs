@@ -1,10 +1,10 @@
-//! What a file holds and the picture does not: told, and counted by type.
+//! What a file holds, and what of it the picture does not: told, and counted by type.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::directory::{Entry, File, entity_use};
 use super::types::{self, Class};
-use crate::Warnings;
+use crate::{Tally, Warnings};
 
 /// Counts what is not in the picture. `tried` are the entities of which all has been told.
 pub(super) fn tell(
@@ -80,4 +80,32 @@ pub(super) fn is_geometry(entry: &Entry) -> bool {
             entry.entity_use,
             entity_use::DEFINITION | entity_use::PARAMETRIC
         )
+}
+
+/// What became of the entities, by type.
+pub(super) fn ledger(
+    file: &File<'_>,
+    refused: &BTreeSet<usize>,
+    repaired: &BTreeSet<usize>,
+) -> Vec<Tally> {
+    let asked = file.take_asked();
+    let mut rows: BTreeMap<i64, Tally> = BTreeMap::new();
+    for (index, entry) in file.entries.iter().enumerate() {
+        let row = rows.entry(entry.kind).or_insert_with(|| Tally {
+            kind: format!("{} {}", entry.kind, types::noun(entry.kind)),
+            mark: "D",
+            ..Tally::default()
+        });
+        row.count += 1;
+        let is_refused = refused.contains(&index);
+        let is_used = asked[index] && !is_refused;
+        for (list, is_in) in [
+            (&mut row.used, is_used),
+            (&mut row.repaired, is_used && repaired.contains(&index)),
+            (&mut row.refused, is_refused),
+        ] {
+            list.extend(is_in.then_some(entry.number));
+        }
+    }
+    rows.into_values().collect()
 }

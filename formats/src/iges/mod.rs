@@ -35,6 +35,8 @@ mod odd_tests;
 mod offset;
 mod order;
 mod parameters;
+#[cfg(test)]
+mod placed_tests;
 mod primitives;
 mod quadric;
 mod records;

@@ -11,7 +11,7 @@ use kernel::{Curve, Surface, modelling};
 use super::curves::{Rail, Reader, fitted};
 use super::directory::WHOLE;
 use super::net::TEARING;
-use super::sheets::{Sheet, SheetShape};
+use super::sheets::{Sheet, SheetShape, Warp};
 use crate::{Problem, common};
 
 /// How far a fitted offset curve may stray, relative to its size.
@@ -75,12 +75,19 @@ pub(super) fn curves(
             return Err(Problem::Unsupported(text.to_owned()));
         }
     };
-    let distance = Distance { law, from, scale };
+    let warp = Warp::new(&base);
+    let distance = Distance {
+        law,
+        from,
+        scale,
+        warp: (warp, domain.clone()),
+    };
     let normal = normal.try_normalize();
     let normal = normal.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
     let is_part = domain.start <= wanted.start && wanted.end <= domain.end;
     let range = if is_part && wanted.start < wanted.end {
-        wanted
+        let [start, end] = [wanted.start, wanted.end].map(|t| distance.of_file(t));
+        start..end
     } else {
         domain
     };
@@ -92,27 +99,69 @@ pub(super) fn curves(
     }
     let (mut made, mut strays) = (Vec::new(), 0.0_f64);
     for part in parts {
-        let at = |t: f64| {
-            let (point, along) = part.tangent(t);
-            let out = normal.cross(along).try_normalize().unwrap_or_default();
-            point + out * distance.at(t)
-        };
-        let breaks = distance.breaks(&part.domain());
-        let (curve, off) = match of_arc(&part, at, size * EXACT) {
-            Some(curve) => (curve, 0.0),
-            None => through(&part, at, breaks, size)?,
-        };
+        let (rail, off) = one(&part, &base.arcs, &distance, (normal, size))?;
         strays = strays.max(off);
-        let arcs = base.arcs.iter().map(|arc| common(arc, &part.domain()));
-        made.push(Rail {
-            curve,
-            arcs: arcs.filter(|arc| !arc.is_empty()).collect(),
-        });
+        made.push(rail);
     }
     if strays > CURVE_ACCURACY {
         reader.unsupported(index, fitted("it", strays, CURVE_ACCURACY));
     }
     Ok(made)
+}
+
+/// The offset of a part of the base without corners, over the parameter of the file, and how far it strays,
+/// as a share of the size.
+fn one(
+    part: &Curve<DVec3>,
+    arcs: &[Range<f64>],
+    distance: &Distance,
+    (normal, size): (DVec3, f64),
+) -> Result<(Rail, f64), Problem> {
+    let at = |t: f64| {
+        let (point, along) = part.tangent(t);
+        let out = normal.cross(along).try_normalize().unwrap_or_default();
+        point + out * distance.at(t)
+    };
+    let Range { start, end } = part.domain();
+    let is_arc = arcs
+        .iter()
+        .any(|arc| common(arc, &part.domain()) == part.domain());
+    if let Some(offset) = of_arc(part, at, size * EXACT) {
+        if !is_arc {
+            return Ok((Rail::from(offset), 0.0));
+        }
+        let angles = distance.in_file(start)..distance.in_file(end);
+        if let Some(arc) = over_angles(&offset, angles, size * EXACT) {
+            return Ok((Rail::arc(arc), 0.0));
+        }
+    }
+    let mut breaks = part.knots().breaks();
+    breaks.iter_mut().for_each(|at| *at = distance.in_file(*at));
+    breaks.extend(distance.breaks(&part.domain()));
+    breaks.sort_by(f64::total_cmp);
+    breaks.dedup();
+    let at = |s: f64| at(distance.of_file(s).clamp(start, end));
+    let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
+    let fit = fit.map_err(Problem::Geometry)?;
+    Ok((Rail::from(fit.curve), fit.deviation / size))
+}
+
+/// The arc of a circle through the points of a curve, over these angles; `None` if its ends are farther
+/// than `near` from those of the curve.
+fn over_angles(curve: &Curve<DVec3>, angles: Range<f64>, near: f64) -> Option<Curve<DVec3>> {
+    let Range { start, end } = curve.domain();
+    let [a, b, c] = [0.0, 0.3, 0.6].map(|share| curve.evaluate(start + (end - start) * share));
+    let center = a + modelling::to_center([a, b, c]);
+    let out = a - center;
+    let along = (b - a).cross(c - b).try_normalize()?.cross(out);
+    let (sin, cos) = angles.start.sin_cos();
+    let [x, y] = [out * cos - along * sin, out * sin + along * cos];
+    let arc = modelling::arc(center, x, y, angles).ok()?;
+    let is_there = [(arc.start(), curve.start()), (arc.end(), curve.end())];
+    let is_there = is_there
+        .into_iter()
+        .all(|(own, other)| own.distance(other) <= near);
+    is_there.then_some(arc)
 }
 
 /// How far an offset curve is from its base, by the parameter of that.
@@ -121,6 +170,8 @@ struct Distance {
     /// The parameter, or else the length up to it, counts from here on, and times this.
     from: f64,
     scale: f64,
+    /// What that parameter is to the one of the curve, with the domain of both.
+    warp: (Warp, Range<f64>),
 }
 
 /// What a distance is a function of.
@@ -132,8 +183,20 @@ enum Law {
 }
 
 impl Distance {
+    /// The parameter of the curve for one of the file.
+    fn of_file(&self, t: f64) -> f64 {
+        let (warp, domain) = &self.warp;
+        warp.apply(t, domain)
+    }
+
+    /// The parameter of the file for one of the curve.
+    fn in_file(&self, t: f64) -> f64 {
+        let (warp, domain) = &self.warp;
+        warp.undone(t, domain)
+    }
+
     fn at(&self, t: f64) -> f64 {
-        let s = self.scale * (t - self.from);
+        let s = self.scale * (self.in_file(t) - self.from);
         match &self.law {
             Law::Linear(first, slope) => first + slope * s,
             Law::Coordinate(curve, axis) => {
@@ -154,32 +217,18 @@ impl Distance {
         }
     }
 
-    /// The parameters inside a range where the curve of the law has breaks.
+    /// The parameters of the file where the curve of the law has breaks, for those of the curve inside a
+    /// range.
     fn breaks(&self, inside: &Range<f64>) -> Vec<f64> {
         let Law::Coordinate(curve, _) = &self.law else {
             return Vec::new();
         };
         let breaks = curve.knots().breaks().into_iter();
         let breaks = breaks.map(|s| self.from + s / self.scale);
-        breaks.filter(|t| inside.contains(t)).collect()
+        breaks
+            .filter(|s| inside.contains(&self.of_file(*s)))
+            .collect()
     }
-}
-
-/// The curve `at` the parameters of a base, with more breaks than that, fitted; and how far it strays, as a share of
-/// the size.
-fn through(
-    base: &Curve<DVec3>,
-    at: impl Fn(f64) -> DVec3,
-    more: Vec<f64>,
-    size: f64,
-) -> Result<(Curve<DVec3>, f64), Problem> {
-    let mut breaks = base.knots().breaks();
-    breaks.extend(more);
-    breaks.sort_by(f64::total_cmp);
-    breaks.dedup();
-    let fit = modelling::fit(at, &breaks, size * CURVE_ACCURACY, DVec3::distance);
-    let fit = fit.map_err(Problem::Geometry)?;
-    Ok((fit.curve, fit.deviation / size))
 }
 
 /// The offset of an arc of a circle: as large a part of the circle beside it; `None` if what is `at` the

@@ -183,6 +183,23 @@ impl Quadric {
         })
     }
 
+    /// How far a point is from it, wherever it ends.
+    pub(super) fn off(&self, point: DVec3) -> f64 {
+        let p = self.local(point);
+        let across = p.x.hypot(p.y);
+        let off = match self.shape {
+            Shape::Plane => p.z,
+            Shape::Cylinder { radius } => across - radius,
+            Shape::Cone { radius, half_angle } => {
+                let at_height = (radius + p.z * half_angle.tan()).abs();
+                (across - at_height) * half_angle.cos()
+            }
+            Shape::Sphere { radius } => p.length() - radius,
+            Shape::Torus { major, minor } => (across - major).hypot(p.z) - minor.abs(),
+        };
+        off.abs()
+    }
+
     /// The parameters of a point on the surface, angles in radians. Angles are taken next to
     /// those of `guess`, and from there where a point has none.
     pub(super) fn locate(&self, point: DVec3, guess: Option<DVec2>) -> DVec2 {

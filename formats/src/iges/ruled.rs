@@ -58,6 +58,14 @@ pub(super) fn surface(
         rails[1 - kept] = curve;
         reader.unsupported(index, fitted("the rail beside an arc", deviation, ACCURACY));
     }
+    // The file has the lines themselves over equal steps, which weights that differ do not.
+    match modelling::with_equal_weights(&rails[0], &rails[1]) {
+        Ok(equal) => rails = equal,
+        Err(problem) => {
+            let text = format!("its lines run over their parameter unevenly: {problem}");
+            reader.unsupported(index, text);
+        }
+    }
     reader.check_room(rails.iter(), 2)?;
     let [first, second] = &rails;
     let surface = modelling::ruled(first, second).map_err(geometry)?;
@@ -74,12 +82,12 @@ fn beside(
     of_other: &Warp,
 ) -> Result<(Curve<DVec3>, f64), Problem> {
     let at = |parameter: f64| {
-        let share = inverse(|share| of_kept.apply(share, &UNIT), parameter);
+        let share = of_kept.undone(parameter, &UNIT);
         other.evaluate(of_other.apply(share, &UNIT).clamp(0.0, 1.0))
     };
     let mut breaks = kept.knots().breaks();
     let inner = other.knots().breaks().into_iter().map(|own| {
-        let share = inverse(|share| of_other.apply(share, &UNIT), own);
+        let share = of_other.undone(own, &UNIT);
         of_kept.apply(share, &UNIT)
     });
     breaks.extend(inner.filter(|own| (SAME..1.0 - SAME).contains(own)));
@@ -89,18 +97,4 @@ fn beside(
     let fit = modelling::fit(at, &breaks, size * ACCURACY, DVec3::distance);
     let fit = fit.map_err(Problem::Geometry)?;
     Ok((fit.curve, fit.deviation / size))
-}
-
-/// Where a rising function from 0..1 to 0..1 has a value.
-fn inverse(function: impl Fn(f64) -> f64, value: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let middle = f64::midpoint(low, high);
-        if function(middle) < value {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    high
 }

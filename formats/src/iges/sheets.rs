@@ -6,6 +6,7 @@ use std::ops::Range;
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Curve, KnotVector, Surface, modelling};
 
+use super::boundary::Use;
 use super::curves::{self, Rail, Reader};
 use super::directory::WHOLE;
 use super::parameters::Parameters;
@@ -20,14 +21,17 @@ const NESTING: usize = 8;
 /// Angles up to this share above a whole turn are one: they are written with few digits.
 const TURN_SLACK: f64 = 1e-6;
 
+/// How often the range is halved in which a parameter is looked for.
+const HALVINGS: usize = 60;
+
 /// A surface before it is trimmed.
 #[derive(Clone, Debug)]
 pub(super) struct Sheet {
     pub shape: SheetShape,
     /// Where it stands, from its own transformation and that of the base of an offset.
     pub place: DAffine3,
-    /// Pointer to the closed curve that bounds a plane, or zero.
-    pub border: i64,
+    /// The closed curve that bounds a plane.
+    pub border: Option<Use>,
     /// The name among its properties.
     pub name: String,
 }
@@ -100,6 +104,26 @@ impl Warp {
         }
         domain.start + (wound(knots, angle) - own.start) / scale
     }
+
+    /// The parameter of the file for one of the surface.
+    pub(super) fn undone(&self, parameter: f64, domain: &Range<f64>) -> f64 {
+        if self.is_identity() {
+            return parameter;
+        }
+        let (mut low, mut high) = (domain.start, domain.end);
+        if parameter <= low || parameter >= high {
+            return parameter.clamp(low, high);
+        }
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(low, high);
+            if self.apply(middle, domain) < parameter {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        high
+    }
 }
 
 /// Whether we read surfaces of this type.
@@ -143,7 +167,7 @@ fn nested(
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
     let p = &mut parameters;
     let one = |surface: Surface, warps| SheetShape::Splines(vec![surface], warps);
-    let mut border = 0;
+    let mut border = None;
     let shape = match entry.kind {
         108 => {
             let plane = quadric::plane(p)?;
@@ -152,11 +176,21 @@ fn nested(
             for _ in 0..4 {
                 p.real_or(0.0)?;
             }
-            border = if entry.form == 0 { 0 } else { curve };
+            border = (entry.form != 0 && curve != 0).then(|| Use {
+                space: curve,
+                matrix: entry.transform,
+                ..Use::default()
+            });
             SheetShape::Quadric(plane)
         }
         190 | 192 | 194 | 196 | 198 => SheetShape::Quadric(quadric::read(reader, entry, p)?),
-        114 => one(cubics(p, reader.limit)?, Default::default()),
+        114 => {
+            let (surface, gap) = cubics(p, reader.limit)?;
+            if gap > curves::GAP {
+                reader.repaired(index, curves::BRIDGED);
+            }
+            one(surface, Default::default())
+        }
         118 => ruled::surface(reader, index, p, entry.form)?,
         120 => revolved(reader, index, p)?,
         122 => {
@@ -265,8 +299,9 @@ fn revolved(
     Ok(SheetShape::Splines(vec![surface], [Warp::new(&rail), turn]))
 }
 
-/// A parametric spline surface (type 114): bicubic polynomials between breakpoints.
-fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Problem> {
+/// A parametric spline surface (type 114): bicubic polynomials between breakpoints; and how far these are
+/// apart where they should meet, as a share of its size.
+fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<(Surface, f64), Problem> {
     parameters.integer()?;
     parameters.integer()?;
     let counts = [parameters.count()?, parameters.count()?];
@@ -289,6 +324,7 @@ fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Prob
     let has_ends = parameters.left() / 48 > counts[0].saturating_mul(counts[1]);
     let [rows, row] = counts.map(|count| 3 * count + 1);
     let mut points = vec![DVec3::ZERO; rows.saturating_mul(row)];
+    let mut gap = 0.0_f64;
     for i in 0..counts[0] {
         for j in 0..counts[1] {
             // Powers of the first parameter run fastest.
@@ -307,7 +343,11 @@ fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Prob
                 let across =
                     curves::bezier([lines[0][a], lines[1][a], lines[2][a], lines[3][a]], k);
                 for (b, point) in across.into_iter().enumerate() {
-                    points[(3 * i + a) * row + 3 * j + b] = point;
+                    let place = &mut points[(3 * i + a) * row + 3 * j + b];
+                    if i > 0 && a == 0 || j > 0 && b == 0 {
+                        gap = gap.max(place.distance(point));
+                    }
+                    *place = point;
                 }
             }
         }
@@ -326,7 +366,9 @@ fn cubics(parameters: &mut Parameters<'_>, limit: usize) -> Result<Surface, Prob
     };
     let surface =
         knots(&breaks[0]).and_then(|u| Surface::new(u, knots(&breaks[1])?, &points, None));
-    surface.map_err(Problem::Geometry)
+    let surface = surface.map_err(Problem::Geometry)?;
+    let gap = gap / surface.hull_bounds().diagonal();
+    Ok((surface, gap))
 }
 
 /// The parameters of a parallelogram's points, if the surface is one: the corner and both

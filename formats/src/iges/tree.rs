@@ -4,7 +4,7 @@
 //! is collected first, because only entities to which nothing refers stand for themselves.
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use glam::{DAffine3, DVec3};
 use kernel::{
@@ -23,7 +23,7 @@ use super::links::{Links, cycles, links};
 use super::transform::Transforms;
 use super::types;
 use super::{primitives, trims};
-use crate::{Error, Import, Limits, Place, Problem, Tally, Warnings};
+use crate::{Error, Import, Limits, Place, Problem, Warnings};
 
 /// What a patch counts at least, in control points.
 const LEAST_COST: usize = 32;
@@ -68,7 +68,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     if let Some(error) = tree.fatal {
         return Err(error);
     }
-    let ledger = tree.ledger();
+    let ledger = leftovers::ledger(file, &tree.refused, &tree.repaired);
     let levels = levels::read(file, tree.shown());
     leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
     if tree.scene.patches().is_empty()
@@ -128,14 +128,18 @@ struct Tree<'a, 'b> {
     materials: HashMap<i64, Option<MaterialId>>,
     /// Patches by surface or face.
     patches: HashMap<usize, Vec<PatchId>>,
-    /// What entities became, by the colour they inherit.
-    known: HashMap<(usize, i64), Option<Child>>,
+    /// What entities became, by the colour they inherit and, for groups, their scope.
+    known: HashMap<(usize, i64, usize), Option<Child>>,
+    /// One more than the index of the innermost definition or array that is being built, or 0.
+    scope: usize,
     /// Entities that are being built.
     busy: Vec<bool>,
     /// Entities of which all that is wrong has been told.
     tried: Vec<bool>,
-    /// Entities that are members of a group that is built, or parts of something.
-    grouped: Vec<bool>,
+    /// Entities that are parts of something.
+    is_part: Vec<bool>,
+    /// Entities that are members of a group that is built, with its scope.
+    grouped: HashSet<(usize, usize)>,
     /// Entities that were repaired, or could not be used.
     repaired: BTreeSet<usize>,
     refused: BTreeSet<usize>,
@@ -165,9 +169,11 @@ impl<'a, 'b> Tree<'a, 'b> {
             materials: HashMap::new(),
             patches: HashMap::new(),
             known: HashMap::new(),
+            scope: 0,
             busy: vec![false; count],
             tried: vec![false; count],
-            grouped: is_part,
+            is_part,
+            grouped: HashSet::new(),
             repaired: BTreeSet::new(),
             refused: BTreeSet::new(),
             points_left: limits.points,
@@ -186,8 +192,19 @@ impl<'a, 'b> Tree<'a, 'b> {
     /// What an entity becomes below a node; `inherited` is the colour of its parents.
     fn child(&mut self, index: usize, inherited: i64, depth: usize) -> Option<Child> {
         let entry = &self.file.entries[index];
-        let inherited = if entry.color == 0 { inherited } else { 0 };
-        if let Some(known) = self.known.get(&(index, inherited)) {
+        // Groups have no colour for their members.
+        let is_group = entry.kind == 402;
+        let inherited = if entry.color == 0 && !is_group {
+            inherited
+        } else {
+            0
+        };
+        let scope = if is_group && self.copies_left > 0 {
+            self.scope
+        } else {
+            0
+        };
+        if let Some(known) = self.known.get(&(index, inherited, scope)) {
             return *known;
         }
         if self.fatal.is_some() {
@@ -204,14 +221,21 @@ impl<'a, 'b> Tree<'a, 'b> {
             return None;
         }
         self.busy[index] = true;
+        let outer = self.scope;
+        self.scope = match entry.kind {
+            402 => scope,
+            308 | 320 | 408 | 412 | 414 | 420 => index + 1,
+            _ => outer,
+        };
         let child = self
             .build(index, inherited, depth)
             .unwrap_or_else(|problem| {
                 self.fail(index, problem);
                 None
             });
+        self.scope = outer;
         self.busy[index] = false;
-        self.known.insert((index, inherited), child);
+        self.known.insert((index, inherited, scope), child);
         child
     }
 
@@ -354,11 +378,16 @@ impl<'a, 'b> Tree<'a, 'b> {
         if !blanks::shows_member(parent, entry) {
             return None;
         }
-        // A member of several groups is shown once, and what is part of a body is shown with that.
-        if parent.kind == 402 && std::mem::replace(&mut self.grouped[index], true) {
+        // A member of several groups is shown once where they are placed together, and what is part of
+        // a body is shown with that.
+        let is_grouped = parent.kind == 402;
+        if is_grouped && (self.is_part[index] || !self.grouped.insert((index, self.scope))) {
             return None;
         }
-        let mut inherited = if parent.kind == 402 { 0 } else { color };
+        if is_grouped && self.scope > 0 {
+            self.copies_left = self.copies_left.saturating_sub(1);
+        }
+        let mut inherited = if is_grouped { 0 } else { color };
         if inherited != 0 {
             match self.copies_left.checked_sub(1) {
                 Some(left) => self.copies_left = left,
@@ -440,33 +469,9 @@ impl<'a, 'b> Tree<'a, 'b> {
     /// The entities that became a shape.
     fn shown(&self) -> impl Iterator<Item = usize> {
         let built = self.known.iter().filter(|(_, child)| child.is_some());
-        let indices: BTreeSet<usize> = built.map(|((index, _), _)| *index).collect();
+        let indices: BTreeSet<usize> = built.map(|((index, ..), _)| *index).collect();
         let is_shape = |index: &usize| !types::is_composed(self.file.entries[*index].kind);
         indices.into_iter().filter(is_shape)
-    }
-
-    /// What became of the entities, by type.
-    fn ledger(&self) -> Vec<Tally> {
-        let asked = self.file.take_asked();
-        let mut rows: BTreeMap<i64, Tally> = BTreeMap::new();
-        for (index, entry) in self.file.entries.iter().enumerate() {
-            let row = rows.entry(entry.kind).or_insert_with(|| Tally {
-                kind: format!("{} {}", entry.kind, types::noun(entry.kind)),
-                mark: "D",
-                ..Tally::default()
-            });
-            row.count += 1;
-            let is_refused = self.refused.contains(&index);
-            let is_used = asked[index] && !is_refused;
-            for (list, is_in) in [
-                (&mut row.used, is_used),
-                (&mut row.repaired, is_used && self.repaired.contains(&index)),
-                (&mut row.refused, is_refused),
-            ] {
-                list.extend(is_in.then_some(entry.number));
-            }
-        }
-        rows.into_values().collect()
     }
 
     /// The patches of a surface or face; `base` is the entity with the surface.

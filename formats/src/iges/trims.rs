@@ -77,14 +77,14 @@ pub(super) fn faces(
     mut sheet: Sheet,
     boundary: &Boundary,
 ) -> Result<Parts, Problem> {
-    let loops = match loops(reader, lists, face, boundary, sheet.border) {
+    let loops = match loops(reader, lists, face, boundary, sheet.border.as_ref()) {
         Ok(loops) => loops,
         Err(problem) => {
             untrimmed(reader, face, &problem);
             None
         }
     };
-    let mut border = matches!(boundary, Boundary::Holes(_)) && sheet.border == 0;
+    let mut border = matches!(boundary, Boundary::Holes(_)) && sheet.border.is_none();
     if border && loops.is_some() && sheet.is_boundless() {
         let text = "its surface has no end; its outermost hole counts as its border";
         reader.repaired(face, text);
@@ -182,8 +182,7 @@ pub(super) fn on_surface(
         return Ok(Vec::new());
     };
     if stretch.space != 0 {
-        let space = file.follow(stretch.space, "a curve")?;
-        let rails = reader.rails(space)?.into_iter();
+        let rails = reader.rails_along(stretch)?.into_iter();
         return Ok(rails.map(|rail| rail.curve).collect());
     }
     let mut buffer = Vec::new();
@@ -228,7 +227,7 @@ fn loops(
     lists: &mut Edges,
     face: usize,
     boundary: &Boundary,
-    border: i64,
+    border: Option<&Use>,
 ) -> Result<Option<Vec<Loop>>, Problem> {
     let pointers: &[i64] = match boundary {
         Boundary::Natural => &[],
@@ -247,11 +246,10 @@ fn loops(
             loops.push(one);
         }
     }
-    if border != 0 && !matches!(boundary, Boundary::Loops(_)) {
-        let uses = vec![Use {
-            space: border,
-            ..Use::default()
-        }];
+    if let Some(border) = border
+        && !matches!(boundary, Boundary::Loops(_))
+    {
+        let uses = vec![border.clone()];
         loops.push(Loop {
             uses,
             ..Loop::default()
@@ -287,7 +285,7 @@ struct Trimmer<'a> {
     beside: Cell<f64>,
     /// The curves of space that have been laid onto it, as they are used and turned: the others are
     /// tried, and the same again with wider gaps, where they bound no face.
-    laid: RefCell<HashMap<(i64, i64, bool), Laid>>,
+    laid: RefCell<HashMap<Use, Laid>>,
     /// How much more work laying curves onto surfaces may take.
     left: &'a Cell<usize>,
 }

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::arc::UnitArc;
 use super::{check_point, direction};
+use crate::bernstein::binomials;
 use crate::knots::runs;
 use crate::{Curve, Error, KnotVector, Surface};
 
@@ -15,6 +16,9 @@ const ON_AXIS: f64 = 8.0 * f64::EPSILON;
 
 /// Knots of two curves that differ by at most this share of the domain are one knot.
 const SAME_KNOT: f64 = 1e-14;
+
+/// Weights that differ by at most this share are one.
+const SAME_WEIGHT: f64 = 1e-14;
 
 /// The surface that `curve` passes over in turning around an axis, right-handed: u is the
 /// parameter of the curve, v the angle in radians.
@@ -90,6 +94,79 @@ pub fn ruled(a: &Curve<DVec3>, b: &Curve<DVec3>) -> Result<Surface, Error> {
     let net = pairs.flat_map(|(&a, &b)| [a, b]).collect();
     let knots_v = KnotVector::bezier(1, 0.0..1.0)?;
     Ok(Surface::trusted(both_a.knots().clone(), knots_v, net))
+}
+
+/// Two curves over the domain of the first with equal weights everywhere, so that [`ruled`] mixes their
+/// points themselves: where their weights differ each is multiplied by those of the other, which adds up
+/// their degrees.
+///
+/// # Errors
+/// If the sum of their degrees is too large, or the knots of `b` cannot be told apart in the domain of
+/// `a`.
+pub fn with_equal_weights(a: &Curve<DVec3>, b: &Curve<DVec3>) -> Result<[Curve<DVec3>; 2], Error> {
+    let clamped = |curve: &Curve<DVec3>| curve.restricted(curve.domain());
+    let a = clamped(a)?;
+    let b = snapped(clamped(b)?.remapped(a.domain())?, a.knots());
+    let [breaks_a, breaks_b] = [&a, &b].map(|curve| curve.knots().breaks());
+    let lacking = |curve: &Curve<DVec3>, own: &[f64], other: &[f64]| {
+        let lacks = other.iter().copied().filter(|knot| !own.contains(knot));
+        curve.refined(&lacks.collect::<Vec<_>>())
+    };
+    let both = [
+        lacking(&a, &breaks_a, &breaks_b)?,
+        lacking(&b, &breaks_b, &breaks_a)?,
+    ];
+    let pieces = both.each_ref().map(Curve::bezier_pieces);
+    let pairs = pieces[0].iter().zip(&pieces[1]);
+    let same = |x: f64, y: f64| (x - y).abs() <= SAME_WEIGHT * x.abs().max(y.abs());
+    let even = |w: Vec<f64>| w.iter().all(|&x| same(x, w[0])).then_some(w[0]);
+    let weights = |curve: &Curve<DVec3>| curve.weights().collect::<Vec<_>>();
+    let ratio = |(a, b): (&Curve<DVec3>, &Curve<DVec3>)| {
+        let degree = a.degree().max(b.degree());
+        let [a, b] = [a.elevated(degree).ok()?, b.elevated(degree).ok()?].map(|c| weights(&c));
+        even(a.iter().zip(&b).map(|(a, b)| a / b).collect())
+    };
+    let ratios: Option<Vec<f64>> = pairs.clone().map(ratio).collect();
+    if let Some(ratio) = ratios.and_then(even) {
+        let scaled = b.homogeneous().iter().map(|&h| h * ratio).collect();
+        let b = Curve::trusted((b.knots().clone(), scaled));
+        return Ok([a, b]);
+    }
+    let degree = a.degree() + b.degree();
+    let knots = piecewise(degree, &both[0].knots().breaks())?;
+    let mut products = [Vec::new(), Vec::new()];
+    for (a, b) in pairs {
+        for (points, [own, other]) in products.iter_mut().zip([[a, b], [b, a]]) {
+            // Neighbours share their ends.
+            points.pop();
+            points.extend(product(own.homogeneous(), &weights(other)));
+        }
+    }
+    Ok(products.map(|points| Curve::trusted((knots.clone(), points))))
+}
+
+/// The knots of Bézier pieces between some places.
+fn piecewise(degree: usize, breaks: &[f64]) -> Result<KnotVector, Error> {
+    let last = breaks.len() - 1;
+    let times = |k: usize| degree + usize::from(k == 0 || k == last);
+    let knots = breaks.iter().enumerate();
+    KnotVector::new(
+        degree,
+        knots.flat_map(|(k, &at)| vec![at; times(k)]).collect(),
+    )
+}
+
+/// The product of a curve and a polynomial in Bernstein form.
+fn product(points: &[DVec4], factors: &[f64]) -> Vec<DVec4> {
+    let (p, q) = (points.len() - 1, factors.len() - 1);
+    let [row, column, all] = [p, q, p + q].map(|n| binomials(n).collect::<Vec<_>>());
+    let mut product = vec![DVec4::ZERO; p + q + 1];
+    for (i, point) in points.iter().enumerate() {
+        for (j, factor) in factors.iter().enumerate() {
+            product[i + j] += *point * (row[i] * factor * column[j] / all[i + j]);
+        }
+    }
+    product
 }
 
 /// The surface that swings a profile around the y axis along a trajectory:

@@ -255,6 +255,32 @@ fn ruled_surfaces_join_different_curves() {
 }
 
 #[test]
+fn rails_of_equal_weights_are_joined_by_their_points() {
+    let quarter = arc(DVec3::ZERO, DVec3::X, DVec3::Y, 0.0..FRAC_PI_2).unwrap();
+    let half = arc(DVec3::Z, DVec3::X * 2.0, DVec3::Y, 0.0..2.5).unwrap();
+    let line = Curve::line(DVec3::Z, DVec3::new(1.0, 2.0, 3.0), 0.0..1.0).unwrap();
+    let heavy = quarter.homogeneous().iter().map(|&h| h * 3.0).collect();
+    let heavy = Curve::trusted((quarter.knots().clone(), heavy));
+    for (a, b, degree) in [
+        (&quarter, &half, 4),
+        (&half, &quarter, 4),
+        (&line, &half, 3),
+        (&quarter, &line, 3),
+        (&quarter, &heavy, 2),
+    ] {
+        let [one, other] = with_equal_weights(a, b).unwrap();
+        let surface = ruled(&one, &other).unwrap();
+        assert_eq!(surface.knots_u().degree(), degree);
+        let moved = b.remapped(a.domain()).unwrap();
+        for (u, v) in samples(a.domain()).flat_map(|u| samples(0.0..1.0).map(move |v| (u, v))) {
+            let expected = a.evaluate(u).lerp(moved.evaluate(u), v);
+            let found = surface.evaluate(DVec2::new(u, v));
+            assert!(found.distance(expected) < 1e-13, "{u} {v}: {found}");
+        }
+    }
+}
+
+#[test]
 fn rails_with_rounded_knots_get_no_slivers() {
     let at = |s: f64| vec![0.0, 0.0, 0.1 * s, 0.2 * s, 0.3 * s, 0.7 * s, s, s];
     let rail = |s: f64, z: f64| {

@@ -34,8 +34,7 @@ fn hull(reader: &mut Reader<'_, '_>, loops: &[Loop], sheet: &Sheet) -> Result<Ve
     let mut hull = Vec::new();
     let back = sheet.place.inverse();
     for stretch in loops.iter().flat_map(|l| &l.uses).filter(|u| u.space != 0) {
-        let index = reader.file.follow(stretch.space, "a curve")?;
-        for rail in reader.glimpse(index)? {
+        for rail in reader.glimpse_along(stretch)? {
             hull.extend(rail.curve.points().map(|p| back.transform_point3(p)));
         }
     }

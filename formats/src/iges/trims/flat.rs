@@ -54,8 +54,7 @@ impl Trimmer<'_> {
         if stretch.space == 0 || source == Source::FlatAnywhere {
             return Ok(curves);
         }
-        let index = reader.file.follow(stretch.space, "a trim curve")?;
-        let rails = match reader.glimpse(index) {
+        let rails = match reader.glimpse_along(stretch) {
             Err(problem) if source == Source::FlatAlong => return Err(problem),
             // Nothing to compare with.
             Err(_) => return Ok(curves),

@@ -44,8 +44,7 @@ fn is_hairline(reader: &mut Reader<'_, '_>, one: &Loop, near: f64) -> bool {
 
 /// The curve of space of a stretch, as that is run through, if it is one.
 fn curve(reader: &mut Reader<'_, '_>, stretch: &Use) -> Option<Curve<DVec3>> {
-    let index = reader.file.follow(stretch.space, "a curve").ok()?;
-    let rails = reader.glimpse(index).ok()?;
+    let rails = reader.glimpse_along(stretch).ok()?;
     let [rail] = &rails[..] else { return None };
     Some(if stretch.reversed {
         rail.curve.reversed()

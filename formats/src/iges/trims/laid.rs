@@ -62,12 +62,14 @@ impl Trimmer<'_> {
         reader: &mut Reader<'_, '_>,
         stretch: &Use,
     ) -> Result<Chain, Problem> {
-        let index = reader.file.follow(stretch.space, "a trim curve")?;
-        let mut rails = reader.rails(index)?;
+        let mut rails = reader.rails_along(stretch)?;
         if stretch.reversed {
             rails.reverse();
         }
-        let key = (stretch.space, stretch.edge, stretch.reversed);
+        let key = Use {
+            flat: Vec::new(),
+            ..stretch.clone()
+        };
         let known = self.laid.borrow().get(&key).cloned();
         let laid = match known {
             Some(laid) => laid,

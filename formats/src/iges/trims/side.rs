@@ -4,6 +4,7 @@
 //! part of it than they write. That shows where the curves of space lie on the other side.
 
 use glam::DVec3;
+use kernel::Aabb;
 use kernel::nearest::{self, Nearby};
 
 use super::{MEETS, loops};
@@ -33,7 +34,7 @@ pub(in crate::iges) fn sheet(
         return Ok(sheet);
     }
     let told = reader.repairs.split_off(before);
-    let loops = loops(reader, lists, face, boundary, sheet.border);
+    let loops = loops(reader, lists, face, boundary, sheet.border.as_ref());
     reader.repairs.truncate(before);
     let points = points(reader, &loops.ok().flatten().unwrap_or_default());
     if let Some(strays) = strays(&sheet, &points).filter(|strays| *strays > MEETS)
@@ -56,8 +57,7 @@ fn points(reader: &mut Reader<'_, '_>, loops: &[Loop]) -> Vec<DVec3> {
     let uses = loops.iter().flat_map(|l| &l.uses);
     let mut points = Vec::new();
     for stretch in uses.filter(|u| u.space != 0).take(CURVES) {
-        let rails = reader.file.follow(stretch.space, "a curve");
-        let rails = rails.and_then(|index| reader.glimpse(index));
+        let rails = reader.glimpse_along(stretch);
         for rail in rails.unwrap_or_default().iter().take(CURVES) {
             let domain = rail.curve.domain();
             let middle = f64::midpoint(domain.start, domain.end);
@@ -67,10 +67,18 @@ fn points(reader: &mut Reader<'_, '_>, loops: &[Loop]) -> Vec<DVec3> {
     points
 }
 
-/// How far the farthest of some points is from a spline surface, as a share of its size.
+/// How far the farthest of some points is from a surface, as a share of its size, or of theirs if it has
+/// no end.
 fn strays(sheet: &Sheet, points: &[DVec3]) -> Option<f64> {
-    let SheetShape::Splines(pieces, _) = &sheet.shape else {
-        return None;
+    let pieces = match &sheet.shape {
+        SheetShape::Splines(pieces, _) => pieces,
+        SheetShape::Quadric(quadric) => {
+            let back = sheet.place.inverse();
+            let points: Vec<_> = points.iter().map(|&p| back.transform_point3(p)).collect();
+            let size = Aabb::around(points.iter().copied()).diagonal();
+            let off = points.iter().map(|&p| quadric.off(p) / size);
+            return off.reduce(f64::max);
+        }
     };
     let mut nearest = vec![f64::INFINITY; points.len()];
     for surface in pieces {
