@@ -14,10 +14,16 @@ use super::scene::Converter;
 impl Converter<'_> {
     /// The faces of a solid or a flat figure.
     pub(super) fn solid(&mut self, node: &Node) -> Result<Vec<Patch>, GeometryError> {
-        let mut number = |field, default| node.number(field, default, &mut self.warnings);
+        let mut number = |field, default| {
+            let found = node.number(field, default, &mut self.warnings);
+            self.positive(node, field, [found])[0]
+        };
         let surfaces = match &*node.kind {
             "ArcClose2D" => self.closed_arc(node).map(|s| vec![s]),
-            "Box" => cuboid(node.vector("size", DVec3::splat(2.0), &mut self.warnings)),
+            "Box" => {
+                let size = node.vector("size", DVec3::splat(2.0), &mut self.warnings);
+                cuboid(self.positive(node, "size", size.to_array()).into())
+            }
             "Sphere" => {
                 let frame = Frame::new(DVec3::ZERO, DVec3::Y, DVec3::NEG_Z)?;
                 let radius = number("radius", 1.0);
@@ -43,12 +49,17 @@ impl Converter<'_> {
             "Disk2D" => {
                 let [inner, outer] = [("innerRadius", 0.0), ("outerRadius", 1.0)]
                     .map(|(field, default)| number(field, default));
-                let ring = Curve::line(DVec3::X * inner, DVec3::X * outer, 0.0..1.0)?;
+                if inner > outer {
+                    let text = "innerRadius is larger than outerRadius; they are taken the other way round";
+                    self.warnings.invalid(node.place(), text);
+                }
+                let [from, to] = [inner.min(outer), inner.max(outer)].map(|x| DVec3::X * x);
+                let ring = Curve::line(from, to, 0.0..1.0)?;
                 revolve(&ring, DVec3::ZERO, DVec3::Z, 0.0..TAU).map(|s| vec![s])
             }
             _ => {
                 let size = node.tuple("size", &mut self.warnings);
-                let [x, y] = size.unwrap_or([2.0, 2.0]);
+                let [x, y] = self.positive(node, "size", size.unwrap_or([2.0, 2.0]));
                 let corner = DVec3::new(-x, -y, 0.0) * 0.5;
                 plane(corner, DVec3::X * x, DVec3::Y * y, 0.0..1.0, 0.0..1.0).map(|s| vec![s])
             }
@@ -60,6 +71,15 @@ impl Converter<'_> {
             }
         }
         Ok(patches)
+    }
+
+    /// Lengths in a field without their signs, which they should not have.
+    fn positive<const N: usize>(&mut self, node: &Node, field: &str, found: [f64; N]) -> [f64; N] {
+        if let Some(negative) = found.iter().find(|length| **length < 0.0) {
+            let text = format!("{negative}; it must not be negative, and counts without its sign");
+            self.warnings.invalid(node.field_place(field), text);
+        }
+        found.map(f64::abs)
     }
 
     /// What lies between an arc and its centre, or its chord.

@@ -46,6 +46,24 @@ fn area(mesh: &Mesh) -> f64 {
 }
 
 #[test]
+fn lengths_that_are_negative_count_without_their_sign_and_are_told() {
+    for (text, told) in [
+        ("Box { size 2 -4 6 }", "size: -4; it must not be negative"),
+        ("Sphere { radius -1.5 }", "radius: -1.5; it must not be"),
+        ("Rectangle2D { size -1 2 }", "size: -1; it must not be"),
+        ("Disk2D { innerRadius 2 }", "innerRadius is larger"),
+    ] {
+        let import = read_scene(&format!("Shape {{ geometry {text} }}"));
+        let warnings = import.warnings.as_slice();
+        assert_eq!(warnings.len(), 1, "{text}: {warnings:?}");
+        assert!(warnings[0].to_string().contains(told), "{}", warnings[0]);
+        let mut normals = import.scene.patches().iter().flat_map(samples);
+        let is_flat = text.contains("2D");
+        assert!(normals.all(|(p, n)| if is_flat { n.z > 0.0 } else { p.dot(n) > 0.0 }));
+    }
+}
+
+#[test]
 fn solids_are_exact_and_face_outwards() {
     // What is zero on the surface.
     type Distance = fn(DVec3) -> f64;
