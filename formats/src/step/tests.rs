@@ -377,6 +377,19 @@ fn hostile_files_are_refused() {
 }
 
 #[test]
+fn loops_that_are_named_over_and_over_are_refused() {
+    // A thousand times a loop of a thousand edges, in less than twenty thousand bytes.
+    let edges = ["#14"; 1000].join(",");
+    let bounds = ["#16"; 1000].join(",");
+    let data = DISK
+        .replace("EDGE_LOOP('',(#14))", &format!("EDGE_LOOP('',({edges}))"))
+        .replace("'disk',(#16)", &format!("'disk',({bounds})"));
+    let found = import(&product("#20", &format!("{AXES}{data}")));
+    let error = found.expect_err("a thousand loops");
+    assert!(error.contains("named so often"), "{error}");
+}
+
+#[test]
 fn faces_go_along_with_their_sense() {
     // A half of a cylinder, with the loop as either sense of the face has it.
     let half = |sense: char, orders: [&str; 4], turned: [char; 4]| {

@@ -320,6 +320,14 @@ impl Translator<'_> {
                 "VERTEX_LOOP" => continue,
                 _ => return Err(self.geometry().unread(path, "loop")),
             };
+            // Each has an instance of its own, or a point of a polygon, unless the file is out to take
+            // all time and memory.
+            let left = self.stretches_left.checked_sub(stretches.len());
+            self.stretches_left = left.ok_or_else(|| {
+                let text =
+                    "loops are named so often that their edges are more than the file is long";
+                Problem::TooLarge(text.to_owned())
+            })?;
             if !at.is_true(2, true) {
                 turn(&mut stretches);
             }

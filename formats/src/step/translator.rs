@@ -54,6 +54,8 @@ pub(super) struct Translator<'a> {
     pub against: HashSet<u64>,
     /// How many uses of edges may yet be looked at for that.
     pub uses_left: usize,
+    /// How many edges around faces may still be gone along.
+    pub stretches_left: usize,
     /// Items, representations and products that are being made.
     pub busy: HashSet<u64>,
     /// Instances that could not be used.
@@ -91,6 +93,7 @@ impl<'a> Translator<'a> {
             items: HashMap::new(),
             against: HashSet::new(),
             uses_left: exchange.size(),
+            stretches_left: exchange.size(),
             busy: HashSet::new(),
             refused: BTreeSet::new(),
             failure: None,

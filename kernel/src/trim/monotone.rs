@@ -86,16 +86,30 @@ impl Segment {
         if self.count == 0 {
             return low.lerp(high, (v - low.y) / (high.y - low.y)).x;
         }
+        // Secants, of which the end that stays is weighed less (the Illinois method).
         let [mut below, mut above] = self.t;
+        let [mut under, mut over] = [low.y - v, high.y - v];
+        let (mut at, mut u, mut was_under) = (f64::NAN, low.x, None);
         for _ in 0..STEPS {
-            let t = 0.5 * (below + above);
-            if v >= self.point(coefficients, t).y {
-                below = t;
-            } else {
-                above = t;
+            let t = (below * over - above * under) / (over - under);
+            let is_there = (t - at).abs() <= f64::EPSILON * t.abs();
+            let point = self.point(coefficients, t);
+            (at, u) = (t, point.x);
+            let off = point.y - v;
+            if is_there || off.abs() <= 0.0 || !t.is_finite() {
+                break;
             }
+            let is_under = off < 0.0;
+            let stays = was_under == Some(is_under);
+            if is_under {
+                (below, under) = (t, off);
+                over *= if stays { 0.5 } else { 1.0 };
+            } else {
+                (above, over) = (t, off);
+                under *= if stays { 0.5 } else { 1.0 };
+            }
+            was_under = Some(is_under);
         }
-        let u = self.point(coefficients, 0.5 * (below + above)).x;
         u.clamp(low.x.min(high.x), low.x.max(high.x))
     }
 

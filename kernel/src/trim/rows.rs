@@ -8,7 +8,7 @@ use super::region::{add, shifts};
 
 /// Rows that are looked at: so many at equal steps, and no more between ends of segments.
 const EVEN: usize = 32;
-const BETWEEN: usize = 256;
+const BETWEEN: usize = 64;
 
 /// Lengths of rows that differ by less than this share of the width of the domain are equal.
 const EQUAL: f64 = 1e-7;
