@@ -73,7 +73,7 @@ fn shown(scene: &Scene, unit: f64, split: bool) -> Vec<Shown> {
             true => clipped(patch),
             false => patch.loops.clone(),
         };
-        let faces = match nesting(&all) {
+        let faces = match nesting(&all, patch.surface.periods()) {
             nests if split && !nests.is_empty() => {
                 let members = |nest: kernel::Nest| [vec![nest.outer], nest.holes].concat();
                 nests.into_iter().map(members).collect()
@@ -112,7 +112,7 @@ fn as_obj(shown: &mut [Shown]) {
     order.iter().zip(0..).for_each(|(&k, at)| place[k] = at);
     for face in shown.iter_mut() {
         face.names.drain(..face.names.len().saturating_sub(1));
-        let nests = nesting(&face.patch.loops).into_iter();
+        let nests = nesting(&face.patch.loops, face.patch.surface.periods()).into_iter();
         let order = nests.flat_map(|nest| [vec![nest.outer], nest.holes].concat());
         face.patch.loops = order.map(|k| face.patch.loops[k].clone()).collect();
     }

@@ -195,7 +195,7 @@ impl<'a> Face<'a> {
             }
             return total;
         }
-        let loops = oriented(&self.patch.loops);
+        let loops = oriented(&self.patch.loops, self.patch.surface.periods());
         let closed = self.patch.surface.closed();
         let rows = Rows::new(&loops, self.domain(), closed, &self.breaks[1]);
         if !rows.are_apart() {

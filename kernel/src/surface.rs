@@ -121,6 +121,17 @@ impl Surface {
         are_rational(&self.points)
     }
 
+    /// The lengths of the domain along which the surface comes back to its start; zero where it does
+    /// not.
+    pub fn periods(&self) -> DVec2 {
+        let length = |closed: bool, knots: &KnotVector| {
+            let Range { start, end } = knots.domain();
+            if closed { end - start } else { 0.0 }
+        };
+        let [u, v] = self.closed();
+        DVec2::new(length(u, &self.knots_u), length(v, &self.knots_v))
+    }
+
     /// Whether the surface comes back to its start along u, and along v, up to rounding.
     pub fn closed(&self) -> [bool; 2] {
         let near = SAME * self.hull_bounds().diagonal();

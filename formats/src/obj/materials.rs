@@ -357,6 +357,26 @@ const RGB_FROM_XYZ: DMat3 = DMat3::from_cols_array(&[
     3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570,
 ]);
 
+/// The material of a name. What follows a `#` may belong to the name, and is a comment if there is no
+/// other way.
+pub(super) fn named<'m>(known: &'m HashMap<String, Material>, name: &str) -> Option<&'m Material> {
+    let bare = |name: &'_ str| {
+        name.split(" #")
+            .next()
+            .unwrap_or_default()
+            .trim_end()
+            .to_owned()
+    };
+    let commented = || {
+        let mut same = known.iter().filter(|(own, _)| bare(own) == name);
+        same.next()
+            .filter(|_| same.next().is_none())
+            .map(|(_, material)| material)
+    };
+    let found = known.get(name).or_else(|| known.get(&bare(name)));
+    found.or_else(commented)
+}
+
 #[cfg(test)]
 mod tests {
     use std::cell::Cell;

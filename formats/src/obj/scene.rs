@@ -215,7 +215,7 @@ impl Reader<'_> {
                 continue;
             };
             let name = &self.material_names.list[position];
-            match known.remove(name) {
+            match materials::named(&known, name).cloned() {
                 Some(material) => {
                     ids.insert(position, scene.add_material(material));
                 }

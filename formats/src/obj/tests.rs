@@ -226,6 +226,25 @@ impl Resolver for OneFile {
 }
 
 #[test]
+fn names_of_materials_may_have_comments_behind_them() {
+    let options = ReadOptions {
+        limits: &Limits::default(),
+        resolver: &OneFile,
+    };
+    let text = format!(
+        "mtllib my file.mtl\n{SQUARE}usemtl red # see through\nf 1 2 3\nusemtl red\nf 1 2 4\n"
+    );
+    let import = read(text.as_bytes(), &options).unwrap();
+    assert_eq!(messages(&import), [""; 0]);
+    for mesh in import.scene.meshes() {
+        assert_eq!(
+            import.scene.material(mesh.material.unwrap()).diffuse,
+            DVec3::X
+        );
+    }
+}
+
+#[test]
 fn materials_go_with_surfaces_and_polygons() {
     let options = ReadOptions {
         limits: &Limits::default(),

@@ -228,7 +228,7 @@ impl Text {
     /// A surface with its loops.
     fn patch(&mut self, patch: &Patch, texture: Option<&[DVec2]>, world: &DAffine3) {
         let mut loops = Vec::new();
-        for nest in nesting(&patch.loops) {
+        for nest in nesting(&patch.loops, patch.surface.periods()) {
             loops.push(("trim", self.curves(&patch.loops[nest.outer])));
             for hole in nest.holes {
                 loops.push(("hole", self.curves(&patch.loops[hole])));

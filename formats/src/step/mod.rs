@@ -20,6 +20,8 @@ mod external;
 #[cfg(test)]
 mod external_tests;
 mod nets;
+#[cfg(test)]
+mod odd_tests;
 mod orientation;
 mod part21;
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Products, assemblies and representations, with their units.
 
+use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
@@ -268,6 +269,20 @@ impl Translator<'_> {
         of_representation(&record).references(1)
     }
 
+    /// The items of a representation, which all instances in an assembly ask for.
+    fn listed(&self, rep: u64) -> Rc<HashSet<u64>> {
+        let known = self.assembly.lists.borrow().get(&rep).cloned();
+        known.unwrap_or_else(|| {
+            let items = self.rep_items(rep).unwrap_or_default();
+            let list = Rc::new(items.into_iter().collect());
+            self.assembly
+                .lists
+                .borrow_mut()
+                .insert(rep, Rc::clone(&list));
+            list
+        })
+    }
+
     /// The name of a representation.
     fn name_of(&self, rep: u64) -> String {
         let record = self.exchange.get(rep);
@@ -348,7 +363,7 @@ impl Translator<'_> {
         if relation.reps != [child, parent] {
             items.swap(0, 1);
         }
-        let lists = [child, parent].map(|rep| self.rep_items(rep).unwrap_or_default());
+        let lists = [child, parent].map(|rep| self.listed(rep));
         let is_in = |rep: usize, item: usize| lists[rep].contains(&items[item]);
         if is_in(0, 1) && is_in(1, 0) && !(is_in(0, 0) && is_in(1, 1)) {
             items.swap(0, 1);
@@ -384,6 +399,8 @@ impl Translator<'_> {
 pub(super) struct Assembly {
     structure: Rc<Structure>,
     by_parent: HashMap<u64, Vec<Occurrence>>,
+    /// The items of representations.
+    lists: RefCell<HashMap<u64, Rc<HashSet<u64>>>>,
     /// Definitions of products, with their units.
     made: HashMap<u64, Option<(i64, Units)>>,
     /// Representations that are shown.

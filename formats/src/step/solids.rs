@@ -28,7 +28,11 @@ impl Translator<'_> {
         let at = record.attributes();
         let geometry = self.geometry();
         let fields = match record.name() {
-            "CSG_SOLID" => return Ok(self.item(at.reference(1)?, depth + 1)),
+            "CSG_SOLID" => {
+                let made = self.item(at.reference(1)?, depth + 1);
+                let held = made.filter(|_| self.styles.has_look(id));
+                return Ok(held.map_or(made, |made| self.group(vec![made], id, at.text(0))));
+            }
             "BOOLEAN_RESULT" | "BOOLEAN_CLIPPING_RESULT" => {
                 if !matches!(at.get(1), Some(Value::Word(b"UNION"))) {
                     let text = "intersections and differences of solids are not read yet";
@@ -65,11 +69,16 @@ impl Translator<'_> {
                 points(fields, axis)
             }
             "RIGHT_CIRCULAR_CONE" => {
-                let axis = geometry.axis(at.reference(1)?)?;
-                let [height, radius, angle] = [at.number(2)?, at.number(3)?, at.number(4)?];
-                let other = radius + height * (angle * self.units.radians).tan();
+                let [mut origin, mut axis] = geometry.axis(at.reference(1)?)?;
+                let [height, mut radius, angle] = [at.number(2)?, at.number(3)?, at.number(4)?];
+                let mut other = radius + height * (angle * self.units.radians).tan();
+                // Of a pointed one the apex is at the other end.
+                if radius.abs() <= 0.0 {
+                    (origin, axis) = (origin + axis * height, -axis);
+                    std::mem::swap(&mut radius, &mut other);
+                }
                 let fields = Fields::new(156).reals([height, radius, other]);
-                points(fields, axis)
+                points(fields, [origin, axis])
             }
             "SPHERE" => {
                 let center = geometry.point(at.reference(2)?)?;

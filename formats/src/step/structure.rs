@@ -122,6 +122,11 @@ impl Structure {
                     links.names.insert(document, at.text(0));
                 }
             }
+            "SPECIFIED_HIGHER_USAGE_OCCURRENCE" => {
+                let text = "the place and the look that parts have in one instance of an assembly only are \
+                            not read; they have those of all";
+                return Err(Problem::Unsupported(text.to_owned()));
+            }
             name if name.ends_with("_USAGE_OCCURRENCE") => {
                 self.occurrences.push(Occurrence {
                     id,

@@ -98,6 +98,11 @@ impl Styles {
         self.surfaces.get(&id).copied()
     }
 
+    /// Whether an instance has a colour of its own, or is hidden.
+    pub(super) fn has_look(&self, id: u64) -> bool {
+        self.surfaces.contains_key(&id) || self.hidden.contains(&id)
+    }
+
     /// The colour of a curve, if it has one of its own.
     pub(super) fn of_curve(&self, id: u64) -> Option<Style> {
         self.curves.get(&id).copied()

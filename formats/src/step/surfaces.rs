@@ -318,7 +318,8 @@ impl Translator<'_> {
         let made = self.rectangular(id);
         let surface = made.map_err(|problem| self.geometry().within(id, problem))?;
         let fields = of_surface(&surface);
-        Ok(self.add(0, &fields, id))
+        let name = self.exchange.get(id)?.attributes().text(0);
+        Ok(self.add_named(0, &fields, id, name))
     }
 
     fn rectangular(&self, id: u64) -> Result<Surface, Problem> {
@@ -342,8 +343,8 @@ impl Translator<'_> {
                 .and_then(|part| part.restricted_v(v));
             return part.map_err(Problem::Geometry);
         }
-        let frame = geometry.frame(of.reference(1)?)?;
         let shape = elementary(basis.name(), of, self.units.radians)?;
+        let frame = geometry.frame(of.reference(1)?)?;
         let angles = match shape {
             Elementary::Plane => [false; 2],
             Elementary::Cylinder(_) | Elementary::Cone(..) => [true, false],

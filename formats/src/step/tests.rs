@@ -7,7 +7,7 @@ use super::arcs::{Basis, Conic, End, between};
 use crate::{Import, Limits, NoFiles, ReadOptions};
 
 /// What a file of statements becomes.
-fn import(data: &str) -> Result<Import, String> {
+pub(super) fn import(data: &str) -> Result<Import, String> {
     let text =
         format!("ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n{data}\nENDSEC;\nEND-ISO-10303-21;\n");
     let options = ReadOptions {
@@ -374,19 +374,6 @@ fn hostile_files_are_refused() {
         let error = found.expect_err(data);
         assert!(error.contains(text), "{data}: {error}");
     }
-}
-
-#[test]
-fn loops_that_are_named_over_and_over_are_refused() {
-    // A thousand times a loop of a thousand edges, in less than twenty thousand bytes.
-    let edges = ["#14"; 1000].join(",");
-    let bounds = ["#16"; 1000].join(",");
-    let data = DISK
-        .replace("EDGE_LOOP('',(#14))", &format!("EDGE_LOOP('',({edges}))"))
-        .replace("'disk',(#16)", &format!("'disk',({bounds})"));
-    let found = import(&product("#20", &format!("{AXES}{data}")));
-    let error = found.expect_err("a thousand loops");
-    assert!(error.contains("named so often"), "{error}");
 }
 
 #[test]

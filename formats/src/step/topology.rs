@@ -467,7 +467,16 @@ impl Translator<'_> {
             };
             pointers.push(self.boundary(surface, curve, boundary));
         }
-        let fields = bounded(surface, pointers);
+        let fields = if at.is_true(3, false) {
+            // All boundaries are holes in the surface, which ends with its own border.
+            let fields = Fields::new(144).integers([surface, 0]);
+            fields
+                .count(pointers.len())
+                .integers([0])
+                .integers(pointers)
+        } else {
+            bounded(surface, pointers)
+        };
         Ok(self.add_named(0, &fields, id, at.text(0)))
     }
 }

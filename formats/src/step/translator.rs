@@ -236,6 +236,8 @@ impl<'a> Translator<'a> {
     /// Adds a surface.
     pub(super) fn add_surface(&mut self, form: i64, fields: &Fields, id: u64) -> i64 {
         let look = Look {
+            color: self.color(self.styles.of_surfaces(id)),
+            blanked: self.styles.hidden.contains(&id),
             transform: self.transform,
             ..self.look(id)
         };

@@ -17,19 +17,36 @@ pub struct Nest {
 /// Sorts loops into outer ones and holes, in their order.
 ///
 /// What lies inside an odd number of loops lies inside one outer loop and none of its holes.
+/// Where a surface is closed, with [`Surface::periods`](crate::Surface::periods) that are not zero, loops may
+/// be whole periods apart.
 /// Loops are taken not to cross each other; of loops that do, or that share sides, the one with less
 /// area counts as inside the other if most of its curves are.
-pub fn nesting(loops: &[TrimLoop]) -> Vec<Nest> {
+pub fn nesting(loops: &[TrimLoop], periods: DVec2) -> Vec<Nest> {
     let hulls: Vec<_> = loops.iter().map(TrimLoop::hull).collect();
     let probes: Vec<_> = loops.iter().map(probes).collect();
     let areas: Vec<_> = loops.iter().map(|l| l.signed_area().abs()).collect();
     // No two hold each other.
     let is_larger = |a: usize, b: usize| areas[a].total_cmp(&areas[b]).then(b.cmp(&a)).is_gt();
     let mut around = vec![Vec::new(); loops.len()];
+    let along = |period: f64| {
+        if period > 0.0 {
+            vec![0.0, -period, period]
+        } else {
+            vec![0.0]
+        }
+    };
+    let (along_u, along_v) = (along(periods.x), along(periods.y));
+    let shifts = along_u
+        .iter()
+        .flat_map(|&u| along_v.iter().map(move |&v| DVec2::new(u, v)));
+    let shifts: Vec<_> = shifts.collect();
     for (index, outer) in loops.iter().enumerate() {
         let (min, max) = hulls[index];
         let meets = |&k: &usize| {
-            is_larger(index, k) && hulls[k].0.cmple(max).all() && hulls[k].1.cmpge(min).all()
+            let (low, high) = hulls[k];
+            let meets =
+                |shift: &DVec2| (low + shift).cmple(max).all() && (high + shift).cmpge(min).all();
+            is_larger(index, k) && shifts.iter().any(meets)
         };
         let near: Vec<_> = (0..loops.len()).filter(meets).collect();
         if near.is_empty() {
@@ -37,8 +54,10 @@ pub fn nesting(loops: &[TrimLoop]) -> Vec<Nest> {
         }
         let region = TrimRegion::new(std::slice::from_ref(outer), min.x..max.x, min.y..max.y);
         for k in near {
-            let is_inside =
-                |p: &&DVec2| p.cmpgt(min).all() && p.cmplt(max).all() && region.contains(**p);
+            // What lies on the border of a period lies in the next one.
+            let least = DVec2::select(periods.cmpgt(DVec2::ZERO), min, min.map(f64::next_up));
+            let is_in = |p: DVec2| p.cmpge(least).all() && p.cmplt(max).all() && region.contains(p);
+            let is_inside = |p: &&DVec2| shifts.iter().any(|shift| is_in(**p + shift));
             if 2 * probes[k].iter().filter(is_inside).count() > probes[k].len() {
                 around[k].push(index);
             }
@@ -63,9 +82,12 @@ pub fn nesting(loops: &[TrimLoop]) -> Vec<Nest> {
 }
 
 /// The loops with outer ones counter-clockwise and holes clockwise, in their order.
-pub fn oriented(loops: &[TrimLoop]) -> Vec<TrimLoop> {
+pub fn oriented(loops: &[TrimLoop], periods: DVec2) -> Vec<TrimLoop> {
     let mut is_hole = vec![false; loops.len()];
-    for hole in nesting(loops).into_iter().flat_map(|nest| nest.holes) {
+    for hole in nesting(loops, periods)
+        .into_iter()
+        .flat_map(|nest| nest.holes)
+    {
         is_hole[hole] = true;
     }
     let turned = |(trim, &is_hole): (&TrimLoop, &bool)| {
@@ -130,14 +152,27 @@ mod tests {
             holes: holes.to_vec(),
         };
         let expected = [nest(0, &[]), nest(2, &[1, 3]), nest(4, &[])];
-        assert_eq!(nesting(&loops), expected);
+        assert_eq!(nesting(&loops, DVec2::ZERO), expected);
+    }
+
+    #[test]
+    fn loops_may_be_periods_apart() {
+        let whole = TrimLoop::border(&(0.0..1.0), &(0.0..1.0)).unwrap();
+        let [across, beyond] = [[1.0, 0.5], [1.5, -0.5]].map(|center| square(center, 0.1));
+        let nest = Nest {
+            outer: 0,
+            holes: vec![1, 2],
+        };
+        let loops = [whole, across, beyond];
+        assert_eq!(nesting(&loops, DVec2::ONE), [nest]);
+        assert_eq!(nesting(&loops, DVec2::ZERO).len(), 3);
     }
 
     #[test]
     fn loops_that_share_a_side_do_not_hold_each_other() {
         let loops = [square([0.0, 0.0], 1.0), square([2.0, 0.0], 1.0)];
-        assert_eq!(nesting(&loops).len(), 2);
-        assert_eq!(nesting(&[]), []);
+        assert_eq!(nesting(&loops, DVec2::ZERO).len(), 2);
+        assert_eq!(nesting(&[], DVec2::ZERO), []);
     }
 
     #[test]
@@ -148,8 +183,8 @@ mod tests {
             outer: 1,
             holes: vec![0],
         };
-        assert_eq!(nesting(&bands), [nest]);
-        let areas = oriented(&bands)
+        assert_eq!(nesting(&bands, DVec2::ZERO), [nest]);
+        let areas = oriented(&bands, DVec2::ZERO)
             .iter()
             .map(TrimLoop::signed_area)
             .sum::<f64>();
@@ -164,6 +199,6 @@ mod tests {
             outer: 0,
             holes: vec![1],
         };
-        assert_eq!(nesting(&[face, hole]), [nest]);
+        assert_eq!(nesting(&[face, hole], DVec2::ZERO), [nest]);
     }
 }

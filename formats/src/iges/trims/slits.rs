@@ -88,7 +88,10 @@ impl Trimmer<'_> {
     fn cleared(&self, loops: &[TrimLoop], is_inside: bool) -> Option<Vec<TrimLoop>> {
         let mut along = [const { Vec::new() }; 4];
         let mut rest = Chain::new();
-        for curve in kernel::oriented(loops).iter().flat_map(TrimLoop::segments) {
+        for curve in kernel::oriented(loops, DVec2::ZERO)
+            .iter()
+            .flat_map(TrimLoop::segments)
+        {
             match self.along_side(curve) {
                 Some((side, stretch)) => along[side].push(stretch),
                 None if is_inside => rest.push(curve.clone()),

@@ -30,7 +30,7 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
         loops = clipped.into_iter().flatten().collect();
     }
     let mut faces = Vec::new();
-    for group in nesting(&loops) {
+    for group in nesting(&loops, patch.surface.periods()) {
         let base = deck.add(Entity {
             kind: 128,
             status: Status::Dependent,

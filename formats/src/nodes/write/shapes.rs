@@ -27,7 +27,7 @@ impl Tree<'_> {
         } else {
             self.net(&mut out, patch);
         }
-        for trim in oriented(&patch.loops) {
+        for trim in oriented(&patch.loops, patch.surface.periods()) {
             let mut contour = Out::new("Contour2D");
             for segment in trim.segments() {
                 contour.child("children", curve(segment));

@@ -1,0 +1,87 @@
+//! What few programs write: looks of bare items, holes without a border, and loops named over and over.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::tests::{AXES, DISK, import, product, read};
+
+#[test]
+fn solids_by_construction_and_bare_surfaces_have_a_look() {
+    let style = "#60=COLOUR_RGB('',1.,0.,0.);#61=FILL_AREA_STYLE_COLOUR('',#60);#62=FILL_AREA_STYLE('',(#61));\
+                 #63=SURFACE_STYLE_FILL_AREA(#62);#64=SURFACE_SIDE_STYLE('',(#63));\
+                 #65=SURFACE_STYLE_USAGE(.BOTH.,#64);#66=PRESENTATION_STYLE_ASSIGNMENT((#65));\
+                 #67=STYLED_ITEM('',(#66),#20);";
+    let plane = "#18=PLANE('',#10);";
+    for shape in [
+        "#19=SPHERE('',1.,#1);#20=CSG_SOLID('',#19);",
+        "#20=RECTANGULAR_TRIMMED_SURFACE('',#18,0.,1.,0.,1.,.T.,.T.);",
+        "#20=B_SPLINE_SURFACE_WITH_KNOTS('',1,1,((#1,#31),(#32,#33)),$,.F.,.F.,.F.,\
+         (2,2),(2,2),(0.,1.),(0.,1.),$);\
+         #31=CARTESIAN_POINT('',(0.,1.,0.));#32=CARTESIAN_POINT('',(1.,0.,0.));\
+         #33=CARTESIAN_POINT('',(1.,1.,0.));",
+    ] {
+        let look = |more: &str, items: &str| {
+            read(&product(
+                items,
+                &format!("{AXES}{plane}{shape}{style}{more}"),
+            ))
+        };
+        let (scene, _) = look("", "#20");
+        let materials = scene.placements().into_iter().map(|p| p.material);
+        for material in materials {
+            let diffuse = material.map(|id| scene.material(id).diffuse);
+            assert_eq!(diffuse, Some(DVec3::X), "{shape}");
+        }
+        let hidden = "#70=INVISIBILITY((#67));#71=SPHERE('',1.,#1);";
+        let (scene, _) = look(hidden, "#20,#71");
+        assert_eq!(scene.placement_count(), 1, "{shape}");
+    }
+    // What stands on its tip.
+    let cone = "#20=RIGHT_CIRCULAR_CONE('',#9,2.,0.,0.5);#9=AXIS1_PLACEMENT('',#1,#2);";
+    let (scene, warnings) = read(&product("#20", &format!("{AXES}{cone}")));
+    assert_eq!(warnings, [""; 0]);
+    let found = scene.extent();
+    assert!(
+        (found.min.z).abs() < 1e-12 && (found.max.z - 2.0).abs() < 1e-12,
+        "{found:?}"
+    );
+    let radius = 2.0 * 0.5_f64.tan();
+    assert!((found.max.x - radius).abs() < 1e-9, "{found:?}");
+}
+
+#[test]
+fn boundaries_may_be_holes_in_a_whole_surface() {
+    let square = "#20=CURVE_BOUNDED_SURFACE('',#21,(#40),.T.);\
+        #21=B_SPLINE_SURFACE_WITH_KNOTS('',1,1,((#30,#31),(#32,#33)),$,.F.,.F.,.F.,\
+        (2,2),(2,2),(0.,1.),(0.,1.),$);\
+        #30=CARTESIAN_POINT('',(-2.,-2.,0.));#31=CARTESIAN_POINT('',(-2.,2.,0.));\
+        #32=CARTESIAN_POINT('',(2.,-2.,0.));#33=CARTESIAN_POINT('',(2.,2.,0.));\
+        #40=BOUNDARY_CURVE('',(#41),.F.);#41=COMPOSITE_CURVE_SEGMENT(.CONTINUOUS.,.T.,#42);\
+        #42=CIRCLE('',#10,1.);";
+    for (word, expected) in [(".T.", 16.0 - PI), (".F.", PI)] {
+        let data = format!(
+            "{AXES}{}",
+            square.replace(".T.);#21", &format!("{word});#21"))
+        );
+        let (scene, warnings) = read(&product("#20", &data));
+        let area = kernel::Integrals::of(&scene.patches()[0], DVec3::ZERO).area();
+        assert!(
+            (area - expected).abs() < 1e-6,
+            "{word}: {area} {warnings:?}"
+        );
+    }
+}
+
+#[test]
+fn loops_that_are_named_over_and_over_are_refused() {
+    // A thousand times a loop of a thousand edges, in less than twenty thousand bytes.
+    let edges = ["#14"; 1000].join(",");
+    let bounds = ["#16"; 1000].join(",");
+    let data = DISK
+        .replace("EDGE_LOOP('',(#14))", &format!("EDGE_LOOP('',({edges}))"))
+        .replace("'disk',(#16)", &format!("'disk',({bounds})"));
+    let found = import(&product("#20", &format!("{AXES}{data}")));
+    let error = found.expect_err("a thousand loops");
+    assert!(error.contains("named so often"), "{error}");
+}
