@@ -85,8 +85,10 @@ impl Knots {
                 return Self::fixed(KnotVector::new(degree, knots));
             }
             Some(mut knots) if closed => {
-                for i in 1..degree {
-                    knots.push(knots[knots.len() - 1] + knots[i] - knots[i - 1]);
+                // The steps of the period begin again.
+                for _ in 1..degree {
+                    let (last, next) = (knots.len() - 1, knots.len() - (count - 1));
+                    knots.push(knots[last] + knots[next] - knots[next - 1]);
                 }
                 knots
             }

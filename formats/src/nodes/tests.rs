@@ -46,6 +46,20 @@ fn area(mesh: &Mesh) -> f64 {
 }
 
 #[test]
+fn closed_curves_with_uneven_knots_meet() {
+    let import = shape(
+        "NurbsCurve { order 4 closed TRUE knot [0 1 1.5 3.5 4.5 5.2 6.5 7.5 8 10 11] \
+         controlPoint Coordinate { point [1 0 0, .5 .8 0, -.5 .8 0, -1 0 0, -.5 -.8 0, .5 -.8 0, 1 0 0] } }",
+    );
+    let kernel::WireShape::Curve(curve) = &import.scene.wires()[0].shape else {
+        panic!("points");
+    };
+    let ends = [curve.domain().start, curve.domain().end].map(|t| curve.derivatives(t));
+    assert!(ends[0].point.distance(ends[1].point) < 1e-12);
+    assert!(ends[0].first.distance(ends[1].first) < 1e-12);
+}
+
+#[test]
 fn lengths_that_are_negative_count_without_their_sign_and_are_told() {
     for (text, told) in [
         ("Box { size 2 -4 6 }", "size: -4; it must not be negative"),
