@@ -367,13 +367,14 @@ pub(super) fn named<'m>(known: &'m HashMap<String, Material>, name: &str) -> Opt
             .trim_end()
             .to_owned()
     };
+    let wanted = bare(name);
     let commented = || {
-        let mut same = known.iter().filter(|(own, _)| bare(own) == name);
+        let mut same = known.iter().filter(|(own, _)| bare(own) == wanted);
         same.next()
             .filter(|_| same.next().is_none())
             .map(|(_, material)| material)
     };
-    let found = known.get(name).or_else(|| known.get(&bare(name)));
+    let found = known.get(name).or_else(|| known.get(&wanted));
     found.or_else(commented)
 }
 
