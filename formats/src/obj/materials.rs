@@ -67,6 +67,11 @@ pub(super) fn load(
             };
             file.read(&decode(&bytes), warnings, materials);
         }
+        Err(_) if names.contains(" #") => {
+            // A comment behind them.
+            let bare = names.split(" #").next().unwrap_or_default();
+            load(bare.trim_end(), line, source, warnings, materials);
+        }
         Err(_) if names.contains(char::is_whitespace) => {
             for name in names.split_whitespace() {
                 load(name, line, source, warnings, materials);

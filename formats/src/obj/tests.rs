@@ -232,7 +232,7 @@ fn names_of_materials_may_have_comments_behind_them() {
         resolver: &OneFile,
     };
     let text = format!(
-        "mtllib my file.mtl\n{SQUARE}usemtl red # see through\nf 1 2 3\nusemtl red\nf 1 2 4\n"
+        "mtllib my file.mtl # its colours\n{SQUARE}usemtl red # see through\nf 1 2 3\nusemtl red\nf 1 2 4\n"
     );
     let import = read(text.as_bytes(), &options).unwrap();
     assert_eq!(messages(&import), [""; 0]);
