@@ -1,5 +1,7 @@
 //! Polynomials in Bernstein form.
 
+use std::ops::{AddAssign, Div, Mul};
+
 /// The binomial coefficients `degree` over `k` for all `k`.
 pub fn binomials(degree: usize) -> impl Iterator<Item = f64> {
     let mut next = 1.0;
@@ -8,4 +10,20 @@ pub fn binomials(degree: usize) -> impl Iterator<Item = f64> {
         next = value * (degree - k) as f64 / (k + 1) as f64;
         value
     })
+}
+
+/// The product of two polynomials, the first of numbers or of points.
+pub(crate) fn product<T>(a: &[T], b: &[f64]) -> Vec<T>
+where
+    T: Copy + Default + AddAssign + Mul<f64, Output = T> + Div<f64, Output = T>,
+{
+    let (p, q) = (a.len() - 1, b.len() - 1);
+    let [row, column, all] = [p, q, p + q].map(|n| binomials(n).collect::<Vec<_>>());
+    let mut product = vec![T::default(); p + q + 1];
+    for (i, x) in a.iter().enumerate() {
+        for (j, y) in b.iter().enumerate() {
+            product[i + j] += *x * row[i] * *y * column[j] / all[i + j];
+        }
+    }
+    product
 }

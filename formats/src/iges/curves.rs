@@ -461,7 +461,8 @@ fn polyline(parameters: &mut Parameters<'_>, form: i64) -> Result<Rail, Problem>
     Ok(Rail::from(line))
 }
 
-/// A parametric spline curve (type 112): cubic polynomials between breakpoints.
+/// A parametric spline curve (type 112): cubic polynomials between breakpoints; and how far these are apart
+/// where they should meet, as a share of its size.
 fn cubics(parameters: &mut Parameters<'_>) -> Result<(Rail, f64), Problem> {
     for _ in 0..3 {
         parameters.integer()?;

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::arc::UnitArc;
 use super::{check_point, direction};
-use crate::bernstein::binomials;
+use crate::bernstein::product;
 use crate::knots::runs;
 use crate::{Curve, Error, KnotVector, Surface};
 
@@ -154,19 +154,6 @@ fn piecewise(degree: usize, breaks: &[f64]) -> Result<KnotVector, Error> {
         degree,
         knots.flat_map(|(k, &at)| vec![at; times(k)]).collect(),
     )
-}
-
-/// The product of a curve and a polynomial in Bernstein form.
-fn product(points: &[DVec4], factors: &[f64]) -> Vec<DVec4> {
-    let (p, q) = (points.len() - 1, factors.len() - 1);
-    let [row, column, all] = [p, q, p + q].map(|n| binomials(n).collect::<Vec<_>>());
-    let mut product = vec![DVec4::ZERO; p + q + 1];
-    for (i, point) in points.iter().enumerate() {
-        for (j, factor) in factors.iter().enumerate() {
-            product[i + j] += *point * (row[i] * factor * column[j] / all[i + j]);
-        }
-    }
-    product
 }
 
 /// The surface that swings a profile around the y axis along a trajectory:

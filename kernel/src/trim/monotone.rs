@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::bernstein::binomials;
+use crate::bernstein::{binomials, product};
 
 /// Derivatives below this part of the size of a piece are rounding errors.
 const NOISE: f64 = 1e-14;
@@ -296,19 +296,6 @@ pub(crate) fn crossings(piece: &[DVec3], axis: usize, value: f64) -> Vec<f64> {
         &mut cuts,
     );
     cuts
-}
-
-/// The product of two polynomials in Bernstein form.
-fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
-    let (p, q) = (a.len() - 1, b.len() - 1);
-    let [row, column, all] = [p, q, p + q].map(|n| binomials(n).collect::<Vec<_>>());
-    let mut product = vec![0.0; p + q + 1];
-    for (i, x) in a.iter().enumerate() {
-        for (j, y) in b.iter().enumerate() {
-            product[i + j] += x * row[i] * y * column[j] / all[i + j];
-        }
-    }
-    product
 }
 
 /// Appends every root in `0..1` at which a polynomial in Bernstein form changes its sign,

@@ -94,14 +94,8 @@ impl TrimRegion {
             max: DVec2::new(u.end, v.end),
         };
         let last = DVec2::new(u.end.next_down(), v.end.next_down());
-        let mut segments = Segments::default();
-        for trim in loops {
-            for shift in shifts(trim, [domain.min, domain.max], closed) {
-                add(&mut segments, trim, shift, &domain);
-            }
-        }
         let mut region = Self {
-            segments,
+            segments: segments(loops, &domain, closed),
             nodes: Vec::new(),
             members: Vec::new(),
             domain,
@@ -407,8 +401,19 @@ pub(crate) fn shifts(trim: &TrimLoop, [min, max]: [DVec2; 2], closed: [bool; 2])
     pairs.collect()
 }
 
+/// The segments of loops, wherever they come into a domain that may be closed.
+pub(super) fn segments(loops: &[TrimLoop], domain: &Rect, closed: [bool; 2]) -> Segments {
+    let mut segments = Segments::default();
+    for trim in loops {
+        for shift in shifts(trim, [domain.min, domain.max], closed) {
+            add(&mut segments, trim, shift, domain);
+        }
+    }
+    segments
+}
+
 /// Adds the segments of a loop, each from the end of the one before.
-pub(super) fn add(segments: &mut Segments, trim: &TrimLoop, shift: DVec2, domain: &Rect) {
+fn add(segments: &mut Segments, trim: &TrimLoop, shift: DVec2, domain: &Rect) {
     let near = (domain.max - domain.min) * SNAP;
     let snap = |mut p: DVec2| {
         for axis in 0..2 {

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::TrimLoop;
 use super::monotone::{Rect, Segment, Segments};
-use super::region::{add, shifts};
+use super::region::segments;
 
 /// Rows that are looked at: so many at equal steps, and no more between ends of segments.
 const EVEN: usize = 32;
@@ -32,12 +32,7 @@ impl Rows {
         knots: &[f64],
     ) -> Self {
         let domain = Rect { min, max };
-        let mut segments = Segments::default();
-        for trim in loops {
-            for shift in shifts(trim, [min, max], closed) {
-                add(&mut segments, trim, shift, &domain);
-            }
-        }
+        let segments = segments(loops, &domain, closed);
         let ends = segments.list.iter().flat_map(|s| [s.low.y, s.high.y]);
         let inside = ends.filter(|y| min.y < *y && *y < max.y);
         let mut heights: Vec<f64> = inside.chain(knots.iter().copied()).collect();
