@@ -226,3 +226,26 @@ fn the_front_page_shows_what_probe_prints() {
     }
     assert_eq!(count, 2);
 }
+
+#[test]
+fn examples_that_documents_and_tools_run_are_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = ["docs", "tools"].map(|folder| fs::read_dir(root.join(folder)).unwrap());
+    let files = folders
+        .into_iter()
+        .flatten()
+        .map(|entry| entry.unwrap().path());
+    let texts = files.filter_map(|path| fs::read_to_string(path).ok());
+    let mut found = 0;
+    for text in texts {
+        for rest in text.split("--example ").skip(1) {
+            let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            let name: String = rest.chars().take_while(|c| is_name(*c)).collect();
+            let [file, folder] = [format!("{name}.rs"), format!("{name}/main.rs")]
+                .map(|path| root.join("examples").join(path));
+            assert!(file.is_file() || folder.is_file(), "{name}");
+            found += 1;
+        }
+    }
+    assert!(found > 2, "{found}");
+}
