@@ -118,6 +118,18 @@ impl Material {
         }
     }
 
+    /// A material that reflects nothing and sends out light of this colour.
+    pub fn unlit(emissive: DVec3) -> Self {
+        Self {
+            ambient: DVec3::ZERO,
+            diffuse: DVec3::ZERO,
+            specular: DVec3::ZERO,
+            shininess: 1.0,
+            emissive,
+            ..Self::default()
+        }
+    }
+
     /// Whether it reflects nothing: its colour is its emission.
     pub fn is_unlit(&self) -> bool {
         let reflected = [self.ambient, self.diffuse, self.specular];

@@ -92,12 +92,8 @@ impl Materials {
         let source = id.map(|id| scene.material(id));
         let flat = kernel::Material {
             name: source.map(|own| own.name.clone()).unwrap_or_default(),
-            emissive: source.map_or(kernel::Material::THIN, kernel::Material::flat),
             opacity: source.map_or(1.0, |own| own.opacity),
-            ambient: DVec3::ZERO,
-            diffuse: DVec3::ZERO,
-            specular: DVec3::ZERO,
-            ..kernel::Material::default()
+            ..kernel::Material::unlit(source.map_or(kernel::Material::THIN, kernel::Material::flat))
         };
         let add = || push(root, material(&flat, false));
         *self

@@ -35,6 +35,9 @@ enum Token<'a> {
     Text(&'a [u8]),
 }
 
+/// The most parameters of entities that have no lists: a transformation has them.
+const FIXED: usize = 12;
+
 /// Longest number that is read.
 const NUMBER: usize = 128;
 
@@ -54,6 +57,8 @@ pub(super) struct Parameters<'a> {
     delimiters: Delimiters,
     index: usize,
     ended: bool,
+    /// Whether it has ended as records do, and is not cut short.
+    is_closed: bool,
 }
 
 impl<'a> Parameters<'a> {
@@ -64,6 +69,7 @@ impl<'a> Parameters<'a> {
             delimiters,
             index,
             ended: false,
+            is_closed: false,
         }
     }
 
@@ -96,12 +102,17 @@ impl<'a> Parameters<'a> {
         }
     }
 
-    /// A real number; an empty parameter is zero.
+    /// A real number; an empty parameter is zero. So are those of entities without lists that a
+    /// record leaves out at its end.
     pub(super) fn real(&mut self) -> Result<f64, Problem> {
         if let Some(value) = self.short() {
             return Ok(value);
         }
         match self.token() {
+            Token::End if self.is_closed && self.index <= FIXED => {
+                self.index += 1;
+                Ok(0.0)
+            }
             Token::End => Err(self.missing("a number")),
             Token::Plain(b"") => Ok(0.0),
             Token::Plain(text) => real(text).ok_or_else(|| self.wrong(text, "a number")),
@@ -203,6 +214,7 @@ impl<'a> Parameters<'a> {
         }
         self.index += 1;
         self.ended = end == record && end != parameter;
+        self.is_closed = self.ended;
         self.rest = &text[text.len() - rest.len()..];
         #[expect(clippy::cast_precision_loss, reason = "so few digits are exact")]
         let value = mantissa as f64;
@@ -292,7 +304,8 @@ impl<'a> Parameters<'a> {
             .iter()
             .position(|&b| b == parameter || b == record);
         let (plain, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
-        self.ended = rest.first().is_none_or(|&b| b == record && b != parameter);
+        self.is_closed = rest.first().is_some_and(|&b| b == record && b != parameter);
+        self.ended = rest.is_empty() || self.is_closed;
         self.rest = rest.get(1..).unwrap_or_default();
         match text {
             Some(text) => Token::Text(text),
@@ -482,6 +495,12 @@ mod tests {
             text,
             "the record ends before parameter 3; an integer is needed"
         );
+        // Numbers may be left out at the end of a record, but not of one that is cut short.
+        for (record, numbers) in [("1.5;", vec![Ok(1.5), Ok(0.0)]), ("1.5", vec![Ok(1.5)])] {
+            let mut p = parameters(record);
+            assert!(numbers.into_iter().all(|number| p.real() == number));
+            assert_eq!(p.real().is_ok(), record.ends_with(';'), "{record}");
+        }
         let text = parameters("1,x2;").reals(2, "numbers").unwrap_err();
         assert_eq!(
             text.to_string(),

@@ -9,7 +9,7 @@ use kernel::{
 
 use super::Node;
 use super::scene::{Converter, Made, rotation};
-use super::texture::{is_texture, unlit};
+use super::texture::is_texture;
 
 /// Factor from the field `shininess` to the exponent of the Phong model.
 pub(super) const SHININESS: f64 = 128.0;
@@ -100,7 +100,10 @@ impl Converter<'_> {
             return *known;
         }
         let is_unlit = material.is_none_or(|id| self.unlit.contains(&id));
-        let own = material.map_or_else(unlit, |id| self.scene.material(id).clone());
+        let own = material.map_or_else(
+            || Material::unlit(DVec3::ZERO),
+            |id| self.scene.material(id).clone(),
+        );
         let white = if is_unlit {
             Material {
                 emissive: DVec3::ONE,
@@ -184,9 +187,8 @@ impl Converter<'_> {
     fn plain_material(&mut self, node: &Node, emissive: DVec3) -> Material {
         Material {
             name: self.label(node),
-            emissive: self.color(node, "emissiveColor", emissive),
             opacity: 1.0 - self.share(node, "transparency", 0.0),
-            ..unlit()
+            ..Material::unlit(self.color(node, "emissiveColor", emissive))
         }
     }
 

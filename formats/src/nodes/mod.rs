@@ -40,6 +40,8 @@ mod write;
 mod tests;
 #[cfg(test)]
 mod texture_tests;
+#[cfg(test)]
+mod wires_tests;
 
 use std::sync::Arc;
 

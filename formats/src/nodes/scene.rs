@@ -92,6 +92,8 @@ pub(super) struct Converter<'a> {
     pub(super) unlit: HashSet<MaterialId>,
     /// For materials of meshes with colours: those that leave the colour to them.
     pub(super) whitened: HashMap<Option<MaterialId>, MaterialId>,
+    /// Materials as lines and points show them.
+    pub(super) glows: HashMap<MaterialId, MaterialId>,
     /// Lights in the coordinates of the node around them.
     pub(super) lights: Vec<Lamp>,
     pub(super) bound: Bound,
@@ -154,6 +156,7 @@ impl<'a> Converter<'a> {
             covers: HashMap::new(),
             unlit: HashSet::new(),
             whitened: HashMap::new(),
+            glows: HashMap::new(),
             lights: Vec::new(),
             bound: Bound::default(),
         }

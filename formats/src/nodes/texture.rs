@@ -153,8 +153,7 @@ impl Converter<'_> {
             Some(id) => self.scene.material(id).clone(),
             None => Material {
                 name: self.label(node),
-                emissive: DVec3::ONE,
-                ..unlit()
+                ..Material::unlit(DVec3::ONE)
             },
         };
         let mode = node.string("alphaMode");
@@ -257,17 +256,6 @@ impl Read {
         } else {
             material.maps.color = Some(self.texture);
         }
-    }
-}
-
-/// A material that neither reflects nor sends out light.
-pub(super) fn unlit() -> Material {
-    Material {
-        ambient: DVec3::ZERO,
-        diffuse: DVec3::ZERO,
-        specular: DVec3::ZERO,
-        shininess: 1.0,
-        ..Material::default()
     }
 }
 

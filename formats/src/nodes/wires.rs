@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DVec2, DVec3};
 use kernel::modelling::arc;
-use kernel::{Curve, Error as GeometryError, MaterialId, Wire, WireId, WireShape};
+use kernel::{Curve, Error as GeometryError, Material, MaterialId, Wire, WireId, WireShape};
 
 use super::Node;
 use super::scene::{Converter, Made};
@@ -160,11 +160,33 @@ impl Converter<'_> {
         if let Some(known) = self.wired.get(&(geometry, material)) {
             return known.clone();
         }
+        let glow = material.map(|id| self.glow(id));
         let mut ids = Vec::new();
         for wire in self.wires[geometry].clone() {
+            let material = glow;
             ids.extend(self.scene.add_wire(Wire { material, ..wire }));
         }
         self.wired.insert((geometry, material), ids.clone());
         ids
+    }
+
+    /// What lines and points show of a material: only its emission, where it has some. The diffuse
+    /// colour stays that of others, which the standards leave black.
+    fn glow(&mut self, id: MaterialId) -> MaterialId {
+        if let Some(known) = self.glows.get(&id) {
+            return *known;
+        }
+        let own = self.scene.material(id);
+        let mut glow = id;
+        if own.emissive != DVec3::ZERO && !own.is_unlit() {
+            let material = Material {
+                name: own.name.clone(),
+                opacity: own.opacity,
+                ..Material::unlit(own.emissive)
+            };
+            glow = self.scene.add_material(material);
+        }
+        self.glows.insert(id, glow);
+        glow
     }
 }

@@ -153,7 +153,10 @@ impl<'a> Geometry<'a> {
             None | Some(Value::Nothing) => 1.0,
             _ => at.number(first + 3)?,
         };
-        let across = x.zip(y).map(|(x, y)| x.cross(y));
+        // Left out it is the usual one, unless the others are not across that.
+        let is_flat = |v: DVec3| v.z.abs() <= SAME * v.length();
+        let across = x.zip(y).filter(|&(x, y)| !(is_flat(x) && is_flat(y)));
+        let across = across.map(|(x, y)| x.cross(y));
         let axis = z.or(across).unwrap_or(DVec3::Z);
         let usual = axis.any_orthogonal_vector();
         let reference = x.unwrap_or_else(|| match axis.cross(DVec3::X) {
@@ -193,6 +196,20 @@ impl<'a> Geometry<'a> {
                 Ok(Basis::Free(joined))
             }
         }
+    }
+
+    /// The curve whose parameter counts along another one that is trimmed, and its type.
+    pub(super) fn untrimmed(&self, id: u64) -> Result<(u64, String), Problem> {
+        let mut id = self.in_space(id)?;
+        for _ in 0..NESTING {
+            let record = self.get(id)?;
+            let at = record.attributes();
+            if record.name() != "TRIMMED_CURVE" || !at.is_true(4, true) {
+                return Ok((id, record.name().to_owned()));
+            }
+            id = self.in_space(at.reference(1)?)?;
+        }
+        Ok((id, String::new()))
     }
 
     /// The curve of space of one on a surface.

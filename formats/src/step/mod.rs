@@ -1,12 +1,12 @@
 //! STEP (ISO 10303-21 with the application protocols 203, 214 and 242): bodies by their boundaries.
 //!
 //! `part21` finds the instances and `values` what they say, `curves` (with `arcs`) and `surfaces`
-//! (with `nets`) read geometry, `topology` edges, faces, shells and solids, `solids` those by
+//! (with `nets` and `rectangles`) read geometry, `topology` edges, faces, shells and solids, `solids` those by
 //! construction; `structure` tells products and representations, `products` assembles them, with their
-//! `units`, and `external` finds those in other files; `styles` has the colours. Bodies of STEP
-//! have the make of those of IGES, so that `translator` writes them down as its entities (types 186,
-//! 514, 510 and 508), and its reader makes the scene of these: trim curves are laid onto surfaces,
-//! and repaired, in one way for both.
+//! `units`, and `external` finds those in other files; `styles` has the colours, and `overrides` those
+//! that hold in some places only. Bodies of STEP have the make of those of IGES, so that `translator`
+//! writes them down as its entities (types 186, 514, 510 and 508), and its reader makes the scene of
+//! these: trim curves are laid onto surfaces, and repaired, in one way for both.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,12 +23,18 @@ mod nets;
 #[cfg(test)]
 mod odd_tests;
 mod orientation;
+mod overrides;
+#[cfg(test)]
+mod overrides_tests;
 mod part21;
 #[cfg(test)]
 mod part21_tests;
 mod products;
 #[cfg(test)]
 mod products_tests;
+mod rectangles;
+#[cfg(test)]
+mod rectangles_tests;
 mod revolved;
 mod solids;
 mod structure;

@@ -85,3 +85,26 @@ fn loops_that_are_named_over_and_over_are_refused() {
     let error = found.expect_err("a thousand loops");
     assert!(error.contains("named so often"), "{error}");
 }
+
+#[test]
+fn solids_of_several_types_and_looks_of_representations() {
+    // A solid that is said to be faceted, with a void: both shells are the disk.
+    let solid = "#40=(BREP_WITH_VOIDS((#21))FACETED_BREP()GEOMETRIC_REPRESENTATION_ITEM()\
+                 MANIFOLD_SOLID_BREP(#21)REPRESENTATION_ITEM('both')SOLID_MODEL());";
+    let (scene, _) = read(&product("#10,#40", &format!("{AXES}{DISK}{solid}")));
+    assert_eq!(scene.placement_count(), 2);
+    assert!(scene.nodes().iter().any(|node| node.name == "both"));
+    let style = "#60=COLOUR_RGB('',1.,0.,0.);#61=FILL_AREA_STYLE_COLOUR('',#60);#62=FILL_AREA_STYLE('',(#61));\
+                 #63=SURFACE_STYLE_FILL_AREA(#62);#64=SURFACE_SIDE_STYLE('',(#63));\
+                 #65=SURFACE_STYLE_USAGE(.BOTH.,#64);#66=PRESENTATION_STYLE_ASSIGNMENT((#65));\
+                 #67=STYLED_ITEM('',(#66),#907);";
+    let (scene, warnings) = read(&product("#10,#22", &format!("{AXES}{DISK}{style}")));
+    assert_eq!(warnings, [""; 0]);
+    let material = scene.placements()[0].material.unwrap();
+    assert_eq!(scene.material(material).diffuse, DVec3::X);
+    // A face on a part of a surface uses that.
+    let part = "#18=RECTANGULAR_TRIMMED_SURFACE('',#19,-9.,9.,-9.,9.,.T.,.T.);#19=PLANE('',#10);";
+    let disk = DISK.replace("#18=PLANE('',#10);", part);
+    let (_, warnings) = read(&product("#10,#22", &format!("{AXES}{disk}")));
+    assert_eq!(warnings, [""; 0]);
+}

@@ -23,8 +23,10 @@ impl Translator<'_> {
     /// Writes a whole file down: pointers to what it shows, also for its own sake, in its units.
     pub(super) fn whole(&mut self, depth: usize) -> (Vec<i64>, Option<Units>) {
         self.greet();
-        self.styles = Styles::read(self.exchange, |id, problem| self.note(id, problem));
         let structure = Structure::read(self.exchange, |id, problem| self.note(id, problem));
+        self.styles = Styles::read(self.exchange, &structure, |id, problem| {
+            self.note(id, problem);
+        });
         self.assembly = Assembly::new(structure);
         let (mut shown, units) = self.products(depth);
         shown.extend(self.leftovers(shown.is_empty()));
@@ -36,13 +38,28 @@ impl Translator<'_> {
         let structure = Rc::clone(&self.assembly.structure);
         let children: HashSet<u64> = structure.occurrences.iter().map(|o| o.child).collect();
         // What items of shapes show is not shown for its own sake.
-        let mapped = self.mapped_in(&structure.shapes);
+        let mut mapped = self.mapped_in(&structure.shapes);
+        // Nor what is placed in others, unless it is assembled of parts.
+        let is_part = |relation: &&Relation| !structure.of_occurrences.contains(&relation.id);
+        let placed = structure.inside.values().flatten().filter(is_part);
+        let assembled = structure.occurrences.iter();
+        let assembled = assembled.flat_map(|part| structure.of(part.parent));
+        let assembled: HashSet<u64> = assembled.collect();
+        let placed = placed.flat_map(|relation| structure.with_beside(&relation.reps[..1]));
+        mapped.extend(placed.filter(|rep| !assembled.contains(rep)));
         let is_mapped =
             |reps: &[u64]| !reps.is_empty() && reps.iter().all(|rep| mapped.contains(rep));
         let (mut shown, mut file) = (Vec::new(), None);
+        let mut known = HashSet::new();
         for &product in &structure.products {
-            let reps = structure.of(product);
+            let mut reps = structure.of(product);
             if children.contains(&product) || is_mapped(&reps) {
+                continue;
+            }
+            // Other definitions may have the same shape.
+            reps.sort_unstable();
+            let is_whole = !self.assembly.by_parent.contains_key(&product);
+            if is_whole && !reps.is_empty() && !known.insert(reps) {
                 continue;
             }
             if let Some((definition, units)) = self.product(product, depth) {
@@ -77,7 +94,7 @@ impl Translator<'_> {
 
     /// The definition of a product with all that it is assembled of, and its units.
     fn product(&mut self, id: u64, depth: usize) -> Option<(i64, Units)> {
-        if let Some(known) = self.assembly.made.get(&id) {
+        if let Some(known) = self.known.products.get(&id) {
             return *known;
         }
         if depth > self.limits.nesting {
@@ -101,13 +118,7 @@ impl Translator<'_> {
             .filter(|part| structure.places.contains_key(&part.id));
         let placed = placed.flat_map(|part| structure.of(part.child)).collect();
         let before = std::mem::replace(&mut self.assembly.placed, placed);
-        let mut members = Vec::new();
-        for &rep in &reps {
-            let own = self.units_of(rep);
-            let scale = units.map_or(1.0, |units| own.metres / units.metres);
-            let shown = self.representation(rep, depth);
-            members.extend(self.scaled_members(shown, scale, rep));
-        }
+        let mut members = self.representations(&reps, depth);
         self.assembly.placed = before;
         let mut units = units;
         let is_placed = |part: &Occurrence| structure.places.contains_key(&part.id);
@@ -121,7 +132,8 @@ impl Translator<'_> {
             if !is_placed(&part) && children.iter().any(|rep| mapped.contains(rep)) {
                 continue;
             }
-            let Some((child, own)) = self.product(part.child, depth + 1) else {
+            let product = self.within(part.id, |t| t.product(part.child, depth + 1));
+            let Some((child, own)) = product else {
                 continue;
             };
             let units = *units.get_or_insert(own);
@@ -145,8 +157,21 @@ impl Translator<'_> {
             let name = self.product_name(id);
             (self.definition(members, id, name), units)
         });
-        self.assembly.made.insert(id, made);
+        self.known.products.insert(id, made);
         made
+    }
+
+    /// What representations with the same axes show, in the units of the first.
+    fn representations(&mut self, reps: &[u64], depth: usize) -> Vec<i64> {
+        let units = reps.first().map(|&rep| self.units_of(rep));
+        let mut members = Vec::new();
+        for &rep in reps {
+            let own = self.units_of(rep);
+            let scale = units.map_or(1.0, |units| own.metres / units.metres);
+            let shown = self.representation(rep, depth);
+            members.extend(self.scaled_members(shown, scale, rep));
+        }
+        members
     }
 
     /// Members in another unit, as one.
@@ -175,7 +200,7 @@ impl Translator<'_> {
         match self.rep_items(rep) {
             Ok(items) => {
                 for item in items {
-                    let is_known = || self.items.get(&item).is_some_and(Option::is_some);
+                    let is_known = || self.is_shown(item);
                     if !(skips_known && is_known() || self.is_placed(item)) {
                         members.extend(self.item(item, depth));
                     }
@@ -198,6 +223,10 @@ impl Translator<'_> {
         self.busy.remove(&rep);
         self.assembly.skips_known = skips_known;
         self.units = before;
+        if self.styles.has_look(rep) {
+            let name = self.name_of(rep);
+            return self.group(members, rep, name).into_iter().collect();
+        }
         members
     }
 
@@ -217,7 +246,7 @@ impl Translator<'_> {
                 Problem::Unsupported(text)
             }
             Ok(map) => {
-                let definition = self.inside(rep, depth + 1)?;
+                let definition = self.within(id, |t| t.inside(rep, depth + 1))?;
                 return Some(self.placed(definition, &map, id, name));
             }
             Err(problem) => problem,
@@ -228,13 +257,14 @@ impl Translator<'_> {
 
     /// The definition of a representation that is shown in others.
     fn inside(&mut self, rep: u64, depth: usize) -> Option<i64> {
-        if let Some(known) = self.assembly.inside.get(&rep) {
+        if let Some(known) = self.known.representations.get(&rep) {
             return *known;
         }
-        let shown = self.representation(rep, depth);
+        let reps = self.assembly.structure.with_beside(&[rep]);
+        let shown = self.representations(&reps, depth);
         let name = self.name_of(rep);
         let made = (!shown.is_empty()).then(|| self.definition(shown, rep, name));
-        self.assembly.inside.insert(rep, made);
+        self.known.representations.insert(rep, made);
         made
     }
 
@@ -401,12 +431,8 @@ pub(super) struct Assembly {
     by_parent: HashMap<u64, Vec<Occurrence>>,
     /// The items of representations.
     lists: RefCell<HashMap<u64, Rc<HashSet<u64>>>>,
-    /// Definitions of products, with their units.
-    made: HashMap<u64, Option<(i64, Units)>>,
     /// Representations that are shown.
     seen: HashSet<u64>,
-    /// Definitions of those that are shown in others, or for their own sake.
-    inside: HashMap<u64, Option<i64>>,
     /// Those of products that occur in the one that is made: where items show them, they are there
     /// twice.
     placed: HashSet<u64>,

@@ -143,3 +143,54 @@ fn shapes_without_products_are_shown() {
     assert_eq!(warnings, [format!("line 18, #21 OPEN_SHELL: {text}")]);
     assert_eq!(shown(&scene).len(), 1);
 }
+
+#[test]
+fn shapes_that_are_told_twice_are_shown_once() {
+    let again = "#95=SHAPE_DEFINITION_REPRESENTATION(#906,#907);";
+    let other = "#96=PRODUCT_DEFINITION('','',#904,$);#97=PRODUCT_DEFINITION_SHAPE('','',#96);\
+                 #98=SHAPE_DEFINITION_REPRESENTATION(#97,#907);";
+    for data in [again, other] {
+        let place = only_place(&product("#10,#22", &format!("{AXES}{DISK}{data}")));
+        assert_eq!(place, DAffine3::IDENTITY, "{data}");
+    }
+}
+
+#[test]
+fn what_stands_beside_a_placed_representation_is_placed_with_it() {
+    let data = "#70=CARTESIAN_POINT('',(10.,0.,0.));#72=AXIS2_PLACEMENT_3D('',#70,#2,#3);\
+#77=SHAPE_REPRESENTATION('',(#10),#902);#78=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',(#10,#22),#902);\
+#79=SHAPE_REPRESENTATION_RELATIONSHIP('','',#77,#78);\
+#91=ITEM_DEFINED_TRANSFORMATION('','',#10,#72);\
+#92=(REPRESENTATION_RELATIONSHIP('','',#77,#907)\
+REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#91)SHAPE_REPRESENTATION_RELATIONSHIP());";
+    // It may be that of a product, too.
+    let of_product = "#85=PRODUCT_DEFINITION('','',#904,$);#86=PRODUCT_DEFINITION_SHAPE('','',#85);\
+                      #88=SHAPE_DEFINITION_REPRESENTATION(#86,#77);";
+    for more in ["", of_product] {
+        let place = only_place(&product("#10,#72", &format!("{AXES}{DISK}{data}{more}")));
+        assert_eq!(place.translation, DVec3::X * 10.0, "{more}");
+    }
+}
+
+#[test]
+fn units_that_are_not_readable_are_told() {
+    let metres = |unit: &str| {
+        let text = product("#10,#22", &format!("{AXES}{DISK}"));
+        let text = text.replace(".MILLI.,.METRE.", unit);
+        let import = super::tests::import(&text).unwrap();
+        let warnings: Vec<_> = import
+            .warnings
+            .as_slice()
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        (import.scene.unit.unwrap().metres, warnings)
+    };
+    assert_eq!(metres(".centi.,.metre."), (1e-2, vec![]));
+    let (found, warnings) = metres(".MANY.,.METRE.");
+    assert!((found - 1e-3).abs() < 1e-15, "{found}");
+    assert!(
+        warnings[0].contains("MANY is no prefix of units"),
+        "{warnings:?}"
+    );
+}

@@ -112,7 +112,7 @@ impl Translator<'_> {
         let record = self.geometry().get(area)?;
         let at = record.attributes();
         // It is not shown for its own sake.
-        self.items.insert(area, None);
+        self.known.items.insert(area, None);
         let mut outlines: Vec<Vec<Curve<DVec3>>> = Vec::new();
         let base = if record.name() == "CURVE_BOUNDED_SURFACE" {
             for boundary in at.references(2)? {

@@ -1,6 +1,6 @@
 //! Which products and representations there are, and how they hang together.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::part21::Exchange;
 use super::values::Record;
@@ -45,7 +45,16 @@ pub(super) struct Structure {
     pub of_occurrences: HashSet<u64>,
     /// The documents of products, each with the name of a file.
     pub documents: HashMap<u64, (u64, String)>,
+    /// What stands for an occurrence: its shape, representations and relations.
+    of_occurrence: HashMap<u64, u64>,
+    /// Occurrences in occurrences of what they occur in: that, and the occurrence in it.
+    paths: BTreeMap<u64, [u64; 2]>,
+    /// Items that show representations.
+    mapped: HashSet<u64>,
 }
+
+/// How deep occurrences in occurrences may be.
+const DEEPEST: usize = 64;
 
 /// What instances refer to, while they are collected.
 #[derive(Debug, Default)]
@@ -54,8 +63,8 @@ struct Links {
     defined: HashMap<u64, u64>,
     /// The representations of shapes.
     shown: Vec<(u64, u64)>,
-    /// The relations of shapes.
-    placed: Vec<(u64, u64)>,
+    /// The relations of shapes, each with the instance that says so.
+    placed: Vec<(u64, u64, u64)>,
     /// The names of documents.
     names: HashMap<u64, String>,
     /// The documents of products.
@@ -68,6 +77,9 @@ impl Structure {
         let (mut structure, mut links) = (Self::default(), Links::default());
         for id in exchange.ids() {
             let keyword = exchange.keyword(id).to_ascii_uppercase();
+            if keyword.ends_with(b"MAPPED_ITEM") {
+                structure.mapped.insert(id);
+            }
             let wanted = keyword.starts_with(b"PRODUCT_DEFINITION")
                 || keyword.ends_with(b"REPRESENTATION")
                 || keyword.ends_with(b"REPRESENTATION_RELATIONSHIP")
@@ -86,6 +98,13 @@ impl Structure {
             }
         }
         structure.settle(links);
+        for &id in structure.paths.keys() {
+            if structure.places.contains_key(&id) {
+                let text = "the place that parts have in one instance of an assembly only is not read; \
+                            they have that of all";
+                problem(id, Problem::Unsupported(text.to_owned()));
+            }
+        }
         structure
     }
 
@@ -105,7 +124,7 @@ impl Structure {
                 links.shown.push((at.reference(0)?, at.reference(1)?));
             }
             "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION" => {
-                links.placed.push((at.reference(1)?, at.reference(0)?));
+                links.placed.push((at.reference(1)?, at.reference(0)?, id));
             }
             "DOCUMENT_FILE" => {
                 links.names.entry(id).or_insert_with(|| at.text(0));
@@ -123,9 +142,7 @@ impl Structure {
                 }
             }
             "SPECIFIED_HIGHER_USAGE_OCCURRENCE" => {
-                let text = "the place and the look that parts have in one instance of an assembly only are \
-                            not read; they have those of all";
-                return Err(Problem::Unsupported(text.to_owned()));
+                self.paths.insert(id, [at.reference(6)?, at.reference(7)?]);
             }
             name if name.ends_with("_USAGE_OCCURRENCE") => {
                 self.occurrences.push(Occurrence {
@@ -141,13 +158,27 @@ impl Structure {
 
     /// Follows what instances refer to, once all are known.
     fn settle(&mut self, links: Links) {
+        let occurrences = self.occurrences.iter().map(|occurrence| occurrence.id);
+        let occurrences: HashSet<u64> = occurrences.chain(self.paths.keys().copied()).collect();
+        self.of_occurrence = occurrences.iter().map(|&id| (id, id)).collect();
+        let mut stands = |id: u64, of: u64| {
+            if occurrences.contains(&of) {
+                self.of_occurrence.insert(id, of);
+            }
+        };
+        for (&id, &of) in &links.defined {
+            stands(id, of);
+        }
         for (definition, rep) in links.shown {
             if let Some(of) = links.defined.get(&definition) {
+                stands(rep, *of);
                 self.reps.entry(*of).or_default().push(rep);
             }
         }
-        for (definition, relation) in links.placed {
+        for (definition, relation, id) in links.placed {
             if let Some(of) = links.defined.get(&definition) {
+                stands(relation, *of);
+                stands(id, *of);
                 self.places.entry(*of).or_default().push(relation);
             }
             self.of_occurrences.insert(relation);
@@ -203,10 +234,43 @@ impl Structure {
         }
     }
 
+    /// The occurrences and items that the context of a style stands for, all of which something is in
+    /// that has the style there; none if it stands for no place.
+    pub(super) fn places_of(&self, context: u64) -> Vec<u64> {
+        let mut places = Vec::new();
+        let mut rest = vec![context];
+        // Those that are part of themselves have no end.
+        while let Some(id) = rest.pop().filter(|_| places.len() < DEEPEST) {
+            let of = self.of_occurrence.get(&id).copied().unwrap_or(id);
+            if let Some(path) = self.paths.get(&of) {
+                rest.extend(path);
+                if rest.len() > DEEPEST {
+                    return places;
+                }
+            } else if self.of_occurrence.contains_key(&id) || self.is_shown_by(id) {
+                places.push(of);
+            }
+        }
+        places
+    }
+
+    /// Whether an instance shows a representation: an item, or a relation that is of no occurrence.
+    fn is_shown_by(&self, id: u64) -> bool {
+        let relation = self.relations.get(&id);
+        self.mapped.contains(&id) || relation.is_some_and(|relation| relation.place.is_some())
+    }
+
     /// Representations with the same axes as those of a product, these among them.
     pub(super) fn of(&self, product: u64) -> Vec<u64> {
-        let mut all = self.reps.get(&product).cloned().unwrap_or_default();
-        let mut seen: HashSet<u64> = all.iter().copied().collect();
+        let own = self.reps.get(&product);
+        self.with_beside(own.map_or(&[], Vec::as_slice))
+    }
+
+    /// Representations, each once, with all that have the same axes as they.
+    pub(super) fn with_beside(&self, reps: &[u64]) -> Vec<u64> {
+        let mut all = reps.to_vec();
+        let mut seen = HashSet::new();
+        all.retain(|&rep| seen.insert(rep));
         let mut at = 0;
         while let Some(rep) = all.get(at) {
             at += 1;

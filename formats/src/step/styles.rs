@@ -1,8 +1,10 @@
 //! Colours, and what is hidden.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
+use super::overrides::Overrides;
 use super::part21::Exchange;
+use super::structure::Structure;
 use super::values::{Attributes, Record, Value};
 use crate::Problem;
 
@@ -52,7 +54,9 @@ pub(super) struct Styles {
     /// Of curves.
     curves: HashMap<u64, Style>,
     /// Those that are hidden.
-    pub hidden: HashSet<u64>,
+    hidden: HashSet<u64>,
+    /// What looks differently in some places.
+    pub overrides: Overrides,
     /// Pointers to colours.
     pub known: HashMap<Key, i64>,
 }
@@ -60,7 +64,11 @@ pub(super) struct Styles {
 impl Styles {
     /// Collects those of a file. What is not readable says nothing of how things look, and is told by
     /// `problem`.
-    pub(super) fn read(exchange: &Exchange<'_>, mut problem: impl FnMut(u64, Problem)) -> Self {
+    pub(super) fn read(
+        exchange: &Exchange<'_>,
+        structure: &Structure,
+        mut problem: impl FnMut(u64, Problem),
+    ) -> Self {
         let mut styles = Self::default();
         let mut over = Vec::new();
         for id in exchange.ids() {
@@ -68,26 +76,30 @@ impl Styles {
             let is_over = keyword.eq_ignore_ascii_case(b"OVER_RIDING_STYLED_ITEM")
                 || keyword.eq_ignore_ascii_case(b"CONTEXT_DEPENDENT_OVER_RIDING_STYLED_ITEM");
             if is_over || keyword.eq_ignore_ascii_case(b"STYLED_ITEM") {
-                match styled(exchange, id) {
-                    Ok(found) if is_over => over.push(found),
-                    Ok(found) => styles.insert(found),
+                match styled(exchange, structure, id) {
+                    Ok(found) if is_over => over.extend(found),
+                    Ok(found) => found.iter().for_each(|found| styles.insert(found)),
                     Err(found) => problem(id, found),
                 }
             } else if keyword.eq_ignore_ascii_case(b"INVISIBILITY") {
-                match styles.hide(exchange, id) {
+                match styles.hide(exchange, structure, id) {
                     Ok(()) => {}
                     Err(found) => problem(id, found),
                 }
             }
         }
-        over.into_iter().for_each(|found| styles.insert(found));
+        over.iter().for_each(|found| styles.insert(found));
         styles
     }
 
-    fn insert(&mut self, found: Styled) {
+    fn insert(&mut self, found: &Styled) {
         let Some(item) = found.item else {
             return;
         };
+        if !found.places.is_empty() {
+            self.overrides.add(found, false);
+            return;
+        }
         self.surfaces
             .extend(found.surface.map(|style| (item, style)));
         self.curves.extend(found.curve.map(|style| (item, style)));
@@ -95,28 +107,46 @@ impl Styles {
 
     /// The colour of the surfaces of an instance, if it has one of its own.
     pub(super) fn of_surfaces(&self, id: u64) -> Option<Style> {
-        self.surfaces.get(&id).copied()
+        let here = self.overrides.of_surfaces(id);
+        here.or_else(|| self.surfaces.get(&id).copied())
+    }
+
+    /// Whether an instance is hidden.
+    pub(super) fn is_hidden(&self, id: u64) -> bool {
+        self.hidden.contains(&id) || self.overrides.is_hidden(id)
     }
 
     /// Whether an instance has a colour of its own, or is hidden.
     pub(super) fn has_look(&self, id: u64) -> bool {
-        self.surfaces.contains_key(&id) || self.hidden.contains(&id)
+        self.of_surfaces(id).is_some() || self.is_hidden(id)
     }
 
     /// The colour of a curve, if it has one of its own.
     pub(super) fn of_curve(&self, id: u64) -> Option<Style> {
-        self.curves.get(&id).copied()
+        let here = self.overrides.of_curve(id);
+        here.or_else(|| self.curves.get(&id).copied())
     }
 
     /// Hides what an instance says.
-    fn hide(&mut self, exchange: &Exchange<'_>, id: u64) -> Result<(), Problem> {
+    fn hide(
+        &mut self,
+        exchange: &Exchange<'_>,
+        structure: &Structure,
+        id: u64,
+    ) -> Result<(), Problem> {
         let record = exchange.get(id)?;
         for item in record.attributes().references(0)? {
             let record = exchange.get(item)?;
             let at = record.attributes();
             match record.name() {
                 name if name.ends_with("STYLED_ITEM") => {
-                    self.hidden.insert(at.reference(2)?);
+                    for found in styled(exchange, structure, item)? {
+                        if found.places.is_empty() {
+                            self.hidden.extend(found.item);
+                        } else {
+                            self.overrides.add(&found, true);
+                        }
+                    }
                 }
                 "PRESENTATION_LAYER_ASSIGNMENT" => {
                     for item in at.references(2)? {
@@ -139,41 +169,74 @@ impl Styles {
 }
 
 /// An item with its colours.
-#[derive(Clone, Copy, Debug, Default)]
-struct Styled {
-    item: Option<u64>,
-    surface: Option<Style>,
-    curve: Option<Style>,
+#[derive(Clone, Debug)]
+pub(super) struct Styled {
+    pub item: Option<u64>,
+    pub surface: Option<Style>,
+    pub curve: Option<Style>,
+    /// It has them only where it is inside of all of these; none for everywhere.
+    pub places: Vec<u64>,
 }
 
-/// The item of a styled item, and its colours.
-fn styled(exchange: &Exchange<'_>, id: u64) -> Result<Styled, Problem> {
+/// The item of a styled item, and its colours, for each of the places that its styles are for.
+fn styled(exchange: &Exchange<'_>, structure: &Structure, id: u64) -> Result<Vec<Styled>, Problem> {
     let record = exchange.get(id)?;
     let at = record.attributes();
-    let mut search = Search {
-        exchange,
-        left: MOST,
-        is_curve: false,
-        colors: [None; 2],
-        opacity: 1.0,
-    };
+    let mut item = at.reference(2).ok();
+    let mut common = Vec::new();
+    if record.name() == "CONTEXT_DEPENDENT_OVER_RIDING_STYLED_ITEM" {
+        for context in at.references(4)? {
+            common.extend(structure.places_of(context));
+        }
+    }
+    // The look of something else where an item shows it.
+    if record.name().contains("OVER_RIDING")
+        && let Some(shown) = item
+        && exchange.keyword(shown).ends_with(b"MAPPED_ITEM")
+    {
+        let of = exchange
+            .get(at.reference(3)?)?
+            .attributes()
+            .reference(2)
+            .ok();
+        if of.is_some() && of != item {
+            item = of;
+            common.push(shown);
+        }
+    }
+    let mut searches = BTreeMap::new();
     for style in at.references(1)? {
+        let mut places = common.clone();
+        let record = exchange.get(style)?;
+        if record.name() == "PRESENTATION_STYLE_BY_CONTEXT" {
+            let context = record.attributes().reference(1);
+            places.extend(context.map_or(Vec::new(), |context| structure.places_of(context)));
+        }
+        places.sort_unstable();
+        places.dedup();
+        let search = searches
+            .entry(places)
+            .or_insert_with(|| Search::new(exchange));
         search.follow(style, 0)?;
     }
-    let opacity = search.opacity;
-    let [surface, curve] = search.colors.map(|found| {
-        let style = |(color, srgb)| Style {
-            color,
-            srgb,
-            opacity,
-        };
-        found.map(style)
+    let all = searches.into_iter().map(|(places, search)| {
+        let opacity = search.opacity;
+        let [surface, curve] = search.colors.map(|found| {
+            let style = |(color, srgb)| Style {
+                color,
+                srgb,
+                opacity,
+            };
+            found.map(style)
+        });
+        Styled {
+            item,
+            surface,
+            curve,
+            places,
+        }
     });
-    Ok(Styled {
-        item: at.reference(2).ok(),
-        surface,
-        curve,
-    })
+    Ok(all.collect())
 }
 
 /// A search for the colour of a style.
@@ -187,7 +250,17 @@ struct Search<'e, 'a> {
     opacity: f64,
 }
 
-impl Search<'_, '_> {
+impl<'e, 'a> Search<'e, 'a> {
+    fn new(exchange: &'e Exchange<'a>) -> Self {
+        Self {
+            exchange,
+            left: MOST,
+            is_curve: false,
+            colors: [None; 2],
+            opacity: 1.0,
+        }
+    }
+
     /// Goes through what an instance refers to; the first colour counts, those of points do not.
     fn follow(&mut self, id: u64, depth: usize) -> Result<(), Problem> {
         if depth > NESTING || self.left == 0 {

@@ -3,12 +3,12 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DAffine3, DVec2, DVec3};
+use kernel::Curve;
 use kernel::modelling::{self, Frame};
-use kernel::{Curve, Surface};
 
 use super::arcs::{Basis, Conic, End, between};
 use super::curves::NESTING;
-use super::nets::{of_surface, spline};
+use super::nets::spline;
 use super::revolved::profile;
 use super::translator::Translator;
 use super::values::{Attributes, Record};
@@ -115,7 +115,10 @@ impl Translator<'_> {
                     ..base
                 })
             }
-            "RECTANGULAR_TRIMMED_SURFACE" => self.surface(at.reference(1)?, around, depth + 1),
+            "RECTANGULAR_TRIMMED_SURFACE" => {
+                self.count(id);
+                self.surface(at.reference(1)?, around, depth + 1)
+            }
             "SURFACE_REPLICA" => {
                 let map = self.geometry().map(at.reference(2)?)?;
                 let back = map.inverse();
@@ -312,76 +315,11 @@ impl Translator<'_> {
         let fields = Fields::new(120).integers([line, rail]).reals([0.0, TAU]);
         Ok(Sheet::from(self.add_surface(0, &fields, id)))
     }
-
-    /// A part of a surface that is trimmed by parameters only, as a surface of its own.
-    pub(super) fn rectangle(&mut self, id: u64) -> Result<i64, Problem> {
-        let made = self.rectangular(id);
-        let surface = made.map_err(|problem| self.geometry().within(id, problem))?;
-        let fields = of_surface(&surface);
-        let name = self.exchange.get(id)?.attributes().text(0);
-        Ok(self.add_named(0, &fields, id, name))
-    }
-
-    fn rectangular(&self, id: u64) -> Result<Surface, Problem> {
-        let geometry = self.geometry();
-        let record = geometry.get(id)?;
-        let at = record.attributes();
-        let basis = geometry.get(at.reference(1)?)?;
-        let of = basis.attributes();
-        let range = |first: usize| -> Result<[f64; 2], Problem> {
-            Ok([at.number(first)?, at.number(first + 1)?])
-        };
-        let ([mut u, mut v], senses) = (
-            [range(2)?, range(4)?],
-            [at.is_true(6, true), at.is_true(7, true)],
-        );
-        if let Some(fields) = spline(geometry, &basis)? {
-            let surface = crate::iges::surface(&fields)?;
-            let [u, v] = [u, v].map(|[a, b]| a.min(b)..a.max(b));
-            let part = surface
-                .restricted_u(u)
-                .and_then(|part| part.restricted_v(v));
-            return part.map_err(Problem::Geometry);
-        }
-        let shape = elementary(basis.name(), of, self.units.radians)?;
-        let frame = geometry.frame(of.reference(1)?)?;
-        let angles = match shape {
-            Elementary::Plane => [false; 2],
-            Elementary::Cylinder(_) | Elementary::Cone(..) => [true, false],
-            Elementary::Sphere(_) | Elementary::Torus(..) => [true; 2],
-        };
-        for ((range, is_angle), is_along) in [&mut u, &mut v].into_iter().zip(angles).zip(senses) {
-            if !is_along {
-                range.swap(0, 1);
-            }
-            if is_angle {
-                *range = range.map(|angle| angle * self.units.radians);
-                if range[1] <= range[0] {
-                    range[1] += TAU;
-                }
-            } else if range[1] < range[0] {
-                range.swap(0, 1);
-            }
-        }
-        let (u, v) = (u[0]..u[1], v[0]..v[1]);
-        let made = match shape {
-            Elementary::Plane => {
-                let corner = frame.origin() + frame.x() * u.start + frame.y() * v.start;
-                let edges = [frame.x() * (u.end - u.start), frame.y() * (v.end - v.start)];
-                modelling::plane(corner, edges[0], edges[1], u, v)
-            }
-            Elementary::Cylinder(radius) => modelling::cylinder(&frame, radius, u, v),
-            Elementary::Cone(radius, angle) => modelling::cone(&frame, radius, angle, u, v),
-            Elementary::Sphere(radius) => modelling::sphere(&frame, radius, u, v),
-            Elementary::Torus(major, minor) => modelling::torus(&frame, major, minor, u, v),
-        };
-        made.map_err(Problem::Geometry)
-    }
 }
 
 /// The shapes that a frame places, with lengths and half angles in radians.
 #[derive(Clone, Copy, Debug)]
-enum Elementary {
+pub(super) enum Elementary {
     Plane,
     Cylinder(f64),
     Cone(f64, f64),
@@ -390,7 +328,11 @@ enum Elementary {
 }
 
 /// The shape of a record; `unit` are the radians in the unit of angles.
-fn elementary(name: &str, at: Attributes<'_, '_>, unit: f64) -> Result<Elementary, Problem> {
+pub(super) fn elementary(
+    name: &str,
+    at: Attributes<'_, '_>,
+    unit: f64,
+) -> Result<Elementary, Problem> {
     Ok(match name {
         "PLANE" => Elementary::Plane,
         "CYLINDRICAL_SURFACE" => Elementary::Cylinder(at.number(2)?),

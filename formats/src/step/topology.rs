@@ -36,7 +36,7 @@ pub(super) type Stretch = (Rc<Edge>, bool);
 impl Translator<'_> {
     /// What an item of a representation becomes: the pointer to it, if it can be shown.
     pub(super) fn item(&mut self, id: u64, depth: usize) -> Option<i64> {
-        if let Some(known) = self.items.get(&id) {
+        if let Some(known) = self.known.items.get(&id) {
             return *known;
         }
         self.check_size(id);
@@ -58,7 +58,7 @@ impl Translator<'_> {
             self.fail(id, problem);
             None
         });
-        self.items.insert(id, made);
+        self.known.items.insert(id, made);
         made
     }
 
@@ -72,11 +72,8 @@ impl Translator<'_> {
         let at = record.attributes();
         let name = at.text(0);
         let made = match record.name() {
-            "MANIFOLD_SOLID_BREP" | "FACETED_BREP" => {
-                self.solid(id, &[at.reference(1)?], name, depth)
-            }
-            "BREP_WITH_VOIDS" => {
-                let shells = [vec![at.reference(1)?], at.references(2)?].concat();
+            "MANIFOLD_SOLID_BREP" | "FACETED_BREP" | "BREP_WITH_VOIDS" => {
+                let (name, shells) = shells(&record)?;
                 self.solid(id, &shells, name, depth)
             }
             "CLOSED_SHELL" | "OPEN_SHELL" | "CONNECTED_FACE_SET" | "CONNECTED_FACE_SUB_SET" => {
@@ -524,4 +521,20 @@ fn is_silent(kind: &str) -> bool {
         || kind.starts_with("CARTESIAN_TRANSFORMATION_OPERATOR")
         || kind.starts_with("ANNOTATION")
         || matches!(kind, "DIRECTION" | "PLANAR_EXTENT" | "PLANAR_BOX")
+}
+
+/// The name of a solid, and its shells, the outer one first.
+fn shells(record: &Record<'_>) -> Result<(String, Vec<u64>), Problem> {
+    let at = record.attributes();
+    let voids = record.part("BREP_WITH_VOIDS");
+    // Those that are of several types have each attribute where it comes from.
+    let outer = record.part("MANIFOLD_SOLID_BREP");
+    if let Some(outer) = outer.filter(|_| record.parts.len() > 1) {
+        let name = record.part("REPRESENTATION_ITEM").map(|at| at.text(0));
+        let voids = voids.map_or(Ok(Vec::new()), |at| at.references(0))?;
+        let shells = [vec![outer.reference(0)?], voids].concat();
+        return Ok((name.unwrap_or_default(), shells));
+    }
+    let voids = voids.map_or(Ok(Vec::new()), |at| at.references(2))?;
+    Ok((at.text(0), [vec![at.reference(1)?], voids].concat()))
 }

@@ -9,6 +9,7 @@ use kernel::Curve;
 use super::curves::Geometry;
 use super::external::Files;
 use super::nets::matrix;
+use super::overrides::Scopes;
 use super::part21::Exchange;
 use super::products::Assembly;
 use super::styles::{Style, Styles};
@@ -25,6 +26,16 @@ const GROWTH_FREE: usize = 1 << 26;
 
 /// Solids, shells and faces have ranks below this among shapes: they may stand for themselves.
 const LOOSE: usize = 3;
+
+/// What became of items, products and representations.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    pub items: HashMap<u64, Option<i64>>,
+    /// Definitions, with their units.
+    pub products: HashMap<u64, Option<(i64, Units)>>,
+    /// Definitions of those that are shown in others, or for their own sake.
+    pub representations: HashMap<u64, Option<i64>>,
+}
 
 /// Writes the instances of a file down as entities.
 #[derive(Debug)]
@@ -48,8 +59,10 @@ pub(super) struct Translator<'a> {
     pub transform: i64,
     pub surfaces: HashMap<u64, Result<Sheet, Problem>>,
     pub edges: HashMap<u64, Result<Rc<Edge>, Problem>>,
-    /// What items became.
-    pub items: HashMap<u64, Option<i64>>,
+    /// What became of items, products and representations where we are.
+    pub known: Known,
+    /// The same in other places, where some look differently.
+    pub scopes: Scopes<Known>,
     /// Faces whose loops are to be turned.
     pub against: HashSet<u64>,
     /// How many uses of edges may yet be looked at for that.
@@ -90,7 +103,8 @@ impl<'a> Translator<'a> {
             transform: 0,
             surfaces: HashMap::new(),
             edges: HashMap::new(),
-            items: HashMap::new(),
+            known: Known::default(),
+            scopes: Scopes::default(),
             against: HashSet::new(),
             uses_left: exchange.size(),
             stretches_left: exchange.size(),
@@ -177,9 +191,14 @@ impl<'a> Translator<'a> {
         }
     }
 
+    /// Counts an instance as one of which entities were made.
+    pub(super) fn count(&mut self, id: u64) {
+        self.made.insert(id);
+    }
+
     /// What an entity made of an instance is called.
     fn look(&mut self, id: u64) -> Look {
-        self.made.insert(id);
+        self.count(id);
         Look {
             place: self.place(id),
             // Numbers of other files mean nothing in the first.
@@ -199,7 +218,7 @@ impl<'a> Translator<'a> {
         let look = Look {
             name,
             color: self.color(self.styles.of_surfaces(id)),
-            blanked: self.styles.hidden.contains(&id),
+            blanked: self.styles.is_hidden(id),
             ..self.look(id)
         };
         self.draft.add(form, fields, &look)
@@ -237,7 +256,7 @@ impl<'a> Translator<'a> {
     pub(super) fn add_surface(&mut self, form: i64, fields: &Fields, id: u64) -> i64 {
         let look = Look {
             color: self.color(self.styles.of_surfaces(id)),
-            blanked: self.styles.hidden.contains(&id),
+            blanked: self.styles.is_hidden(id),
             transform: self.transform,
             ..self.look(id)
         };
@@ -272,7 +291,7 @@ impl<'a> Translator<'a> {
         let look = Look {
             name,
             color: self.color(self.styles.of_surfaces(id)),
-            blanked: self.styles.hidden.contains(&id),
+            blanked: self.styles.is_hidden(id),
             transform,
             ..self.look(id)
         };
@@ -303,6 +322,17 @@ impl<'a> Translator<'a> {
             let problem = Problem::Unsupported(text.to_owned());
             self.fatal = Some(super::error(self.place(id), problem));
         }
+    }
+
+    /// Whether what is written down is about to become too much.
+    pub(super) fn is_crowded(&self) -> bool {
+        self.draft.size() > self.most / 2
+    }
+
+    /// Whether something is shown already, in whatever place.
+    pub(super) fn is_shown(&self, item: u64) -> bool {
+        let known = self.known.items.get(&item);
+        known.is_some_and(Option::is_some) || self.made.contains(&item)
     }
 
     /// Notes that an instance cannot be shown.
@@ -360,8 +390,12 @@ impl<'a> Translator<'a> {
     /// to them; else tells those that none shows.
     pub(super) fn leftovers(&mut self, is_empty: bool) -> Vec<i64> {
         let mut all = Vec::new();
+        let places = self.scopes.values().chain([&self.known]);
+        let tried: HashSet<u64> = places
+            .flat_map(|known| known.items.keys().copied())
+            .collect();
         for (rank, id) in self.unseen() {
-            if self.items.contains_key(&id) {
+            if tried.contains(&id) || self.known.items.contains_key(&id) {
                 continue;
             }
             let shown = (is_empty && rank < LOOSE)

@@ -56,23 +56,23 @@ impl Translator<'_> {
         }
         let mut units = Units::default();
         // What is not readable leaves the usual.
-        let _ = self.read_units(rep, &mut units);
+        if let Err(problem) = self.read_units(rep, &mut units) {
+            self.note(rep, problem);
+        }
         self.units_known.insert(rep, units);
         units
     }
 
-    fn read_units(&self, rep: u64, units: &mut Units) -> Result<(), Problem> {
+    fn read_units(&mut self, rep: u64, units: &mut Units) -> Result<(), Problem> {
         let record = self.exchange.get(rep)?;
         let context = self
             .exchange
             .get(of_representation(&record).reference(2)?)?;
         if let Some(at) = context.part("GLOBAL_UNIT_ASSIGNED_CONTEXT") {
-            for unit in at.references(0)? {
-                let record = self.exchange.get(unit)?;
-                if record.part("LENGTH_UNIT").is_some() {
-                    units.metres = self.unit(&record, 0)?;
-                } else if record.part("PLANE_ANGLE_UNIT").is_some() {
-                    units.radians = self.unit(&record, 0)?;
+            let listed = at.list(0)?.iter().filter_map(Value::reference);
+            for unit in listed {
+                if let Err(problem) = self.take_unit(unit, units) {
+                    self.note(unit, problem);
                 }
             }
         }
@@ -91,6 +91,17 @@ impl Translator<'_> {
         Ok(())
     }
 
+    /// Takes in one of the units of a representation.
+    fn take_unit(&self, id: u64, units: &mut Units) -> Result<(), Problem> {
+        let record = self.exchange.get(id)?;
+        if record.part("LENGTH_UNIT").is_some() {
+            units.metres = self.unit(&record, 0)?;
+        } else if record.part("PLANE_ANGLE_UNIT").is_some() {
+            units.radians = self.unit(&record, 0)?;
+        }
+        Ok(())
+    }
+
     /// How much a unit is in metres, or in radians.
     fn unit(&self, record: &Record<'_>, depth: usize) -> Result<f64, Problem> {
         let positive = |value: f64| {
@@ -102,8 +113,14 @@ impl Translator<'_> {
             let Some(Value::Word(prefix)) = at.get(at.0.len().saturating_sub(2)) else {
                 return Ok(1.0);
             };
-            let known = PREFIXES.iter().find(|(name, _)| name == prefix);
-            return Ok(known.map_or(1.0, |(_, value)| *value));
+            let known = PREFIXES
+                .iter()
+                .find(|(name, _)| name.eq_ignore_ascii_case(prefix));
+            let text = || {
+                let prefix = String::from_utf8_lossy(prefix);
+                Problem::Invalid(format!("{prefix} is no prefix of units"))
+            };
+            return known.map(|(_, value)| *value).ok_or_else(text);
         }
         if let Some(at) = record.part("CONVERSION_BASED_UNIT") {
             let measure = self.exchange.get(at.reference(1)?)?;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use kernel::{Child, Item, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
+use kernel::{Child, Item, Material, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
 
 use super::Dialect;
 use super::look::UNLIT;
@@ -32,8 +32,19 @@ pub(super) struct Tree<'a> {
     appearances: HashMap<Worn, String>,
 }
 
-/// A material, and whether it leaves its emission to the vertices of meshes.
-type Worn = (MaterialId, bool);
+/// A material as something wears it.
+type Worn = (MaterialId, Wear);
+
+/// What a material is put on, as far as that changes what is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Wear {
+    /// Surfaces, and all that shows a material as they do.
+    Plain,
+    /// Meshes to whose vertices it leaves its emission.
+    Colored,
+    /// Lines and points, which show its emission alone.
+    Thin,
+}
 
 /// The metadata that holds a name which no node may have.
 pub(in super::super) const NAME: &str = "name";
@@ -144,7 +155,9 @@ impl<'a> Tree<'a> {
         for wire in node.wires.iter().map(|&id| scene.wire(id)) {
             let mut shape = Out::new("Shape");
             if let Some(id) = wire.material {
-                shape.child("appearance", self.appearance(id, false));
+                let is_plain = self.scene.material(id).is_unlit();
+                let wear = if is_plain { Wear::Plain } else { Wear::Thin };
+                shape.child("appearance", self.appearance(id, wear));
             }
             let mut geometry = self.wire(&wire.shape);
             if !wire.name.is_empty() {
@@ -165,7 +178,13 @@ impl<'a> Tree<'a> {
         };
         let mut tint = DVec3::ONE;
         if let Some(id) = self.scene.item_material(item) {
-            shape.child("appearance", self.appearance(id, has_colors));
+            let is_colored = has_colors && self.scene.material(id).is_unlit();
+            let wear = if is_colored {
+                Wear::Colored
+            } else {
+                Wear::Plain
+            };
+            shape.child("appearance", self.appearance(id, wear));
             if has_colors {
                 tint = self.tint(self.scene.material(id));
             }
@@ -199,9 +218,16 @@ impl<'a> Tree<'a> {
 
     /// A material with its pictures, or a reference to what has been written of them; meshes may
     /// have colours of their own.
-    fn appearance(&mut self, id: MaterialId, has_colors: bool) -> Out {
-        let source = self.scene.material(id);
-        let worn = (id, has_colors && source.is_unlit());
+    fn appearance(&mut self, id: MaterialId, wear: Wear) -> Out {
+        let own = self.scene.material(id);
+        let thin = (wear == Wear::Thin).then(|| Material {
+            name: own.name.clone(),
+            opacity: own.opacity,
+            ..Material::unlit(own.flat())
+        });
+        let source = thin.as_ref().unwrap_or(own);
+        let worn = (id, wear);
+        let has_colors = wear == Wear::Colored;
         if let Some(def) = self.appearances.get(&worn) {
             return Out::reference("Appearance", def);
         }
