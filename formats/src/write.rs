@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use glam::{DAffine3, DMat3, DVec3};
-use kernel::{Child, MaterialId, Mesh, Node, NodeId, Scene, Shape, UpAxis};
+use kernel::{Child, MaterialId, Mesh, Node, NodeId, Patch, Scene, Shape, TrimLoop, UpAxis};
 
 use crate::{Error, Import, Level, Place, Warnings, iges, nodes, obj};
 
@@ -103,6 +103,39 @@ pub(crate) fn tell_voids(scene: &Scene, warnings: &mut Warnings) {
         let text = "that shells bound voids of a solid is not written; they are shells like others";
         warnings.unsupported(place, text);
     }
+}
+
+/// Notes where the file says that patches meet.
+pub(crate) fn tell_seams(scene: &Scene, warnings: &mut Warnings) {
+    if !scene.seams().is_empty() {
+        let place = Place::item(0, format!("{} connections", scene.seams().len()));
+        warnings.unsupported(place, "that surfaces meet along curves is not written");
+    }
+}
+
+/// The loops of a patch as formats want them: in the domain where the surface is not closed, and
+/// without those that bound nothing.
+///
+/// # Errors
+/// If a number is not finite.
+pub(crate) fn bounding_loops(patch: &Patch) -> Result<Vec<TrimLoop>, kernel::Error> {
+    let closed = patch.surface.closed();
+    let knots = [patch.surface.knots_u(), patch.surface.knots_v()];
+    let mut loops = patch.loops.clone();
+    for axis in (0..2).filter(|&axis| !closed[axis]) {
+        let clipped = loops.iter().map(|l| l.clipped(axis, knots[axis].domain()));
+        let clipped: Vec<_> = clipped.collect::<Result<_, _>>()?;
+        loops = clipped.into_iter().flatten().collect();
+    }
+    loops.retain(TrimLoop::has_inside);
+    Ok(loops)
+}
+
+/// The same for formats in which a surface without loops is a whole one: all loops where they leave
+/// nothing of it.
+pub(crate) fn bounding_loops_or_all(patch: &Patch) -> Vec<TrimLoop> {
+    let loops = bounding_loops(patch).ok().filter(|loops| !loops.is_empty());
+    loops.unwrap_or_else(|| patch.loops.clone())
 }
 
 /// Notes the meshes with colours of vertices that let something through.

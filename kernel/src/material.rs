@@ -23,7 +23,8 @@ pub fn srgb_from_linear(color: DVec3) -> DVec3 {
         if c <= 0.04045 / 12.92 {
             c * 12.92
         } else {
-            1.055 * c.powf(1.0 / 2.4) - 0.055
+            // One is one.
+            1.0 - 1.055 * (1.0 - c.powf(1.0 / 2.4))
         }
     };
     DVec3::new(encode(color.x), encode(color.y), encode(color.z))

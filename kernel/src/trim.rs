@@ -202,6 +202,26 @@ impl TrimLoop {
         Err(Error::NothingInside)
     }
 
+    /// Whether something lies inside: not where its curves only run there and back.
+    pub fn has_inside(&self) -> bool {
+        let (min, max) = self.hull();
+        let size = max - min;
+        if self.signed_area().abs() > NO_AREA * size.x * size.y {
+            return true;
+        }
+        // Parts that are run around in opposite directions may weigh each other out.
+        if size.cmple(DVec2::ZERO).any() {
+            return false;
+        }
+        let region = TrimRegion::new(std::slice::from_ref(self), min.x..max.x, min.y..max.y);
+        self.segments.iter().any(|curve| {
+            curve.knots().breaks().windows(2).any(|span| {
+                let (point, left) = aside(curve, span[0].midpoint(span[1]), size);
+                region.contains(point + left) != region.contains(point - left)
+            })
+        })
+    }
+
     /// The parts of the loop over a range of u (`axis` 0) or v (1), each closed along the border of
     /// the range. What lies in the range stays as it is.
     ///

@@ -16,7 +16,7 @@ use kernel::{Scene, UpAxis};
 use self::cards::Record;
 use self::tree::Tree;
 use super::{error, global};
-use crate::write::{Export, Writer, tell_voids, turn};
+use crate::write::{Export, Writer, tell_seams, tell_voids, turn};
 use crate::{Error, Place, Problem};
 
 /// The row of this format.
@@ -36,6 +36,7 @@ const DATE: &str = "19700101.000000";
 fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let mut tree = Tree::new(scene);
     tell_voids(scene, &mut tree.warnings);
+    tell_seams(scene, &mut tree.warnings);
     let what = [
         (scene.cameras.len(), "cameras"),
         (scene.lights.len(), "lights"),
@@ -67,8 +68,9 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let bounds = scene.hull_bounds();
     let largest = bounds.corners().map(|corner| corner.abs().max_element());
     let largest = largest.into_iter().filter(|x| x.is_finite());
+    let stated = scene.resolution.map(|length| length * scale);
     let lengths = [
-        resolution(bounds.diagonal() * scale),
+        stated.unwrap_or_else(|| resolution(bounds.diagonal() * scale)),
         largest.fold(0.0, f64::max) * scale,
     ];
     let global = global_record(stem, flag, name, lengths);

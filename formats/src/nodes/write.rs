@@ -15,7 +15,7 @@ use kernel::{Scene, Unit};
 use self::spell::{Out, Value};
 pub(super) use self::tree::NAME;
 use self::tree::Tree;
-use crate::write::{Export, Writer, tell_clear_vertices, tell_voids};
+use crate::write::{Export, Writer, tell_clear_vertices, tell_seams, tell_voids};
 use crate::{Error, Place};
 
 /// The rows of these formats.
@@ -59,6 +59,7 @@ const CONVENTION: &str = "control points of NURBS are multiplied by their weight
 fn write(scene: &Scene, stem: &str, dialect: Dialect) -> Result<Export, Error> {
     let mut tree = Tree::new(scene, dialect);
     tell_voids(scene, &mut tree.warnings);
+    tell_seams(scene, &mut tree.warnings);
     if dialect == Dialect::Vrml97 {
         tell_clear_vertices(scene, &mut tree.warnings);
     }

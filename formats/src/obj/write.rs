@@ -15,7 +15,8 @@ mod materials;
 
 use super::FORMAT;
 use crate::write::{
-    Export, Writer, has_weights, push_number, tell_clear_vertices, tell_voids, turn,
+    Export, Writer, bounding_loops_or_all, has_weights, push_number, tell_clear_vertices,
+    tell_voids, turn,
 };
 use crate::{Error, Place, Warnings};
 
@@ -228,10 +229,11 @@ impl Text {
     /// A surface with its loops.
     fn patch(&mut self, patch: &Patch, texture: Option<&[DVec2]>, world: &DAffine3) {
         let mut loops = Vec::new();
-        for nest in nesting(&patch.loops, patch.surface.periods()) {
-            loops.push(("trim", self.curves(&patch.loops[nest.outer])));
+        let trims = bounding_loops_or_all(patch);
+        for nest in nesting(&trims, patch.surface.periods()) {
+            loops.push(("trim", self.curves(&trims[nest.outer])));
             for hole in nest.holes {
-                loops.push(("hole", self.curves(&patch.loops[hole])));
+                loops.push(("hole", self.curves(&trims[hole])));
             }
         }
         let surface = patch.surface.transformed(world);

@@ -5,6 +5,7 @@ use kernel::{Curve, Patch, Point, Surface, TrimLoop, WireShape, nesting};
 
 use super::cards::{Deck, Entity, Record, Status};
 use super::model::Carrier;
+use crate::write::bounding_loops;
 
 /// A face, in as many entities as it has outer loops: a trimmed surface (type 144) for each,
 /// or the surface (type 128) where there are none. Loops end at the border of the domain, as
@@ -22,13 +23,7 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
     }
     let closed = patch.surface.closed();
     let carrier = Carrier::new(&patch.surface, closed);
-    let knots = [patch.surface.knots_u(), patch.surface.knots_v()];
-    let mut loops = patch.loops.clone();
-    for axis in (0..2).filter(|&axis| !closed[axis]) {
-        let clipped = loops.iter().map(|l| l.clipped(axis, knots[axis].domain()));
-        let clipped: Vec<_> = clipped.collect::<Result<_, _>>()?;
-        loops = clipped.into_iter().flatten().collect();
-    }
+    let loops = bounding_loops(patch)?;
     let mut faces = Vec::new();
     for group in nesting(&loops, patch.surface.periods()) {
         let base = deck.add(Entity {

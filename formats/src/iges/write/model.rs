@@ -1,8 +1,9 @@
 //! Trim curves in space: what a curve of the parameter domain is on its surface.
 //!
 //! They are there for readers that do not look at the curves of the parameter domain, which
-//! stay the masters. Along lines of constant u or v they are exact; others are cubic pieces
-//! within a tolerance. What leaves the domain runs along the border of the surface.
+//! stay the masters. Single lines of constant u or v are exact; others are cubic pieces within
+//! a tolerance, which end where they pass knots of the surface. What leaves the domain runs along
+//! the border of the surface.
 
 use std::ops::Range;
 
@@ -12,20 +13,31 @@ use kernel::{Curve, Error, KnotVector, Surface};
 /// How far curves may be from their surface, as a share of its size.
 const TOLERANCE: f64 = 1e-7;
 
+/// How many times around a closed surface knots are looked for at most.
+const TURNS: f64 = 4.0;
+
 /// How often a piece is halved at most.
 const HALVINGS: u32 = 10;
 
 /// Derivatives that differ by less, as a share of their length, are the same.
-const SMOOTH: f64 = 1e-9;
+const SMOOTH: f64 = 1e-8;
 
 /// Largest distance from a knot, as a share of all, that is rounding.
 const ROUNDING: f64 = 1e-12;
+
+/// Directions at the ends of a part are taken by this share of it inside, on its own side of a knot.
+const ASIDE: f64 = 1e-10;
+
+/// Where between two ends a piece is compared with the surface.
+const LOOKS: [f64; 5] = [0.5, 0.25, 0.75, 0.1, 0.9];
 
 /// A surface that trim curves lie on.
 #[derive(Clone, Debug)]
 pub(super) struct Carrier<'a> {
     surface: &'a Surface,
     domain: [Range<f64>; 2],
+    /// The knots along u and v, each once.
+    breaks: [Vec<f64>; 2],
     /// Whether it comes back to its start along u, and along v.
     closed: [bool; 2],
     tolerance: f64,
@@ -46,6 +58,7 @@ impl<'a> Carrier<'a> {
         Self {
             surface,
             domain,
+            breaks: [surface.knots_u().breaks(), surface.knots_v().breaks()],
             closed,
             tolerance: surface.hull_bounds().diagonal() * TOLERANCE,
         }
@@ -73,16 +86,14 @@ impl<'a> Carrier<'a> {
             [along, 0.0] if along != 0.0 => 0,
             _ => return None,
         };
+        // What is outside by rounding is on the border.
+        let inside = |place: DVec2| {
+            let at = |axis: usize| self.inside(axis, place[axis]);
+            Some(DVec2::new(at(0)?, at(1)?))
+        };
+        let (start, end) = (inside(start)?, inside(end)?);
         let (from, to) = (start[axis], end[axis]);
         let range = from.min(to)..from.max(to);
-        let is_inside = |axis: usize, x: f64| {
-            let domain = &self.domain[axis];
-            domain.start <= x && x <= domain.end
-        };
-        if ![from, to].iter().all(|&x| is_inside(axis, x)) || !is_inside(1 - axis, start[1 - axis])
-        {
-            return None;
-        }
         let whole = match axis {
             0 => self.surface.iso_curve_v(start.y),
             _ => self.surface.iso_curve_u(start.x),
@@ -99,8 +110,8 @@ impl<'a> Carrier<'a> {
         let mut knots = Vec::new();
         let mut points: Vec<DVec3> = Vec::new();
         let mut before: Option<End> = None;
-        for piece in curve.bezier_pieces() {
-            let ends = self.ends(&piece);
+        for (piece, range) in curve.bezier_pieces().iter().flat_map(|p| self.parts(p)) {
+            let ends = self.ends(piece, range);
             if let (Some(before), Some(first)) = (before, ends.first()) {
                 let size = before.tangent.length().max(first.tangent.length());
                 let is_smooth = before.tangent.distance(first.tangent) <= size * SMOOTH;
@@ -127,11 +138,55 @@ impl<'a> Carrier<'a> {
         Curve::new(KnotVector::new(3, knots)?, &points, None)
     }
 
-    /// The ends of the cubic pieces along a Bézier piece.
-    fn ends(&self, piece: &Curve<DVec2>) -> Vec<End> {
+    /// A Bézier piece and the parts of its domain over which the surface is smooth: they end where
+    /// it passes a knot, or the border.
+    fn parts<'p>(&self, piece: &'p Curve<DVec2>) -> Vec<(&'p Curve<DVec2>, Range<f64>)> {
         let Range { start, end } = piece.domain();
-        let mut ends = vec![self.end(piece, start)];
-        let mut waiting = vec![(self.end(piece, end), 0)];
+        let mut ends = vec![start, end];
+        for axis in 0..2 {
+            let places = || piece.points().map(move |point| point[axis]);
+            let low = places().fold(f64::INFINITY, f64::min);
+            let high = places().fold(f64::NEG_INFINITY, f64::max);
+            let domain = &self.domain[axis];
+            let period = domain.end - domain.start;
+            let near = period * ROUNDING;
+            // A closed surface goes on beyond its borders.
+            let turns = if self.closed[axis] && low.is_finite() && high.is_finite() {
+                let [first, last] = [low, high].map(|x| ((x - domain.start) / period).floor());
+                [first.max(-TURNS), last.min(TURNS)]
+            } else {
+                [0.0; 2]
+            };
+            let mut turn = turns[0];
+            while turn <= turns[1] {
+                for knot in &self.breaks[axis] {
+                    let knot = knot + period * turn;
+                    if low + near < knot && knot < high - near {
+                        ends.extend(piece.crossings(axis, knot, near));
+                    }
+                }
+                turn += 1.0;
+            }
+        }
+        ends.sort_by(f64::total_cmp);
+        let least = (end - start) * ASIDE;
+        ends.dedup_by(|next, kept| *next - *kept <= least);
+        if let Some(last) = ends.last_mut() {
+            *last = end;
+        }
+        let parts = ends.windows(2).map(|pair| (piece, pair[0]..pair[1]));
+        parts.collect()
+    }
+
+    /// The ends of the cubic pieces along a part of a Bézier piece.
+    fn ends(&self, piece: &Curve<DVec2>, Range { start, end }: Range<f64>) -> Vec<End> {
+        let aside = (end - start) * ASIDE;
+        let at = |t: f64, beside: f64| End {
+            tangent: self.end(piece, beside).tangent,
+            ..self.end(piece, t)
+        };
+        let mut ends = vec![at(start, start + aside)];
+        let mut waiting = vec![(at(end, end - aside), 0)];
         while let (Some(&first), Some(&(last, level))) = (ends.last(), waiting.last()) {
             if level >= HALVINGS || self.fits(piece, first, last) {
                 ends.push(last);
@@ -150,7 +205,7 @@ impl<'a> Carrier<'a> {
     /// Whether the cubic between two ends stays by the surface.
     fn fits(&self, piece: &Curve<DVec2>, first: End, last: End) -> bool {
         let span = last.t - first.t;
-        [0.25, 0.5, 0.75].iter().all(|&s| {
+        LOOKS.iter().all(|&s| {
             let (r, q) = (1.0 - s, s * s);
             let cubic = first.point * (r * r * (1.0 + 2.0 * s))
                 + first.tangent * (span * s * r * r)
@@ -161,16 +216,22 @@ impl<'a> Carrier<'a> {
         })
     }
 
+    /// A parameter that is inside of the domain but for rounding.
+    fn inside(&self, axis: usize, x: f64) -> Option<f64> {
+        let Range { start, end } = self.domain[axis];
+        let near = (end - start) * ROUNDING;
+        (start - near <= x && x <= end + near).then(|| x.clamp(start, end))
+    }
+
     /// Point and tangent at a parameter of a curve.
     fn end(&self, curve: &Curve<DVec2>, t: f64) -> End {
         let flat = curve.derivatives(t);
         let (mut uv, mut along) = (flat.point, flat.first);
         for axis in 0..2 {
             let Range { start, end } = self.domain[axis];
-            if start <= uv[axis] && uv[axis] <= end {
-                continue;
-            }
-            if self.closed[axis] {
+            if let Some(inside) = self.inside(axis, uv[axis]) {
+                uv[axis] = inside;
+            } else if self.closed[axis] {
                 uv[axis] = start + (uv[axis] - start).rem_euclid(end - start);
             } else {
                 uv[axis] = uv[axis].clamp(start, end);
@@ -241,5 +302,38 @@ mod tests {
         let bent = [[0.0, 0.0], [0.4, 2.0], [1.0, 0.3], [1.0, 3.0]].map(DVec2::from);
         let bent = Curve::new(knots, &bent, None).unwrap();
         assert_by(&surface, &bent, 6e-7);
+    }
+
+    #[test]
+    fn what_lies_between_knots_of_the_surface_is_followed() {
+        // A plate of ten pieces along u with a ridge over one of them, and a bend along v.
+        let u = KnotVector::clamped_uniform(1, 11, 0.0..10.0).unwrap();
+        let v = KnotVector::clamped_uniform(1, 3, 0.0..4.0).unwrap();
+        let height = |i: u32, j: u32| f64::from(u8::from(i == 2)) + 0.5 * f64::from(j % 2);
+        let points: Vec<_> = (0..11)
+            .flat_map(|i| (0..3).map(move |j| (i, j)))
+            .map(|(i, j)| DVec3::new(f64::from(i), 2.0 * f64::from(j), height(i, j)))
+            .collect();
+        let surface = Surface::new(u, v, &points, None).unwrap();
+        let around = [[0.0, 0.0], [10.0, 0.0], [10.0, 3.0], [0.0, 3.0], [0.0, 0.0]];
+        let slanted = [[0.3, 0.2], [9.7, 3.9], [2.0, 0.0], [2.0, 4.0]];
+        for corners in [&around[..], &slanted[..]] {
+            let corners: Vec<_> = corners.iter().copied().map(DVec2::from).collect();
+            let polyline = Curve::polyline(&corners).unwrap();
+            assert_by(&surface, &polyline, 2e-6);
+        }
+    }
+
+    #[test]
+    fn what_leaves_the_domain_by_rounding_is_on_its_border() {
+        let surface = quarter();
+        let beyond = 1.0_f64.next_up();
+        for ends in [[[0.1, 2.0], [beyond, 2.0]], [[beyond, 0.0], [beyond, 3.0]]] {
+            let [a, b] = ends.map(DVec2::from);
+            let line = Curve::line(a, b, 0.0..1.0).unwrap();
+            assert_by(&surface, &line, 1e-14);
+            let polyline = Curve::polyline(&[a, a.midpoint(b) + DVec2::Y * 0.01, b]).unwrap();
+            assert_by(&surface, &polyline, 6e-7);
+        }
     }
 }

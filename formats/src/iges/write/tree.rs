@@ -15,6 +15,9 @@ use crate::{Place, Problem, Warnings};
 /// Matrices that differ from a turned and scaled frame by no more are taken for one.
 const RIGID: f64 = 1e-12;
 
+/// Faces that no more bodies share are written for each of them.
+const FEW: usize = 8;
+
 /// Bits of a matrix, to look it up by.
 type Bits = [u64; 9];
 
@@ -28,7 +31,7 @@ pub(super) struct Tree<'a> {
     uses: Uses,
     /// For every node whether it or one below shows a shape or a wire.
     shows: Vec<bool>,
-    colors: HashMap<MaterialId, usize>,
+    colors: HashMap<(MaterialId, bool), usize>,
     /// Definitions by what they show, how it is distorted, and its material.
     definitions: HashMap<(Defined, Bits), Option<usize>>,
     transforms: HashMap<[u64; 12], usize>,
@@ -79,8 +82,9 @@ impl<'a> Tree<'a> {
             return Ok(());
         };
         if node.name.is_empty() && place == DAffine3::IDENTITY {
+            let parts = is_body(node);
             for child in &node.children {
-                self.reference(child, place.matrix3, Status::Independent, 0)?;
+                self.reference(child, parts, place.matrix3, Status::Independent, 0)?;
             }
             self.wires(node, place.matrix3, Status::Independent);
         } else {
@@ -89,16 +93,20 @@ impl<'a> Tree<'a> {
         Ok(())
     }
 
-    /// Pointers to what shows a child. `outer` is what the nodes above leave to be done:
-    /// instances turn, scale and move, and all else is done to the control points.
+    /// Pointers to what shows a child, which may be one of the `parts` of a body. `outer` is what
+    /// the nodes above leave to be done: instances turn, scale and move, and all else is done to
+    /// the control points.
     fn reference(
         &mut self,
         child: &Child,
+        parts: bool,
         outer: DMat3,
         status: Status,
         depth: usize,
     ) -> Result<Vec<usize>, Problem> {
         match child {
+            // The faces of a body stand side by side, also those that others have, too.
+            Child::Item(item) if parts && self.uses(item) <= FEW => self.faces(item, outer, status),
             Child::Item(item) => self.item(item, outer, status),
             Child::Node(id) => {
                 let inner = self.scene.node(*id).parent_from_node;
@@ -146,8 +154,15 @@ impl<'a> Tree<'a> {
             }
             (children, _) if once && place == DAffine3::IDENTITY => {
                 let mut members = Vec::new();
+                let parts = is_body(node);
                 for child in children {
-                    members.extend(self.reference(child, inner, Status::Member, depth + 1)?);
+                    members.extend(self.reference(
+                        child,
+                        parts,
+                        inner,
+                        Status::Member,
+                        depth + 1,
+                    )?);
                 }
                 members.extend(self.wires(node, inner, Status::Member));
                 Ok(self.group(&node.name, &members, status))
@@ -186,7 +201,13 @@ impl<'a> Tree<'a> {
     }
 
     fn is_shown_once(&self, item: &Item) -> bool {
-        self.uses.shapes.get(&item.shape).copied() == Some(1)
+        self.uses(item) == 1
+    }
+
+    /// In how many places the shape of an item stands.
+    fn uses(&self, item: &Item) -> usize {
+        let uses = self.uses.shapes.get(&item.shape);
+        uses.copied().unwrap_or_default()
     }
 
     /// Pointers to what shows an item: a surface that is stored once is placed by instances.
@@ -216,7 +237,7 @@ impl<'a> Tree<'a> {
             patch = &distorted;
         }
         let color = match self.scene.item_material(item) {
-            Some(material) => self.color(material),
+            Some(material) => self.color(material, false),
             None => 0,
         };
         let faces = geometry::face(&mut self.deck, patch)?;
@@ -234,7 +255,9 @@ impl<'a> Tree<'a> {
         let scene = self.scene;
         let mut all = Vec::new();
         for wire in node.wires.iter().map(|&id| scene.wire(id)) {
-            let color = wire.material.map_or(0, |material| self.color(material));
+            let color = wire
+                .material
+                .map_or(0, |material| self.color(material, true));
             let entities = geometry::wire(&mut self.deck, &wire.shape, outer);
             self.finish(&entities, color, status, &wire.name);
             all.extend(entities);
@@ -308,8 +331,10 @@ impl<'a> Tree<'a> {
             Defined::Node(id) => {
                 let node = scene.node(id);
                 let mut members = Vec::new();
+                let parts = is_body(node);
                 for child in &node.children {
-                    members.extend(self.reference(child, outer, Status::Dependent, depth + 1)?);
+                    let status = Status::Dependent;
+                    members.extend(self.reference(child, parts, outer, status, depth + 1)?);
                 }
                 members.extend(self.wires(node, outer, Status::Dependent));
                 (node.name.as_str(), members)
@@ -421,9 +446,9 @@ impl<'a> Tree<'a> {
         self.deck.entity(pointer).record.integers([0, 1, property]);
     }
 
-    /// The colour (type 314) of a material.
-    fn color(&mut self, id: MaterialId) -> usize {
-        if let Some(&known) = self.colors.get(&id) {
+    /// The colour (type 314) of a material, as surfaces have it or lines and points.
+    fn color(&mut self, id: MaterialId, is_thin: bool) -> usize {
+        if let Some(&known) = self.colors.get(&(id, is_thin)) {
             return known;
         }
         let material = self.scene.material(id);
@@ -434,7 +459,11 @@ impl<'a> Tree<'a> {
         } else {
             material.diffuse
         };
-        let base = model.map_or(plain, |model| model.base_color);
+        let base = if is_thin {
+            material.flat()
+        } else {
+            model.map_or(plain, |model| model.base_color)
+        };
         record.point(srgb_from_linear(base) * 100.0);
         record.text(&material.name);
         let color = self.deck.add(Entity {
@@ -449,15 +478,30 @@ impl<'a> Tree<'a> {
             diffuse: base,
             ..Material::default()
         };
-        if *material != plain {
+        // Lines and points have no more than a colour.
+        let is_told = if is_thin {
+            material.opacity < 1.0
+        } else {
+            *material != plain
+        };
+        if is_told {
             let place = Place::item(0, format!("material \"{}\"", material.name));
             let text = "IGES files hold one colour of a material; \
                 highlights, transparency and other light are left out";
             self.warnings.unsupported(place, text);
         }
-        self.colors.insert(id, color);
+        self.colors.insert((id, is_thin), color);
         color
     }
+}
+
+/// Whether a node shows several faces, which are those of a body.
+fn is_body(node: &Node) -> bool {
+    let items = node
+        .children
+        .iter()
+        .filter(|child| matches!(child, Child::Item(_)));
+    items.count() > 1
 }
 
 /// Whether the name and place of a node can be those of the one thing in it.

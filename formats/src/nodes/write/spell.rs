@@ -234,13 +234,44 @@ impl Out {
     }
 }
 
-/// A name that every spelling takes: letters of any script, digits, `_` and `-`, neither digit nor `-` first.
+/// Words of the grammars, which are no names.
+const RESERVED: [&str; 25] = [
+    "AS",
+    "COMPONENT",
+    "DEF",
+    "EXPORT",
+    "EXTERNPROTO",
+    "FALSE",
+    "IMPORT",
+    "IS",
+    "META",
+    "NULL",
+    "PROFILE",
+    "PROTO",
+    "ROUTE",
+    "TO",
+    "TRUE",
+    "UNIT",
+    "USE",
+    "eventIn",
+    "eventOut",
+    "exposedField",
+    "field",
+    "initializeOnly",
+    "inputOnly",
+    "inputOutput",
+    "outputOnly",
+];
+
+/// A name that every spelling takes: letters of any script, digits, `_` and `-`, neither digit nor `-`
+/// first, and no word of the grammar.
 pub(super) fn identifier(name: &str) -> String {
     let is_letter = |c: char| c.is_ascii_alphabetic() || c >= '\u{c0}' && c.is_alphabetic();
     let is_legal = |c: &char| is_letter(*c) || c.is_ascii_digit() || matches!(c, '_' | '-');
     let legal = |c: char| Some(c).filter(is_legal).unwrap_or('_');
     let mut text: String = name.chars().map(legal).collect();
-    if !text.starts_with(|c: char| is_letter(c) || c == '_') {
+    let is_reserved = RESERVED.contains(&&*text);
+    if is_reserved || !text.starts_with(|c: char| is_letter(c) || c == '_') {
         text.insert(0, '_');
     }
     text

@@ -310,6 +310,11 @@ impl<'a> Tree<'a> {
         if let Some(rotation) = rotation(parts.rotation) {
             out.field("rotation", rotation);
         }
+        if parts.scale.min_element() < 0.0 && self.dialect == Dialect::Vrml97 {
+            let text = "VRML 97 wants scales above zero; programs that keep to it do not mirror";
+            self.warnings
+                .unsupported(Place::item(0, "mirrored places"), text);
+        }
         if parts.scale != DVec3::ONE {
             out.field("scale", Value::tuple(&parts.scale.to_array()));
         }
