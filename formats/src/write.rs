@@ -1,10 +1,10 @@
 //! From scene to bytes: one row of [`WRITERS`] per format that stores surfaces as they are.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
 
-use glam::{DAffine3, DMat3, DVec3};
-use kernel::{Child, MaterialId, Mesh, Node, NodeId, Patch, Scene, Shape, TrimLoop, UpAxis};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+use kernel::{Child, Item, MaterialId, Mesh, Node, NodeId, Patch, Scene, Shape, TrimLoop, UpAxis};
 
 use crate::{Error, Import, Level, Place, Warnings, iges, nodes, obj};
 
@@ -113,8 +113,7 @@ pub(crate) fn tell_seams(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
-/// The loops of a patch as formats want them: in the domain where the surface is not closed, and
-/// without those that bound nothing.
+/// The loops of a patch in the domain where the surface is not closed, without those that bound nothing.
 ///
 /// # Errors
 /// If a number is not finite.
@@ -128,14 +127,47 @@ pub(crate) fn bounding_loops(patch: &Patch) -> Result<Vec<TrimLoop>, kernel::Err
         loops = clipped.into_iter().flatten().collect();
     }
     loops.retain(TrimLoop::has_inside);
+    // Of the whole domain and a hole that is all of it nothing is left.
+    let boxes: Vec<_> = (loops.iter().enumerate())
+        .filter_map(|(k, one)| Some((k, rectangle(one)?)))
+        .collect();
+    let is_twice = |hull| boxes.iter().filter(|(_, other)| *other == hull).count() % 2 == 0;
+    let gone: Vec<_> = boxes.iter().filter(|(_, hull)| is_twice(*hull)).collect();
+    let mut k = 0;
+    loops.retain(|_| {
+        k += 1;
+        gone.iter().all(|(gone, _)| gone + 1 != k)
+    });
     Ok(loops)
 }
 
-/// The same for formats in which a surface without loops is a whole one: all loops where they leave
-/// nothing of it.
-pub(crate) fn bounding_loops_or_all(patch: &Patch) -> Vec<TrimLoop> {
-    let loops = bounding_loops(patch).ok().filter(|loops| !loops.is_empty());
-    loops.unwrap_or_else(|| patch.loops.clone())
+/// The corners of a loop that is a rectangle along both axes.
+fn rectangle(trim: &TrimLoop) -> Option<[DVec2; 2]> {
+    let (min, max) = trim.hull();
+    let area = (max - min).element_product();
+    let is_all = (trim.signed_area().abs() - area).abs() <= 1e-12 * area;
+    is_all.then_some([min, max])
+}
+
+/// The patches of which their loops leave nothing; they are told.
+pub(crate) fn lost_patches(scene: &Scene, warnings: &mut Warnings) -> HashSet<Shape> {
+    let children = scene.nodes().iter().flat_map(|node| &node.children);
+    let (mut seen, mut lost) = (HashSet::new(), HashSet::new());
+    for child in children {
+        let Child::Item(Item { shape, .. }) = child else {
+            continue;
+        };
+        let Shape::Patch(id) = shape else { continue };
+        let patch = scene.patch(*id);
+        let is_lost = || bounding_loops(patch).is_ok_and(|loops| loops.is_empty());
+        if !patch.loops.is_empty() && seen.insert(*shape) && is_lost() {
+            let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
+            let text = "its loops leave nothing of the surface; it is left out";
+            warnings.unsupported(place, text);
+            lost.insert(*shape);
+        }
+    }
+    lost
 }
 
 /// Notes the meshes with colours of vertices that let something through.

@@ -1,7 +1,7 @@
 //! What writers keep, and what they say about what they leave out.
 
 use glam::{DVec2, DVec3};
-use kernel::{Projection, Scene, Shape};
+use kernel::{Integrals, Projection, Scene, Shape};
 use nurbray_formats::{Export, Import, Limits, NoFiles, ReadOptions, Resolver, WRITERS, read};
 
 fn import(text: &str) -> Import {
@@ -266,5 +266,65 @@ fn what_stands_beside_a_scene_is_told() {
         let mut export = Export::default();
         import.tell_unwritten(&mut export.warnings);
         assert_eq!(told(&export), [expected]);
+    }
+}
+
+/// Two unit squares side by side that are one surface of OBJ in two pieces, with a curve of the parameter
+/// domain as trim or hole.
+fn two_pieces(corners: &[[f64; 2]], kind: &str) -> String {
+    let mut text = String::new();
+    for [u, v] in corners {
+        text += &format!("vp {u} {v}\n");
+    }
+    let count = corners.len();
+    let list: Vec<_> = (1..=count).map(|k| format!("{k}")).collect();
+    let knots: Vec<_> = (0..count).map(|k| format!("{k}")).collect();
+    text += &format!(
+        "cstype bspline\ndeg 1\ncurv2 {}\nparm u 0 {} {}\nend\n\
+         v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nv 1 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\n\
+         cstype taylor\ndeg 1 1\nsurf 0 2 0 1 1 2 3 4 5 6 7 8\nparm u 0 1 2\nparm v 0 1\n{kind} 0 {} 1\nend\n",
+        list.join(" "),
+        knots.join(" "),
+        count - 1,
+        count - 1
+    );
+    text
+}
+
+/// The area of all faces.
+fn area(scene: &Scene) -> f64 {
+    let faces = scene
+        .placements()
+        .into_iter()
+        .filter_map(|p| match p.shape {
+            Shape::Patch(id) => Some(Integrals::of(scene.patch(id), DVec3::ZERO).area()),
+            Shape::Mesh(_) => None,
+        });
+    faces.sum()
+}
+
+#[test]
+fn pieces_that_loops_cut_away_do_not_come_back() {
+    let square = |[a, b]: [f64; 2]| [[a, a], [b, a], [b, b], [a, b], [a, a]];
+    for (corners, kind, wanted) in [
+        (square([0.25, 0.75]), "trim", 0.25),
+        (square([0.25, 0.75]), "hole", 1.75),
+        (square([0.0, 1.0]), "hole", 1.0),
+    ] {
+        let text = two_pieces(&corners, kind);
+        let import = import(&text);
+        assert!((area(&import.scene) - wanted).abs() < 1e-9, "{kind}");
+        for writer in WRITERS {
+            let found = area(&again(&import, writer.name).scene);
+            assert!(
+                (found - wanted).abs() < 1e-9,
+                "{} {kind}: {found}",
+                writer.name
+            );
+            // What is left out is told.
+            let mut told = told(&written(&import, writer.name)).into_iter();
+            let is_told = told.any(|text| text.contains("leave nothing of the surface"));
+            assert_eq!(is_told, wanted < 1.5, "{} {kind}", writer.name);
+        }
     }
 }

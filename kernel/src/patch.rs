@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{DAffine2, DVec2};
 
-use crate::trim::shifts;
+use crate::trim::{Rows, oriented, shifts};
 use crate::{Aabb, Curve, KnotVector, MaterialId, Surface, TrimLoop, TrimRegion};
 
 /// A face: a surface, the loops that trim it, and a material.
@@ -37,6 +37,14 @@ impl Patch {
         trimmed
             .then(|| TrimRegion::of(self))
             .filter(|region| !region.is_whole())
+    }
+
+    /// Whether loops cross each other or themselves, as far as some lines across the domain show: then
+    /// what is inside an odd number of them is not what outer ones and holes leave.
+    pub fn has_crossing_loops(&self) -> bool {
+        let loops = oriented(&self.loops, self.surface.periods());
+        let knots = self.surface.knots_v().breaks();
+        !Rows::new(&loops, self.domain(), self.surface.closed(), &knots).are_apart()
     }
 
     /// A box around the face: around the control points of that part of the surface where its

@@ -306,4 +306,6 @@ impl ItemShape<'_> {
 }
 
 #[cfg(test)]
+mod along_tests;
+#[cfg(test)]
 mod tests;

@@ -9,12 +9,36 @@ use super::leaf::Bits;
 use super::packet::Tracer;
 use super::room::Ready;
 use super::trace::{Candidate, CandidateKind, ClusterRay, keeps, settle};
+use crate::intersect::net::evaluate_at;
 use crate::intersect::subdivide::Subdivide;
-use crate::intersect::{Rect, Target};
+use crate::intersect::{Rect, Root, Target};
 use crate::simd::{Simd, WIDE_LANES};
 
 /// Parameters of a piece may be this much beyond its borders.
 const EDGE: f64 = 1e-12;
+
+/// Points of a piece that are no farther from each other than so many slacks are one.
+const SAME: f64 = 64.0;
+
+/// Keeps one of the roots that are the same point: at a pole there are very many.
+fn one_of_each(target: &Target<'_>, roots: &mut Vec<Root>) {
+    let near = SAME * target.line.slack;
+    let point = |root: &Root| {
+        let [h, ..] = evaluate_at(&target.piece, root.u, root.v);
+        h.truncate() / h.w
+    };
+    let mut kept = 0;
+    for k in 0..roots.len() {
+        let root = roots[k];
+        let own = point(&root);
+        let is_known = |other: &Root| other.tangential && point(other).distance(own) <= near;
+        if !(root.tangential && roots[..kept].iter().any(is_known)) {
+            roots[kept] = root;
+            kept += 1;
+        }
+    }
+    roots.truncate(kept);
+}
 
 #[inline(always)]
 fn inside(x: f64) -> bool {
@@ -226,6 +250,9 @@ impl<S: Simd> Tracer<'_, '_, S> {
         };
         self.scratch.roots.clear();
         self.s.apart(Subdivide(self.scratch, &target));
+        if !cell.is_trimmed {
+            one_of_each(&target, &mut self.scratch.roots);
+        }
         let place = (&self.rays[lane], instance);
         settle(place, cluster, (piece, line.slack), &mut self.scratch.roots);
         for k in 0..self.scratch.roots.len() {

@@ -44,7 +44,7 @@ pub(super) fn to_text(measure: &Measure, unit: Option<&Unit>) -> String {
         let name = named(&body.name);
         let turned = match body.turned {
             0 => String::new(),
-            turned => format!(", {turned} of them with the normal inwards"),
+            turned => format!(", {turned} of them with `du x dv` inwards"),
         };
         let _ = writeln!(
             text,

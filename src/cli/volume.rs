@@ -187,10 +187,7 @@ fn others(scene: &Scene, measure: &Measure, args: &Args) -> anyhow::Result<Optio
 fn describe(text: &mut String, name: &str, body: &Body) {
     let turned = match body.turned {
         0 => String::new(),
-        turned => format!(
-            " ({turned} of {} faces with the normal inwards)",
-            body.faces
-        ),
+        turned => format!(" ({turned} of {} faces with `du x dv` inwards)", body.faces),
     };
     let [x, y, z] = [
         body.inertia.x_axis,

@@ -1,5 +1,6 @@
 //! Where a ray meets a shape: the methods, and what they answer.
 
+mod arc;
 mod edge;
 pub(crate) mod net;
 pub(crate) mod newton;
@@ -255,6 +256,8 @@ pub(crate) struct Scratch {
     pub(crate) net: Vec<f64>,
     /// The preconditioned nets, and room for splitting.
     pub(crate) spare: Vec<f64>,
+    /// Stretches along which the ray runs.
+    pub(crate) arcs: arc::Arcs,
     /// How many cells were examined since the start, parts of cells among them.
     pub(crate) cells: u64,
 }

@@ -313,6 +313,22 @@ pub(crate) fn variation(net: &[f64], degrees: Degrees) -> (f64, f64) {
     (along_u, along_v)
 }
 
+/// Bounds of the derivative of a net along u, or along v.
+pub(crate) fn slopes(net: &[f64], degrees: Degrees, along_u: bool) -> (f64, f64) {
+    let row = degrees.q + 1;
+    let bounds = (f64::INFINITY, f64::NEG_INFINITY);
+    let wider = |(low, high): (f64, f64), slope: f64| (low.min(slope), high.max(slope));
+    if along_u {
+        let slopes = net.iter().zip(&net[row..]);
+        let slopes = slopes.map(|(a, b)| degrees.p as f64 * (b - a));
+        return slopes.fold(bounds, wider);
+    }
+    let lines = net.chunks_exact(row);
+    let slopes = lines.flat_map(|line| line.iter().zip(&line[1..]));
+    let slopes = slopes.map(|(a, b)| degrees.q as f64 * (b - a));
+    slopes.fold(bounds, wider)
+}
+
 /// How far the derivatives of a net stray from given constants, along u and along v.
 #[inline(always)]
 pub(crate) fn deviation(net: &[f64], degrees: Degrees, du: f64, dv: f64) -> f64 {

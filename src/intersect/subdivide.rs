@@ -25,8 +25,9 @@ const UNRESOLVED: f64 = 16.0;
 /// An unresolved cell that is longer than this is one along which the ray runs.
 const THIN: f64 = 1e-4;
 
-/// After this many cells of one call the wanted resolution is relaxed step by step: a ray
-/// that runs along a curved surface would otherwise be followed to the last bit.
+/// After this many cells of one call arcs are looked for, and after as many more the wanted resolution is
+/// relaxed step by step: a ray that runs along a curved surface would otherwise be followed to
+/// the last bit.
 const PATIENCE: u32 = 2000;
 
 /// Appends all roots of a cell to those of the scratch, by subdivision.
@@ -54,9 +55,19 @@ fn subdivide(scratch: &mut Scratch, target: &Target<'_>, degrees: Degrees) {
     let size = degrees.len();
     start(scratch, (piece, degrees), line, &target.cell);
     let (half_u, half_v) = (&net::HALF[degrees.p], &net::HALF[degrees.q]);
-    let mut visited = 0;
+    let before = scratch.roots.len();
+    let (mut visited, mut is_along) = (0, false);
     while let Some(rect) = pop(scratch, size) {
         visited += 1;
+        if visited == PATIENCE && !is_along {
+            // All anew, along the arcs that took so long.
+            scratch.cells += u64::from(visited);
+            (visited, is_along) = (0, true);
+            scratch.roots.truncate(before);
+            scratch.arcs.clear();
+            start(scratch, (piece, degrees), line, &target.cell);
+            continue;
+        }
         let (d1, d2) = scratch.net.split_at(size);
         let slack = line.slack;
         let (box1, box2) = (net::range(d1), net::range(d2));
@@ -89,8 +100,13 @@ fn subdivide(scratch: &mut Scratch, target: &Target<'_>, degrees: Degrees) {
                 let room = ((rect.u.1 - rect.u.0), (rect.v.1 - rect.v.0));
                 scratch.roots.extend(polish(piece, line, near, room));
             }
+            Verdict::Split if is_along && follow(scratch, degrees, jacobian, slack, rect) => {}
             Verdict::Split => split(scratch, rect, degrees),
         }
+    }
+    if is_along {
+        let Scratch { arcs, roots, .. } = &mut *scratch;
+        arcs.finish(roots);
     }
     scratch.cells += u64::from(visited);
 }
@@ -290,27 +306,23 @@ fn both(g1: &[f64], g2: &[f64], degrees: Degrees, x: f64, y: f64) -> ([f64; 3], 
     )
 }
 
-/// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
-/// seen from its edge.
+/// The nets of distances from planes that are turned so that the first lies along the larger derivative;
+/// `None` where there is none.
 #[inline(always)]
-fn examine_flat(
-    spare: &mut [f64],
+fn turned<'s>(
+    spare: &'s mut [f64],
     net: &[f64],
     degrees: Degrees,
     [d1u, d1v, d2u, d2v]: [f64; 4],
-    slack: f64,
-    rect: Rect,
-    roots: &mut Vec<Root>,
-) -> Verdict {
+) -> Option<[&'s [f64]; 2]> {
     let size = degrees.len();
     let (d1, d2) = net.split_at(size);
-    // Turn the planes so that the first lies along the common derivative.
     let (du, dv) = ((d1u, d2u), (d1v, d2v));
     let square = |(a, b): (f64, f64)| a * a + b * b;
     let along = if square(du) >= square(dv) { du } else { dv };
     let length = square(along).sqrt();
     if length <= f64::MIN_POSITIVE {
-        return Verdict::Split;
+        return None;
     }
     let (c, s) = (along.0 / length, along.1 / length);
     let (across, lengthwise) = spare.split_at_mut(size);
@@ -319,6 +331,44 @@ fn examine_flat(
     {
         (*across, *lengthwise) = (c * d2 - s * d1, c * d1 + s * d2);
     }
+    Some([lengthwise, across])
+}
+
+/// Follows the arc in a cell, if it holds a single one.
+#[inline(never)]
+fn follow(
+    scratch: &mut Scratch,
+    degrees: Degrees,
+    jacobian: [f64; 4],
+    slack: f64,
+    rect: Rect,
+) -> bool {
+    let Scratch {
+        net,
+        spare,
+        roots,
+        arcs,
+        ..
+    } = scratch;
+    let planes = turned(spare, net, degrees, jacobian);
+    planes.is_some_and(|planes| arcs.follow(planes, degrees, 4.0 * slack, rect, roots))
+}
+
+/// A cell on which both derivatives are parallel: the ray is tangential, or the piece is
+/// seen from its edge.
+#[inline(always)]
+fn examine_flat(
+    spare: &mut [f64],
+    net: &[f64],
+    degrees: Degrees,
+    jacobian: [f64; 4],
+    slack: f64,
+    rect: Rect,
+    roots: &mut Vec<Root>,
+) -> Verdict {
+    let Some([lengthwise, across]) = turned(spare, net, degrees, jacobian) else {
+        return Verdict::Split;
+    };
     let (min, max) = net::range(across);
     let slack = 2.0 * slack;
     if excludes((min, max), slack) || excludes(net::range(lengthwise), slack) {

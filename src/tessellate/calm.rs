@@ -1,17 +1,23 @@
-//! Surfaces with knots almost on each other. Between two of these derivatives change as fast as they are near, so that
-//! what is known of triangles there is of no use; but the surface hardly moves where both become one.
+//! Surfaces with knots almost on each other, or poles that are almost one point.
+//!
+//! Between two such knots derivatives change as fast as they are near, so that what is known of triangles
+//! there is of no use; at a pole written with few digits normals point anywhere. But the surface hardly
+//! moves where both become one.
 
 use glam::{DVec3, DVec4};
-use kernel::{KnotVector, Patch, Surface};
+use kernel::{Aabb, KnotVector, Patch, Surface};
 
 /// Knots no farther from each other than this share of the spans beside them are almost one.
 const CLOSE: f64 = 1e-3;
 
-/// Share of the tolerance by which a surface may move when its knots become one.
+/// Share of the tolerance by which a surface may move when its knots or poles become one.
 const MOVED: f64 = 0.01;
 
-/// A patch whose knots that are almost one are one, and how far its surface is from the true one at most; `None` if
-/// it has no such knots, or its surface would move too far for a tolerance.
+/// A border no longer than this share of the row of control points beside it is almost a pole.
+const POLE: f64 = 1e-3;
+
+/// A patch whose knots and poles that are almost one are one, and how far its surface is from the true one at most;
+/// `None` if it has no such, or its surface would move too far for a tolerance.
 pub(super) fn calmed(patch: &Patch, tolerance: f64) -> Option<(Patch, f64)> {
     let surface = &patch.surface;
     let (knots_u, knots_v) = (merged(surface.knots_u()), merged(surface.knots_v()));
@@ -25,7 +31,15 @@ pub(super) fn calmed(patch: &Patch, tolerance: f64) -> Option<(Patch, f64)> {
         let (with, way) = with_knots(&turned, knots)?;
         (calm, moved) = (Some(with.transposed()), moved + way);
     }
-    let surface = calm.filter(|_| moved <= MOVED * tolerance)?;
+    let most = MOVED * tolerance;
+    if let Some((with, way)) = with_poles(calm.as_ref().unwrap_or(surface), most) {
+        (calm, moved) = (Some(with), moved + way);
+    }
+    let turned = calm.as_ref().unwrap_or(surface).transposed();
+    if let Some((with, way)) = with_poles(&turned, most) {
+        (calm, moved) = (Some(with.transposed()), moved + way);
+    }
+    let surface = calm.filter(|_| moved <= most)?;
     let patch = Patch {
         surface,
         ..patch.clone()
@@ -73,6 +87,36 @@ fn with_knots(surface: &Surface, knots: KnotVector) -> Option<(Surface, f64)> {
         least = least.min(w);
     }
     Some((new, (off + 0.5 * hull.diagonal() * uneven) / least))
+}
+
+/// The surface with points for the ends of its domain along u that are almost points, and how far it is from the old
+/// one at most; `None` if there are no such ends, or they are longer than `most`.
+fn with_poles(surface: &Surface, most: f64) -> Option<(Surface, f64)> {
+    let (knots_u, knots_v) = (surface.knots_u(), surface.knots_v());
+    let (rows, columns) = (knots_u.count(), knots_v.count());
+    let list = knots_u.as_slice();
+    let order = knots_u.degree() + 1;
+    // Only there do control points lie on the border.
+    let is_clamped = |end: &[f64]| end.iter().all(|t| t.to_bits() == end[0].to_bits());
+    let mut points: Vec<DVec3> = surface.points().collect();
+    let weights: Vec<f64> = surface.weights().collect();
+    let mut moved = 0.0_f64;
+    for (row, beside, end) in [
+        (0, 1, &list[..order]),
+        (rows - 1, rows - 2, &list[list.len() - order..]),
+    ] {
+        let size = |points: &[DVec3]| Aabb::around(points.iter().copied()).diagonal();
+        let width = size(&points[beside * columns..][..columns]);
+        let border = &mut points[row * columns..][..columns];
+        let length = size(border);
+        if is_clamped(end) && length > 0.0 && length <= most && length <= POLE * width {
+            let middle = Aabb::around(border.iter().copied()).center();
+            border.fill(middle);
+            moved += length;
+        }
+    }
+    let new = Surface::new(knots_u.clone(), knots_v.clone(), &points, Some(&weights));
+    new.ok().filter(|_| moved > 0.0).map(|new| (new, moved))
 }
 
 /// The knots that are in `other` and not in `own`, as often as that is so.
@@ -125,6 +169,47 @@ mod tests {
             assert!(calmed(&patch, moved).is_none());
         }
         assert!(calmed(&bent(0.1).into(), 1.0).is_none());
+    }
+
+    /// A cone about z with its tip at 1, of which every other control point is so far below.
+    fn cone(below: f64) -> Surface {
+        let around = vec![0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0];
+        let half = 0.5_f64.sqrt();
+        let place = |k: u32| {
+            let (turn, up) = (f64::from(k % 9).to_radians() * 45.0, f64::from(k / 9));
+            let is_corner = k % 9 % 2 == 1;
+            let size = if is_corner { half.recip() } else { 1.0 } * (1.0 - up);
+            let down = if is_corner { below * up } else { 0.0 };
+            let point = DVec3::new(turn.cos() * size, turn.sin() * size, up - down);
+            (point, if is_corner { half } else { 1.0 })
+        };
+        let (points, weights): (Vec<_>, Vec<_>) = (0..18).map(place).unzip();
+        let along = KnotVector::bezier(1, 0.0..1.0).unwrap();
+        let around = KnotVector::new(2, around).unwrap();
+        Surface::new(along, around, &points, Some(&weights)).unwrap()
+    }
+
+    #[test]
+    fn poles_of_few_digits_are_as_good_as_others() {
+        let triangles = |below: f64| {
+            let scene = scene(vec![cone(below).into()]);
+            let made = tessellate(&scene, &TessellateOptions::default()).unwrap();
+            let face = made.faces[0].as_ref().unwrap();
+            assert!(face.proven <= face.tolerance && face.unproven == 0);
+            for ((point, normal), uv) in (face.mesh.positions().iter())
+                .zip(face.mesh.normals())
+                .zip(&face.parameters)
+            {
+                assert!(cone(below).evaluate(*uv).distance(*point) <= face.proven);
+                // All lines of a cone are as steep.
+                assert!((normal.z.abs() - 0.5_f64.sqrt()).abs() < 1e-5, "{normal}");
+            }
+            face.mesh.triangles().len()
+        };
+        let exact = triangles(0.0);
+        for below in [1e-9, 1e-7, 1e-6, 3e-6] {
+            assert_eq!(triangles(below), exact, "{below}");
+        }
     }
 
     #[test]

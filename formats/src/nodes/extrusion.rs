@@ -31,7 +31,7 @@ impl Converter<'_> {
         if spine.is_empty() {
             spine = vec![DVec3::ZERO, DVec3::Y];
         }
-        self.count_points(section.len().saturating_mul(spine.len()), node)?;
+        self.count_product([section.len(), spine.len()], node)?;
         let mut scales = node.points_2d("scale", &mut self.warnings);
         if scales.is_empty() {
             scales.push(DVec2::ONE);

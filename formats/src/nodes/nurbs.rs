@@ -103,7 +103,7 @@ impl<'a> Converter<'a> {
 
     /// Counts the control points of a surface that these curves make.
     fn count_net(&mut self, u: &KnotVector, v: &KnotVector, node: &Node) -> Result<(), Error> {
-        self.count_points(u.count().saturating_mul(v.count()), node)
+        self.count_product([u.count(), v.count()], node)
     }
 
     /// A `NurbsSweptSurface`: the section is carried as an `Extrusion` carries it along ever

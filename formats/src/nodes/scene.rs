@@ -477,10 +477,24 @@ impl<'a> Converter<'a> {
         Err(Error {
             format: self.tree.format,
             place: node.place(),
-            problem: Problem::TooLarge(format!("more than {limit} control points")),
+            problem: Problem::TooLarge(format!(
+                "more than {limit} control points; products of two lists count {PRODUCT} times"
+            )),
         })
     }
+
+    /// Counts the control points that two lists give together, which are far more than their text.
+    ///
+    /// # Errors
+    /// If they pass the limit.
+    pub(super) fn count_product(&mut self, counts: [usize; 2], node: &Node) -> Result<(), Error> {
+        let count = counts[0].saturating_mul(counts[1]);
+        self.count_points(count.saturating_mul(PRODUCT), node)
+    }
 }
+
+/// For how many control points one counts that two lists give together.
+const PRODUCT: usize = 16;
 
 /// The map of a Transform: `T C R SR S SR^-1 C^-1`.
 pub(super) fn transform(node: &Node, warnings: &mut Warnings) -> DAffine3 {

@@ -15,8 +15,7 @@ mod materials;
 
 use super::FORMAT;
 use crate::write::{
-    Export, Writer, bounding_loops_or_all, has_weights, push_number, tell_clear_vertices,
-    tell_voids, turn,
+    Export, Writer, has_weights, lost_patches, push_number, tell_clear_vertices, tell_voids, turn,
 };
 use crate::{Error, Place, Warnings};
 
@@ -42,7 +41,8 @@ fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let turn = DAffine3::from_mat3(turn(scene.up, UpAxis::Y));
     let mut state = (String::new(), None);
     let mut surfaces = HashMap::new();
-    for placement in &placements {
+    let lost = lost_patches(scene, &mut writer.warnings);
+    for placement in placements.iter().filter(|p| !lost.contains(&p.shape)) {
         let own = match placement.shape {
             Shape::Patch(id) => &scene.patch(id).name,
             Shape::Mesh(id) => &scene.mesh(id).name,
@@ -229,11 +229,10 @@ impl Text {
     /// A surface with its loops.
     fn patch(&mut self, patch: &Patch, texture: Option<&[DVec2]>, world: &DAffine3) {
         let mut loops = Vec::new();
-        let trims = bounding_loops_or_all(patch);
-        for nest in nesting(&trims, patch.surface.periods()) {
-            loops.push(("trim", self.curves(&trims[nest.outer])));
+        for nest in nesting(&patch.loops, patch.surface.periods()) {
+            loops.push(("trim", self.curves(&patch.loops[nest.outer])));
             for hole in nest.holes {
-                loops.push(("hole", self.curves(&trims[hole])));
+                loops.push(("hole", self.curves(&patch.loops[hole])));
             }
         }
         let surface = patch.surface.transformed(world);

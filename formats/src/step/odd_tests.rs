@@ -108,3 +108,15 @@ fn solids_of_several_types_and_looks_of_representations() {
     let (_, warnings) = read(&product("#10,#22", &format!("{AXES}{disk}")));
     assert_eq!(warnings, [""; 0]);
 }
+
+#[test]
+fn curves_may_be_hidden() {
+    let curves = "#40=CIRCLE('',#10,1.);#41=CIRCLE('',#10,2.);#42=GEOMETRIC_CURVE_SET('',(#40,#41));\
+                  #50=COLOUR_RGB('',1.,0.,0.);#51=CURVE_STYLE('',$,$,#50);\
+                  #52=PRESENTATION_STYLE_ASSIGNMENT((#51));#53=STYLED_ITEM('',(#52),#40);";
+    let shown = |more: &str| {
+        let (scene, _) = read(&product("#10,#42", &format!("{AXES}{curves}{more}")));
+        scene.wire_placements().len()
+    };
+    assert_eq!((shown(""), shown("#54=INVISIBILITY((#53));")), (2, 1));
+}

@@ -233,6 +233,7 @@ impl<'a> Translator<'a> {
     pub(super) fn curve(&mut self, curve: &Curve<DVec3>, id: u64) -> i64 {
         let look = Look {
             color: self.color(self.styles.of_curve(id)),
+            blanked: self.styles.is_hidden(id),
             ..self.look(id)
         };
         self.draft.add_curve(curve, &look)

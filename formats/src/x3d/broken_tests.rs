@@ -241,7 +241,9 @@ fn points_of_swung_and_swept_surfaces_count() {
         };
         let text = file(&format!("<Shape>{geometry}</Shape>"));
         let problem = read_with(&limits, &text).unwrap_err().to_string();
-        let expected = format!("Surface: more than {most} control points");
+        let expected = format!(
+            "Surface: more than {most} control points; products of two lists count 16 times"
+        );
         assert!(problem.ends_with(&expected), "{problem}");
         assert!(read_with(&Limits::default(), &text).is_ok());
     }

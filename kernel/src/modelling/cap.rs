@@ -169,22 +169,31 @@ impl Rim {
             .collect();
         let rise = slopes.iter().map(|s| s.dot(self.outwards)).sum::<f64>() / slopes.len() as f64;
         let top = self.middle + self.outwards * height;
-        let mut net = Vec::new();
-        for (rim, slope) in self.points.iter().zip(slopes) {
-            let up = if rise > 0.0 {
-                slope / rise
+        let level = |way: DVec3| way - self.outwards * way.dot(self.outwards);
+        let rows: Vec<[DVec3; 3]> = (self.points.iter().zip(slopes))
+            .map(|(rim, slope)| {
+                let up = if rise > 0.0 {
+                    slope / rise
+                } else {
+                    self.outwards
+                };
+                [*rim, level(rim - self.middle), up]
+            })
+            .collect();
+        // Walls that lean inwards go on as far as the next row is outside of the one after it.
+        let room = rows.iter().map(|[_, across, up]| {
+            let inwards = -level(*up).dot(*across);
+            if inwards > 0.0 {
+                (1.0 - QUARTER) * across.length_squared() / inwards
             } else {
-                self.outwards
-            };
-            let across = rim - self.middle;
-            let level = across - self.outwards * across.dot(self.outwards);
-            net.extend([
-                *rim,
-                *rim + up * (height * QUARTER),
-                top + level * QUARTER,
-                top,
-            ]);
-        }
+                f64::INFINITY
+            }
+        });
+        let step = room.fold(height * QUARTER, f64::min);
+        let net: Vec<DVec3> = rows
+            .iter()
+            .flat_map(|[rim, across, up]| [*rim, rim + up * step, top + across * QUARTER, top])
+            .collect();
         let knots_v = KnotVector::bezier(3, 0.0..1.0)?;
         let surface = Surface::new(self.curve.knots().clone(), knots_v, &net, None)?;
         Ok(surface.into())
@@ -250,6 +259,35 @@ mod tests {
             assert!(side.point.distance(dome.point) < 1e-13);
             let [a, b] = [side, dome].map(|d| d.du.cross(d.dv).normalize());
             assert!(a.distance(b) < 1e-10);
+        }
+    }
+
+    #[test]
+    fn domes_over_walls_that_lean_inwards_keep_to_their_side() {
+        // A cone up to a tenth of its radius.
+        let ring = |radius: f64, z: f64| {
+            let point = |j: u32| DVec2::from_angle(TAU * f64::from(j) / 48.0) * radius;
+            (0..48).map(|j| point(j).extend(z)).collect()
+        };
+        let strips = loft(&[ring(1.0, 0.0), ring(0.1, 1.0)]).unwrap();
+        for height in [0.02, 0.1, 1.0, 1e3] {
+            let dome = cap(&strips[0], TubeEnd::End, Cap::Rounded { height }).unwrap();
+            for k in 0..100 {
+                let (u, v) = (f64::from(k % 10) / 10.0, f64::from(k / 10) / 10.0);
+                let start = dome.surface.evaluate(DVec2::new(u, 0.0));
+                let found = dome.surface.evaluate(DVec2::new(u, v));
+                assert!(
+                    found.truncate().dot(start.truncate()) > 0.0,
+                    "{height} {u} {v}"
+                );
+                let before = dome.surface.evaluate(DVec2::new(u, (v - 0.05).max(0.0)));
+                assert!(found.z >= before.z, "{height} {u} {v}");
+            }
+            // It begins along the wall.
+            let d = dome.surface.derivatives(DVec2::new(0.3, 0.0));
+            let radial = d.point.truncate().normalize();
+            let lean = d.dv.truncate().dot(radial) / d.dv.z;
+            assert!((lean + 0.9).abs() < 1e-2, "{lean}");
         }
     }
 

@@ -246,6 +246,12 @@ impl<'a> Tree<'a> {
             let text = "its loops leave nothing of the surface; it is left out";
             self.warnings.unsupported(place, text);
         }
+        if !patch.loops.is_empty() && patch.has_crossing_loops() {
+            let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
+            let text = "its loops cross: IGES knows outer loops and holes that do not, so that other parts \
+                        of the surface may be shown";
+            self.warnings.unsupported(place, text);
+        }
         self.finish(&faces, color, status, &patch.name);
         Ok(faces)
     }

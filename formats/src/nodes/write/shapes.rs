@@ -7,7 +7,7 @@ use super::Dialect;
 use super::look::srgb;
 use super::spell::{Out, Value};
 use super::tree::Tree;
-use crate::write::{bounding_loops_or_all, has_weights};
+use crate::write::has_weights;
 
 impl Tree<'_> {
     /// A surface, and its type.
@@ -27,8 +27,7 @@ impl Tree<'_> {
         } else {
             self.net(&mut out, patch);
         }
-        let loops = bounding_loops_or_all(patch);
-        for trim in oriented(&loops, patch.surface.periods()) {
+        for trim in oriented(&patch.loops, patch.surface.periods()) {
             let mut contour = Out::new("Contour2D");
             for segment in trim.segments() {
                 contour.child("children", curve(segment));

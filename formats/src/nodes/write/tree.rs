@@ -1,6 +1,6 @@
 //! The tree of nodes, with every node written once and used where it stands again.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use kernel::{Child, Item, Material, MaterialId, Node, NodeId, Scene, Shape, UpAxis};
@@ -8,7 +8,7 @@ use kernel::{Child, Item, Material, MaterialId, Node, NodeId, Scene, Shape, UpAx
 use super::Dialect;
 use super::look::UNLIT;
 use super::spell::{Out, Value, identifier};
-use crate::write::{Distinct, NESTING, Uses, outermost, turn};
+use crate::write::{Distinct, NESTING, Uses, lost_patches, outermost, turn};
 use crate::{Place, Problem, Warnings};
 
 /// A scene that is being written.
@@ -20,6 +20,8 @@ pub(super) struct Tree<'a> {
     /// Whether there is a material that only X3D 4.0 has.
     pub(super) is_physical: bool,
     pub(super) uses: Uses,
+    /// Surfaces of which nothing is left.
+    lost: HashSet<Shape>,
     /// Lights that shine in a group only, until it is written.
     pub(super) lamps: HashMap<NodeId, Vec<Out>>,
     names: Distinct,
@@ -51,12 +53,14 @@ pub(in super::super) const NAME: &str = "name";
 
 impl<'a> Tree<'a> {
     pub(super) fn new(scene: &'a Scene, dialect: Dialect) -> Self {
+        let mut warnings = Warnings::default();
         Self {
             scene,
             dialect,
-            warnings: Warnings::default(),
             is_physical: false,
             uses: Uses::of(scene),
+            lost: lost_patches(scene, &mut warnings),
+            warnings,
             lamps: HashMap::new(),
             names: Distinct::default(),
             nodes: HashMap::new(),
@@ -111,6 +115,7 @@ impl<'a> Tree<'a> {
 
     fn child(&mut self, child: &Child, depth: usize) -> Result<Option<Out>, Problem> {
         match child {
+            Child::Item(item) if self.lost.contains(&item.shape) => Ok(None),
             Child::Item(item) => Ok(Some(self.item(item))),
             Child::Node(id) => self.node(*id, &self.scene.node(*id).parent_from_node, depth),
         }
