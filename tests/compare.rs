@@ -215,6 +215,42 @@ fn what_is_wrong_with_a_mesh_is_named() {
     }
 }
 
+/// A file with a square whose sides are ten.
+fn square() -> String {
+    let row = |y: f64| [[0.0, y, 0.0], [10.0, y, 0.0]];
+    format!(
+        "#X3D V3.3 utf8\nPROFILE Full\n{}",
+        surface(&[row(0.0), row(10.0)])
+    )
+}
+
+#[test]
+fn what_cannot_be_measured_is_null() {
+    let place = Place::new();
+    fs::write(place.path("square.x3dv"), square()).unwrap();
+    let empty = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{}] }"#;
+    fs::write(place.path("empty.gltf"), empty).unwrap();
+    let beside = "v 90 0 0\nv 91 0 0\nv 90 1 0\nf 1 2 3\n";
+    fs::write(place.path("beside.obj"), beside).unwrap();
+    let found = report(&place, "square.x3dv empty.gltf beside.obj");
+    let [empty, beside] = [0, 1].map(|k| &found["meshes"][k]);
+    assert_eq!(kinds(empty), ["empty mesh"]);
+    for key in ["distance", "flat_normals_deg", "smooth_normals_deg"] {
+        for value in ["mean", "rms", "p95", "max"] {
+            assert!(empty[key][value].is_null(), "{empty}");
+            assert!(beside[key][value].is_number(), "{beside}");
+        }
+    }
+    assert!(empty["mesh_to_surface"]["found"].is_null(), "{empty}");
+    for key in ["depth_max", "depth_p99", "position_max", "position_p99"] {
+        assert!(empty[key].is_null() && beside[key].is_null(), "{key}");
+    }
+    let summary = fs::read_to_string(place.path("report/summary.md")).unwrap();
+    for words in ["nothing to measure", "no pixel shows both"] {
+        assert!(summary.contains(words), "{summary}");
+    }
+}
+
 /// A surface in a text of X3D, with rows of two control points.
 fn surface(rows: &[[[f64; 3]; 2]]) -> String {
     let order = rows.len();

@@ -32,7 +32,7 @@ pub(crate) struct Sample {
 }
 
 /// Means over an area.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
     /// The mean.
     pub mean: f64,
@@ -130,11 +130,11 @@ fn sample_one(
     })
 }
 
-/// The means of a value over the areas of samples.
-pub(crate) fn statistics(samples: &[Sample], value: impl Fn(&Sample) -> f64) -> Statistics {
+/// The means of a value over the areas of samples; `None` without an area.
+pub(crate) fn statistics(samples: &[Sample], value: impl Fn(&Sample) -> f64) -> Option<Statistics> {
     let total: f64 = samples.iter().map(|s| s.area).sum();
     if total <= 0.0 {
-        return Statistics::default();
+        return None;
     }
     let mean = |power: i32| {
         let sum: f64 = samples.iter().map(|s| value(s).powi(power) * s.area).sum();
@@ -148,10 +148,10 @@ pub(crate) fn statistics(samples: &[Sample], value: impl Fn(&Sample) -> f64) -> 
         below >= 0.95 * total
     });
     let max = order.last().map_or(0.0, |last| last.0);
-    Statistics {
+    Some(Statistics {
         mean: mean(1),
         rms: mean(2).sqrt(),
         p95: reached.map_or(max, |r| r.0),
         max,
-    }
+    })
 }
