@@ -251,6 +251,36 @@ fn what_cannot_be_measured_is_null() {
     }
 }
 
+#[test]
+fn a_small_part_elsewhere_does_not_hide_other_faults() {
+    let place = Place::new();
+    fs::write(place.path("square.x3dv"), square()).unwrap();
+    let points = "v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 0\n";
+    let small = "v 0 0 5\nv 1 0 5\nv 0 1 5\nf 5 6 7\n";
+    let extra = format!("{points}{small}f 1 2 3 4\n");
+    let halved = format!("{points}{small}f 1 2 3\n");
+    let corner = points.replace("v 0 10 0", "v 0 10 1") + "f 1 2 3\nf 1 3 4\n";
+    let above = "v 0 0 3\nv 10 0 4\nv 10 10 3\nv 0 10 4\nf 1 2 3\nf 1 3 4\n".to_owned();
+    let mut line = String::from("square.x3dv");
+    for (name, text) in [
+        ("extra", extra),
+        ("halved", halved),
+        ("corner", corner),
+        ("above", above),
+    ] {
+        fs::write(place.path(&format!("{name}.obj")), text).unwrap();
+        write!(line, " {name}.obj").unwrap();
+    }
+    let found = report(&place, &line);
+    assert_eq!(kinds(&found["meshes"][0]), ["extra geometry"]);
+    assert_eq!(
+        kinds(&found["meshes"][1]),
+        ["missing patch", "extra geometry"]
+    );
+    assert!(kinds(&found["meshes"][2]).is_empty(), "{found}");
+    assert_eq!(kinds(&found["meshes"][3]), ["elsewhere"]);
+}
+
 /// A surface in a text of X3D, with rows of two control points.
 fn surface(rows: &[[[f64; 3]; 2]]) -> String {
     let order = rows.len();

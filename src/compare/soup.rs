@@ -125,6 +125,22 @@ impl Soup {
         0.5 * (b - a).cross(c - a).length()
     }
 
+    /// Corners of triangles, as many in every part of the mesh as it has of the area.
+    pub(crate) fn corners_by_area(&self, count: usize) -> Vec<DVec3> {
+        let mut sum = 0.0;
+        let areas = (0..self.triangles.len()).map(|k| {
+            sum += self.area(k);
+            sum
+        });
+        let areas: Vec<f64> = areas.collect();
+        let corner = |k: usize| {
+            let place = (k as f64 + 0.5) / count as f64 * sum;
+            let triangle = areas.partition_point(|up_to| *up_to < place);
+            self.corners(triangle.min(areas.len() - 1))[k % 3]
+        };
+        (0..count).map(corner).collect()
+    }
+
     /// The least box around the triangles.
     pub(crate) fn bounds(&self) -> Aabb {
         self.tree.bounds()
