@@ -281,6 +281,38 @@ fn a_small_part_elsewhere_does_not_hide_other_faults() {
     assert_eq!(kinds(&found["meshes"][3]), ["elsewhere"]);
 }
 
+#[test]
+fn triangles_that_look_inwards_are_counted_beside_others() {
+    let place = Place::new();
+    let sphere = "#X3D V3.3 utf8\nPROFILE Full\nShape { geometry Sphere {} }\n";
+    fs::write(place.path("sphere.x3dv"), sphere).unwrap();
+    let made = "convert sphere.x3dv -o sphere.obj --triangles --tolerance 0.5%";
+    assert_eq!(place.run(made).code, Some(0));
+    let obj = fs::read_to_string(place.path("sphere.obj")).unwrap();
+    // Every third one is turned over.
+    let mut number = 0;
+    let turned = obj.lines().map(|line| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["f", a, b, c] => {
+                number += 1;
+                let [b, c] = if number % 3 == 0 { [c, b] } else { [b, c] };
+                format!("f {a} {b} {c}\n")
+            }
+            _ => format!("{line}\n"),
+        }
+    });
+    fs::write(place.path("turned.obj"), turned.collect::<String>()).unwrap();
+    let found = report(&place, "sphere.x3dv turned.obj");
+    let fault = &found["meshes"][0]["faults"][0];
+    assert_eq!(fault["kind"], "inside out");
+    let text = fault["text"].as_str().unwrap();
+    let told = ["32 %", "33 %", "34 %"]
+        .iter()
+        .any(|share| text.contains(share));
+    assert!(told, "{text}");
+}
+
 /// A surface in a text of X3D, with rows of two control points.
 fn surface(rows: &[[[f64; 3]; 2]]) -> String {
     let order = rows.len();

@@ -14,6 +14,9 @@ const POINTS: f64 = 60_000.0;
 /// Points on one triangle, at most.
 const MOST: f64 = 4096.0;
 
+/// A line this far beyond a side of a triangle still meets it, as a share of its area.
+const ON_SIDE: f64 = 1e-9;
+
 /// A point of the surface and what of the mesh is there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
@@ -109,12 +112,14 @@ fn sample_one(
     let angle = |other: DVec3| normal.dot(other).abs().min(1.0).acos();
     let outwards = |inwards: bool| {
         let out = if inwards { -normal } else { normal };
-        // Where bodies touch, the triangles of both are there, back to back.
+        // Where bodies touch, the triangles of both are there, back to back; those beside it are
+        // not enough.
         let mut any = out.dot(flat) > 0.0;
         if !any {
             soup.tree.within(point, strays, |other| {
-                let other = soup.flat_normal(other.triangle as usize);
-                any |= out.dot(other) > FRAC_1_SQRT_2;
+                let number = other.triangle as usize;
+                let faces = out.dot(soup.flat_normal(number)) > FRAC_1_SQRT_2;
+                any |= faces && is_met(soup.corners(number), point, out);
             });
         }
         any
@@ -128,6 +133,15 @@ fn sample_one(
         smooth: angle(smooth),
         outwards: own.inwards.map(outwards),
     })
+}
+
+/// Whether the line through `point` along `way` meets a triangle that looks that way.
+fn is_met(corners: [DVec3; 3], point: DVec3, way: DVec3) -> bool {
+    let [a, b, c] = corners.map(|corner| corner - point);
+    // Volumes beside the line, which have the sign of their sum inside.
+    let parts = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.dot(way));
+    let sum: f64 = parts.iter().sum();
+    parts.iter().all(|part| *part >= -ON_SIDE * sum)
 }
 
 /// The means of a value over the areas of samples; `None` without an area.
