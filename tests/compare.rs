@@ -215,6 +215,104 @@ fn what_is_wrong_with_a_mesh_is_named() {
     }
 }
 
+/// A file with a square whose sides are ten.
+fn square() -> String {
+    let row = |y: f64| [[0.0, y, 0.0], [10.0, y, 0.0]];
+    format!(
+        "#X3D V3.3 utf8\nPROFILE Full\n{}",
+        surface(&[row(0.0), row(10.0)])
+    )
+}
+
+#[test]
+fn what_cannot_be_measured_is_null() {
+    let place = Place::new();
+    fs::write(place.path("square.x3dv"), square()).unwrap();
+    let empty = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{}] }"#;
+    fs::write(place.path("empty.gltf"), empty).unwrap();
+    let beside = "v 90 0 0\nv 91 0 0\nv 90 1 0\nf 1 2 3\n";
+    fs::write(place.path("beside.obj"), beside).unwrap();
+    let found = report(&place, "square.x3dv empty.gltf beside.obj");
+    let [empty, beside] = [0, 1].map(|k| &found["meshes"][k]);
+    assert_eq!(kinds(empty), ["empty mesh"]);
+    for key in ["distance", "flat_normals_deg", "smooth_normals_deg"] {
+        for value in ["mean", "rms", "p95", "max"] {
+            assert!(empty[key][value].is_null(), "{empty}");
+            assert!(beside[key][value].is_number(), "{beside}");
+        }
+    }
+    assert!(empty["mesh_to_surface"]["found"].is_null(), "{empty}");
+    for key in ["depth_max", "depth_p99", "position_max", "position_p99"] {
+        assert!(empty[key].is_null() && beside[key].is_null(), "{key}");
+    }
+    let summary = fs::read_to_string(place.path("report/summary.md")).unwrap();
+    for words in ["nothing to measure", "no pixel shows both"] {
+        assert!(summary.contains(words), "{summary}");
+    }
+}
+
+#[test]
+fn a_small_part_elsewhere_does_not_hide_other_faults() {
+    let place = Place::new();
+    fs::write(place.path("square.x3dv"), square()).unwrap();
+    let points = "v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 0\n";
+    let small = "v 0 0 5\nv 1 0 5\nv 0 1 5\nf 5 6 7\n";
+    let extra = format!("{points}{small}f 1 2 3 4\n");
+    let halved = format!("{points}{small}f 1 2 3\n");
+    let corner = points.replace("v 0 10 0", "v 0 10 1") + "f 1 2 3\nf 1 3 4\n";
+    let above = "v 0 0 3\nv 10 0 4\nv 10 10 3\nv 0 10 4\nf 1 2 3\nf 1 3 4\n".to_owned();
+    let mut line = String::from("square.x3dv");
+    for (name, text) in [
+        ("extra", extra),
+        ("halved", halved),
+        ("corner", corner),
+        ("above", above),
+    ] {
+        fs::write(place.path(&format!("{name}.obj")), text).unwrap();
+        write!(line, " {name}.obj").unwrap();
+    }
+    let found = report(&place, &line);
+    assert_eq!(kinds(&found["meshes"][0]), ["extra geometry"]);
+    assert_eq!(
+        kinds(&found["meshes"][1]),
+        ["missing patch", "extra geometry"]
+    );
+    assert!(kinds(&found["meshes"][2]).is_empty(), "{found}");
+    assert_eq!(kinds(&found["meshes"][3]), ["elsewhere"]);
+}
+
+#[test]
+fn triangles_that_look_inwards_are_counted_beside_others() {
+    let place = Place::new();
+    let sphere = "#X3D V3.3 utf8\nPROFILE Full\nShape { geometry Sphere {} }\n";
+    fs::write(place.path("sphere.x3dv"), sphere).unwrap();
+    let made = "convert sphere.x3dv -o sphere.obj --triangles --tolerance 0.5%";
+    assert_eq!(place.run(made).code, Some(0));
+    let obj = fs::read_to_string(place.path("sphere.obj")).unwrap();
+    // Every third one is turned over.
+    let mut number = 0;
+    let turned = obj.lines().map(|line| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["f", a, b, c] => {
+                number += 1;
+                let [b, c] = if number % 3 == 0 { [c, b] } else { [b, c] };
+                format!("f {a} {b} {c}\n")
+            }
+            _ => format!("{line}\n"),
+        }
+    });
+    fs::write(place.path("turned.obj"), turned.collect::<String>()).unwrap();
+    let found = report(&place, "sphere.x3dv turned.obj");
+    let fault = &found["meshes"][0]["faults"][0];
+    assert_eq!(fault["kind"], "inside out");
+    let text = fault["text"].as_str().unwrap();
+    let told = ["32 %", "33 %", "34 %"]
+        .iter()
+        .any(|share| text.contains(share));
+    assert!(told, "{text}");
+}
+
 /// A surface in a text of X3D, with rows of two control points.
 fn surface(rows: &[[[f64; 3]; 2]]) -> String {
     let order = rows.len();

@@ -86,6 +86,8 @@ fn faces_without_triangles_are_named() {
         (report["shells"].as_u64(), report["closed_shells"].as_u64()),
         (Some(2), Some(1))
     );
+    let told = "speck.glb: warning: VRML SPECK line 3, ";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
     let told = "7 patches, 12 triangles, 1 of 2 shells closed, ";
     assert!(run.stderr.contains(told), "{}", run.stderr);
     // A file without any triangle has no buffer: it would be empty.

@@ -92,7 +92,7 @@ fn a_prism_in_a_cylinder_is_a_sagitta_away() {
         assert!((share.rem_euclid(1.0) - 0.5).abs() < 0.05, "{worst:?}");
         // The normals of a facet are right in its middle and wrong by half its angle at its ends.
         let most = 180.0 / f64::from(count);
-        let normals = found.flat_normals;
+        let normals = found.flat_normals.unwrap();
         assert!(normals.max <= most * 1.0001 && normals.max > 0.9 * most);
         assert!((normals.mean - 0.5 * most).abs() < 0.05 * most);
     }

@@ -303,7 +303,7 @@ fn write(
     let (mut export, report) = export(scene, *target, path, &args.mesh, origin)
         .map_err(|error| error.context(input::display(source)))?;
     import.tell_unwritten(&mut export.warnings);
-    input::report_warnings(path, target.name(), &export.warnings);
+    input::report_warnings(path, import.format, &export.warnings);
     let outputs = outputs(path, &export);
     loaded.check_beside(source, &outputs)?;
     claims.claim(job.number, &outputs)?;

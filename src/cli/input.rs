@@ -345,8 +345,8 @@ pub(super) fn over_input(path: &Path) -> String {
     format!("{}: an input would be written over", path.display())
 }
 
-/// Prints the first warnings about a file, and how many more there are; `format` is what it
-/// was read or written as.
+/// Prints the first warnings about a file, and how many more there are; `format` is that of the
+/// file in which their places are: of what is written, the one that was read.
 pub(super) fn report_warnings(path: &Path, format: &str, warnings: &Warnings) {
     let warnings = warnings.as_slice();
     for warning in warnings.iter().take(WARNINGS_SHOWN) {

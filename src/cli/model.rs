@@ -398,7 +398,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         && let Some(write) = format.write
     {
         let export = write(&set);
-        input::report_warnings(path, format.name, &export.warnings);
+        input::report_warnings(path, set.format, &export.warnings);
         input::check_apart(&convert::outputs(path, &export), inputs)?;
         convert::store(path, &export)?;
         say!("{} -> {}", input::display(&source), path.display());
@@ -411,7 +411,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     input::report_warnings(&source, set.format, &modelled.warnings);
     let scene = &modelled.scene;
     let (export, _) = convert::export(scene, target, path, &args.mesh, &origin)?;
-    input::report_warnings(path, target.name(), &export.warnings);
+    input::report_warnings(path, set.format, &export.warnings);
     input::check_apart(&convert::outputs(path, &export), inputs)?;
     convert::store(path, &export)?;
     say!(

@@ -67,6 +67,9 @@ const TRIED: usize = 400;
 const NEAR: f64 = 0.01;
 const MOST: f64 = 0.9;
 
+/// A mesh that fits in no pose is elsewhere if more than this share of its area is not near.
+const ELSEWHERE: f64 = 0.5;
+
 /// Units that are mixed up: how many of the first make one of the second.
 const UNITS: &[(f64, &str, &str)] = &[
     (1000.0, "millimetres", "metres"),
@@ -141,24 +144,26 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
     let size = own.diagonal();
     let stride = soup.points.len().div_ceil(TRIED).max(1);
     let points: Vec<DVec3> = soup.points.iter().step_by(stride).copied().collect();
-    let is_near = |map: DAffine3| {
-        let near = |p: &&DVec3| {
+    let near = |points: &[DVec3], map: DAffine3| {
+        let is_near = |p: &&DVec3| {
             let foot = exact.nearest(map.transform_point3(**p));
             foot.is_some_and(|foot| foot.distance <= NEAR * size)
         };
-        points.par_iter().filter(near).count() as f64 >= MOST * points.len() as f64
+        points.par_iter().filter(is_near).count() as f64 / points.len() as f64
     };
     // A part of the body fits into it, too; the whole reaches as far.
     let reaches = |map: DAffine3| {
         let box_of = Aabb::around(points.iter().map(|p| map.transform_point3(*p)));
         box_of.diagonal() > 0.5 * size
     };
-    let fits = |map: DAffine3| reaches(map) && is_near(map);
-    // It may be a part.
-    let is_part = is_near(DAffine3::IDENTITY);
+    let fits = |map: DAffine3| reaches(map) && near(&points, map) >= MOST;
+    // It may be a part, or have more beside it.
+    let is_part = near(&points, DAffine3::IDENTITY) >= MOST;
     if is_part && reaches(DAffine3::IDENTITY) {
         return None;
     }
+    let stands =
+        is_part || near(&soup.corners_by_area(TRIED), DAffine3::IDENTITY) >= 1.0 - ELSEWHERE;
     let ratio = other.diagonal() / size;
     let units = UNITS.iter().flat_map(|&(factor, small, large)| {
         [
@@ -178,7 +183,7 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
             "scaled it fits"
         } else if fits(about_center) {
             "scaled and moved it fits"
-        } else if is_part {
+        } else if stands {
             continue;
         } else {
             "scaled it does not fit either"
@@ -194,7 +199,7 @@ pub(crate) fn pose(exact: &Exact<'_>, soup: &Soup) -> Option<Fault> {
             return fault(kind, text);
         }
     }
-    if is_part {
+    if stands {
         return None;
     }
     let text = format!(
@@ -366,13 +371,29 @@ fn missing(exact: &Exact<'_>, samples: &[Sample], coarse: f64) -> Vec<Fault> {
     found
 }
 
+/// The distance that the corners of half of the area of a mesh do not exceed.
+fn typical_of(soup: &Soup, feet: &[Foot]) -> f64 {
+    let each = soup.triangles.iter().enumerate().map(|(number, corners)| {
+        let distances = corners.map(|k| feet[k as usize].distance);
+        let most = distances[0].max(distances[1]).max(distances[2]);
+        (most, soup.area(number))
+    });
+    let mut each: Vec<(f64, f64)> = each.collect();
+    each.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut left = 0.5 * each.iter().map(|(_, area)| area).sum::<f64>();
+    let half = each.iter().find(|(_, area)| {
+        left -= area;
+        left <= 0.0
+    });
+    half.map_or(0.0, |(most, _)| *most)
+}
+
 /// Triangles that belong to no surface.
 fn extra(exact: &Exact<'_>, soup: &Soup, feet: &[Foot]) -> Vec<Fault> {
     if feet.len() != soup.points.len() {
         return Vec::new();
     }
-    let typical = BEYOND * median(feet.iter().map(|foot| foot.distance));
-    let far = typical.max(FAR * exact.bounds().diagonal());
+    let far = (BEYOND * typical_of(soup, feet)).max(FAR * exact.bounds().diagonal());
     let (parts, count) = soup.parts();
     // For every part: triangles, their area, the largest and the least distance of a corner.
     let mut sums = vec![(0_usize, 0.0_f64, 0.0_f64, f64::INFINITY, DVec3::ZERO); count];

@@ -43,12 +43,12 @@ pub struct Deviation {
     pub surface_to_mesh: Reach,
     /// From the triangles to the nearest points of the surfaces.
     pub mesh_to_surface: Reach,
-    /// Distances from the surfaces, over their area.
-    pub distance: Statistics,
+    /// Distances from the surfaces, over their area; `None` if there is nothing to measure.
+    pub distance: Option<Statistics>,
     /// Angles between the normals of surfaces and triangles, in degrees, over the area.
-    pub flat_normals: Statistics,
+    pub flat_normals: Option<Statistics>,
     /// The same with the normals that a renderer would use.
-    pub smooth_normals: Statistics,
+    pub smooth_normals: Option<Statistics>,
 }
 
 impl Deviation {
@@ -100,7 +100,7 @@ fn measure(
     };
     let size = exact.bounds().union(soup.bounds()).diagonal();
     let feet = deviation::feet(exact, soup);
-    let mesh_to_surface = if feet.len() == soup.points.len() {
+    let mesh_to_surface = if !feet.is_empty() && feet.len() == soup.points.len() {
         deviation::from_mesh(exact, soup, &feet, size, effort)
     } else {
         Reach::ENDLESS

@@ -14,6 +14,9 @@ const POINTS: f64 = 60_000.0;
 /// Points on one triangle, at most.
 const MOST: f64 = 4096.0;
 
+/// A line this far beyond a side of a triangle still meets it, as a share of its area.
+const ON_SIDE: f64 = 1e-9;
+
 /// A point of the surface and what of the mesh is there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
@@ -32,7 +35,7 @@ pub(crate) struct Sample {
 }
 
 /// Means over an area.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
     /// The mean.
     pub mean: f64,
@@ -109,12 +112,14 @@ fn sample_one(
     let angle = |other: DVec3| normal.dot(other).abs().min(1.0).acos();
     let outwards = |inwards: bool| {
         let out = if inwards { -normal } else { normal };
-        // Where bodies touch, the triangles of both are there, back to back.
+        // Where bodies touch, the triangles of both are there, back to back; those beside it are
+        // not enough.
         let mut any = out.dot(flat) > 0.0;
         if !any {
             soup.tree.within(point, strays, |other| {
-                let other = soup.flat_normal(other.triangle as usize);
-                any |= out.dot(other) > FRAC_1_SQRT_2;
+                let number = other.triangle as usize;
+                let faces = out.dot(soup.flat_normal(number)) > FRAC_1_SQRT_2;
+                any |= faces && is_met(soup.corners(number), point, out);
             });
         }
         any
@@ -130,11 +135,20 @@ fn sample_one(
     })
 }
 
-/// The means of a value over the areas of samples.
-pub(crate) fn statistics(samples: &[Sample], value: impl Fn(&Sample) -> f64) -> Statistics {
+/// Whether the line through `point` along `way` meets a triangle that looks that way.
+fn is_met(corners: [DVec3; 3], point: DVec3, way: DVec3) -> bool {
+    let [a, b, c] = corners.map(|corner| corner - point);
+    // Volumes beside the line, which have the sign of their sum inside.
+    let parts = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.dot(way));
+    let sum: f64 = parts.iter().sum();
+    parts.iter().all(|part| *part >= -ON_SIDE * sum)
+}
+
+/// The means of a value over the areas of samples; `None` without an area.
+pub(crate) fn statistics(samples: &[Sample], value: impl Fn(&Sample) -> f64) -> Option<Statistics> {
     let total: f64 = samples.iter().map(|s| s.area).sum();
     if total <= 0.0 {
-        return Statistics::default();
+        return None;
     }
     let mean = |power: i32| {
         let sum: f64 = samples.iter().map(|s| value(s).powi(power) * s.area).sum();
@@ -148,10 +162,10 @@ pub(crate) fn statistics(samples: &[Sample], value: impl Fn(&Sample) -> f64) -> 
         below >= 0.95 * total
     });
     let max = order.last().map_or(0.0, |last| last.0);
-    Statistics {
+    Some(Statistics {
         mean: mean(1),
         rms: mean(2).sqrt(),
         p95: reached.map_or(max, |r| r.0),
         max,
-    }
+    })
 }

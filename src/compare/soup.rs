@@ -17,8 +17,8 @@ pub(crate) struct Soup {
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Their numbers in the mesh, in the order of the file.
     pub(crate) numbers: Vec<u32>,
-    /// Unit normals at the corners, as the file has them; empty if it has none.
-    pub(crate) normals: Vec<[DVec3; 3]>,
+    /// Unit normals at the corners of each triangle, where the file has them.
+    pub(crate) normals: Vec<Option<[DVec3; 3]>>,
     pub(crate) tree: TriangleTree,
 }
 
@@ -28,7 +28,6 @@ impl Soup {
         let mut points = Vec::new();
         let mut known: HashMap<[u64; 3], u32> = HashMap::new();
         let (mut triangles, mut normals) = (Vec::new(), Vec::new());
-        let mut smooth = true;
         for at in scene.placements() {
             let Shape::Mesh(id) = at.shape else {
                 continue;
@@ -48,21 +47,16 @@ impl Soup {
             let numbers: Vec<u32> = mesh.positions().iter().map(&mut number).collect();
             let turned = map.matrix3.inverse().transpose();
             let mirrored = map.matrix3.determinant() < 0.0;
-            smooth &= !mesh.normals().is_empty();
+            let smooth = !mesh.normals().is_empty();
             for &triangle in mesh.triangles() {
                 let mut corners = triangle.map(|k| k as usize);
                 if mirrored {
                     corners.swap(1, 2);
                 }
                 triangles.push(corners.map(|k| numbers[k]));
-                if smooth {
-                    let normal = |k: usize| (turned * mesh.normals()[k]).normalize_or_zero();
-                    normals.push(corners.map(normal));
-                }
+                let normal = |k: usize| (turned * mesh.normals()[k]).normalize_or_zero();
+                normals.push(smooth.then(|| corners.map(normal)));
             }
-        }
-        if !smooth {
-            normals.clear();
         }
         let corners = triangles
             .iter()
@@ -96,12 +90,11 @@ impl Soup {
         };
         let triangles = kept.iter().map(|&k| self.triangles[k].map(&mut number));
         let triangles = triangles.collect();
-        let normals = kept.iter().filter_map(|&k| self.normals.get(k).copied());
         Some(Self {
             points,
             triangles,
             numbers: kept.iter().map(|&k| self.numbers[k]).collect(),
-            normals: normals.collect(),
+            normals: kept.iter().map(|&k| self.normals[k]).collect(),
             tree: TriangleTree::new(kept.iter().map(|&k| corners[k]).collect()),
         })
     }
@@ -118,12 +111,10 @@ impl Soup {
     }
 
     /// The normal that a renderer would use, from those of the corners; the flat one if the
-    /// file has none.
+    /// file has none there.
     pub(crate) fn smooth_normal(&self, triangle: usize, shares: [f64; 3]) -> DVec3 {
-        match self.normals.get(triangle) {
-            Some([a, b, c]) => {
-                (*a * shares[0] + *b * shares[1] + *c * shares[2]).normalize_or_zero()
-            }
+        match self.normals[triangle] {
+            Some([a, b, c]) => (a * shares[0] + b * shares[1] + c * shares[2]).normalize_or_zero(),
             None => self.flat_normal(triangle),
         }
     }
@@ -132,6 +123,22 @@ impl Soup {
     pub(crate) fn area(&self, triangle: usize) -> f64 {
         let [a, b, c] = self.corners(triangle);
         0.5 * (b - a).cross(c - a).length()
+    }
+
+    /// Corners of triangles, as many in every part of the mesh as it has of the area.
+    pub(crate) fn corners_by_area(&self, count: usize) -> Vec<DVec3> {
+        let mut sum = 0.0;
+        let areas = (0..self.triangles.len()).map(|k| {
+            sum += self.area(k);
+            sum
+        });
+        let areas: Vec<f64> = areas.collect();
+        let corner = |k: usize| {
+            let place = (k as f64 + 0.5) / count as f64 * sum;
+            let triangle = areas.partition_point(|up_to| *up_to < place);
+            self.corners(triangle.min(areas.len() - 1))[k % 3]
+        };
+        (0..count).map(corner).collect()
     }
 
     /// The least box around the triangles.
@@ -160,13 +167,12 @@ impl Soup {
     }
 
     /// The same triangles as meshes for rendering: without normals, or with those of the
-    /// file, or those of the corners that meet within half a right angle where it has none;
+    /// file, and those of the corners that meet within half a right angle where it has none;
     /// one mesh for each of `groups` that a triangle can be in.
     pub(crate) fn meshes(&self, groups: &[usize], smooth: Smooth) -> Vec<(usize, Mesh)> {
         let normals = match smooth {
             Smooth::No => Vec::new(),
-            Smooth::Yes if self.normals.is_empty() => self.blended(),
-            Smooth::Yes => self.normals.clone(),
+            Smooth::Yes => self.blended(),
         };
         let mut by_group: std::collections::BTreeMap<usize, Vec<usize>> = Default::default();
         for (triangle, &group) in groups.iter().enumerate() {
@@ -194,9 +200,12 @@ impl Soup {
         by_group.into_iter().map(mesh).collect()
     }
 
-    /// Normals at the corners: sums of those of the triangles around a point, by area, that
-    /// are turned against each other by less than half a right angle.
+    /// Normals at the corners, where the file has none sums of those of the triangles around a
+    /// point, by area, that are turned against each other by less than half a right angle.
     fn blended(&self) -> Vec<[DVec3; 3]> {
+        if let Some(all) = self.normals.iter().copied().collect() {
+            return all;
+        }
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.points.len()];
         for (triangle, number) in self.triangles.iter().zip(0..) {
             triangle
@@ -212,8 +221,9 @@ impl Soup {
             let near = near.filter(|other| own.angle_between(*other) < CREASE);
             near.sum::<DVec3>().normalize_or(own.normalize_or(DVec3::Z))
         };
-        let each = self.triangles.iter().enumerate();
-        each.map(|(k, triangle)| triangle.map(|point| corner(normal(k), point)))
+        let blend = |k: usize| self.triangles[k].map(|point| corner(normal(k), point));
+        let each = self.normals.iter().enumerate();
+        each.map(|(k, known)| known.unwrap_or_else(|| blend(k)))
             .collect()
     }
 }
@@ -227,3 +237,30 @@ pub(crate) enum Smooth {
 
 /// Triangles that meet at a larger angle keep their edge.
 const CREASE: f64 = std::f64::consts::FRAC_PI_4;
+
+#[cfg(test)]
+mod tests {
+    use kernel::{Child, Item, Node};
+
+    use super::*;
+
+    #[test]
+    fn triangles_keep_their_normals_beside_others_without() {
+        let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+        let tilted = DVec3::new(0.6, 0.0, 0.8);
+        let (mut scene, mut root) = (Scene::default(), Node::default());
+        for normals in [Vec::new(), vec![tilted; 3]] {
+            let mesh = Mesh::new(corners.clone(), normals, Vec::new(), vec![[0, 1, 2]]).unwrap();
+            let (shape, material) = (Shape::Mesh(scene.add_mesh(mesh).unwrap()), None);
+            root.children.push(Child::Item(Item { shape, material }));
+        }
+        let root = scene.add_node(root).unwrap();
+        scene.set_root(root).unwrap();
+        let soup = Soup::new(&scene, &DAffine3::IDENTITY);
+        let found = [0, 1].map(|k| soup.smooth_normal(k, [1.0 / 3.0; 3]));
+        assert!(found[0].distance(DVec3::Z) < 1e-12 && found[1].distance(tilted) < 1e-12);
+        let shown = soup.meshes(&[0, 0], Smooth::Yes).remove(0).1;
+        assert!(shown.normals()[2].distance(DVec3::Z) < 1e-12);
+        assert!(shown.normals()[5].distance(tilted) < 1e-12);
+    }
+}

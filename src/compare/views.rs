@@ -109,10 +109,10 @@ pub struct ImageDifference {
     /// How far such a pixel is from the outline of the surfaces at most, in pixels.
     pub silhouette_distance: f64,
     /// The largest difference of depth where both are seen, in units of the scene, and what
-    /// 99 % of the pixels do not exceed.
-    pub depth: [f64; 2],
+    /// 99 % of the pixels do not exceed; `None` if no pixel shows both.
+    pub depth: Option<[f64; 2]>,
     /// The same of the distance between the points.
-    pub position: [f64; 2],
+    pub position: Option<[f64; 2]>,
     /// PSNR of the sRGB values, in decibels.
     pub psnr: f64,
     /// PSNR of linear light, in decibels.
@@ -326,8 +326,8 @@ fn heat(stage: &Stage<'_>, soup: &Soup, largest: f64) -> (Picture, Vec<f32>) {
     (picture, distances)
 }
 
-/// Largest and 99 % of the differences of depth and of position.
-fn geometry(exact: &Film, mesh: &Film) -> ([f64; 2], [f64; 2]) {
+/// Largest and 99 % of the differences of depth and of position, where both are seen.
+fn geometry(exact: &Film, mesh: &Film) -> (Option<[f64; 2]>, Option<[f64; 2]>) {
     let pairs = || {
         let both = exact.data().iter().zip(mesh.data());
         both.filter(|(a, b)| a.shape >= 0.0 && b.shape >= 0.0)
@@ -335,11 +335,8 @@ fn geometry(exact: &Film, mesh: &Film) -> ([f64; 2], [f64; 2]) {
     let extremes = |values: Vec<f64>| {
         let mut values = values;
         values.sort_by(f64::total_cmp);
-        let at = |k: usize| values.get(k).copied().unwrap_or(0.0);
-        [
-            at(values.len().saturating_sub(1)),
-            at(values.len() * 99 / 100),
-        ]
+        let most = *values.last()?;
+        Some([most, values[values.len() * 99 / 100]])
     };
     let depths = pairs().map(|(a, b)| (f64::from(a.depth) - f64::from(b.depth)).abs());
     let point = |p: [f32; 3]| DVec3::from(p.map(f64::from));

@@ -46,8 +46,13 @@ pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Resul
         place: Place::line(e.line()),
         problem: Problem::Invalid(e.to_string()),
     };
-    let root = Root::from_slice(&text).map_err(wrong)?;
-    let exact: Value = serde_json::from_slice(&text).map_err(wrong)?;
+    let mut exact: Value = serde_json::from_slice(&text).map_err(wrong)?;
+    let root = if add_missing_nodes(&mut exact) {
+        serde_json::from_value(exact.clone())
+    } else {
+        Root::from_slice(&text)
+    };
+    let root = root.map_err(wrong)?;
     for name in &root.extensions_required {
         if !KNOWN.contains(&name.as_str()) {
             let text = format!("the extension {name}, which the file requires, is not read");
@@ -122,6 +127,21 @@ fn parts(bytes: &[u8]) -> Result<Parts<'_>, Error> {
     }
     let glb = ::gltf::Glb::from_slice(bytes).map_err(|e| invalid("chunks", e.to_string()))?;
     Ok((glb.json, glb.bin))
+}
+
+/// Gives an empty list of nodes to scenes without one, which the crate asks for and the format
+/// does not; tells whether there were such scenes.
+fn add_missing_nodes(file: &mut Value) -> bool {
+    let scenes = file.get_mut("scenes").and_then(Value::as_array_mut);
+    let scenes = scenes
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_object_mut);
+    let bare = scenes.filter(|scene| !scene.contains_key("nodes"));
+    let none = || Value::Array(Vec::new());
+    bare.map(|scene| scene.insert("nodes".to_owned(), none()))
+        .count()
+        > 0
 }
 
 fn list<'v>(value: &'v Value, key: &str) -> &'v [Value] {

@@ -138,7 +138,9 @@ impl Report {
             [
                 series("proven", "#0b62c4", x, Compared::bound),
                 series("found", "#b3261e", x, |m| m.deviation.found()),
-                series("RMS", "#2e7d32", x, |m| m.deviation.distance.rms),
+                series("RMS", "#2e7d32", x, |m| {
+                    m.deviation.distance.map_or(f64::INFINITY, |d| d.rms)
+                }),
             ]
         };
         let pixels = [

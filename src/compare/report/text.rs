@@ -28,8 +28,14 @@ fn reach(reach: &Reach) -> Value {
     })
 }
 
-fn statistics(s: &Statistics) -> Value {
-    json!({ "mean": s.mean, "rms": s.rms, "p95": s.p95, "max": s.max })
+fn statistics(found: Option<Statistics>) -> Value {
+    let value = |get: fn(Statistics) -> f64| found.map(get);
+    json!({
+        "mean": value(|s| s.mean),
+        "rms": value(|s| s.rms),
+        "p95": value(|s| s.p95),
+        "max": value(|s| s.max),
+    })
 }
 
 impl Compared {
@@ -44,16 +50,16 @@ impl Compared {
             "hausdorff_proven": self.bound(),
             "surface_to_mesh": reach(&self.deviation.surface_to_mesh),
             "mesh_to_surface": reach(&self.deviation.mesh_to_surface),
-            "distance": statistics(&self.deviation.distance),
-            "flat_normals_deg": statistics(&self.deviation.flat_normals),
-            "smooth_normals_deg": statistics(&self.deviation.smooth_normals),
+            "distance": statistics(self.deviation.distance),
+            "flat_normals_deg": statistics(self.deviation.flat_normals),
+            "smooth_normals_deg": statistics(self.deviation.smooth_normals),
             "silhouette_pixels": image.silhouette_pixels,
             "silhouette_pixels_16_samples": image.silhouette_pixels_16,
             "silhouette_distance_px": image.silhouette_distance,
-            "depth_max": image.depth[0],
-            "depth_p99": image.depth[1],
-            "position_max": image.position[0],
-            "position_p99": image.position[1],
+            "depth_max": image.depth.map(|depth| depth[0]),
+            "depth_p99": image.depth.map(|depth| depth[1]),
+            "position_max": image.position.map(|position| position[0]),
+            "position_p99": image.position.map(|position| position[1]),
             "psnr_srgb_db": image.psnr,
             "psnr_linear_db": image.psnr_linear,
             "ssim": image.ssim,
@@ -95,6 +101,9 @@ impl Compared {
     }
 }
 
+/// What stands for means of an empty mesh.
+const UNMEASURED: &str = "nothing to measure";
+
 /// A number with four digits.
 pub(super) fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -135,12 +144,15 @@ impl Report {
             ("mesh to surface, found", true, |m| {
                 short(m.deviation.mesh_to_surface.found)
             }),
-            ("distance, RMS", true, |m| short(m.deviation.distance.rms)),
+            ("distance, RMS", true, |m| {
+                let found = m.deviation.distance;
+                found.map_or_else(|| UNMEASURED.to_owned(), |found| short(found.rms))
+            }),
             ("normals, flat, max / 95 % / mean [deg]", false, |m| {
-                angles(&m.deviation.flat_normals)
+                angles(m.deviation.flat_normals)
             }),
             ("normals, smooth, max / 95 % / mean [deg]", false, |m| {
-                angles(&m.deviation.smooth_normals)
+                angles(m.deviation.smooth_normals)
             }),
             ("silhouette pixels, 1 / 16 rays", false, |m| {
                 format!(
@@ -243,12 +255,18 @@ fn of_made(mesh: &Compared, get: fn(&super::Made) -> f64) -> String {
         .map_or_else(|| "-".to_owned(), |made| short(get(made)))
 }
 
-fn angles(s: &Statistics) -> String {
-    format!("{:.2} / {:.2} / {:.2}", s.max, s.p95, s.mean)
+fn angles(found: Option<Statistics>) -> String {
+    found.map_or_else(
+        || UNMEASURED.to_owned(),
+        |s| format!("{:.2} / {:.2} / {:.2}", s.max, s.p95, s.mean),
+    )
 }
 
-fn pair([a, b]: [f64; 2]) -> String {
-    format!("{} / {}", short(a), short(b))
+fn pair(found: Option<[f64; 2]>) -> String {
+    found.map_or_else(
+        || "no pixel shows both".to_owned(),
+        |[a, b]| format!("{} / {}", short(a), short(b)),
+    )
 }
 
 /// A place in words.
