@@ -1,10 +1,12 @@
 //! From film to file, and how files are written.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::{fmt, fs};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::{fmt, fs, process};
 
 use exr::block::writer::ChunksWriter;
 use exr::block::{BlockIndex, UncompressedBlock};
@@ -186,7 +188,7 @@ const LONGEST_NAME: usize = 255;
 
 /// The name, beside a file, under which it is written: `NAME.PROCESS.part`.
 fn temporary(path: &Path) -> PathBuf {
-    let end = format!(".{}.part", std::process::id());
+    let end = format!(".{}.part", process::id());
     let mut name = path.file_name().unwrap_or_default().to_owned();
     if name.len() + end.len() > LONGEST_NAME {
         // Something short that belongs to this name alone.
@@ -207,22 +209,51 @@ pub fn replace_file(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> io::Result<()> {
-    let write = |path: &Path| {
-        let mut file = BufWriter::new(File::create(path)?);
+    let write = |file: File| {
+        let mut file = BufWriter::new(file);
         fill(&mut file)?;
         file.flush()
     };
     let is_special = |found: fs::Metadata| !found.is_file() && !found.is_dir();
     if fs::metadata(path).is_ok_and(is_special) {
-        return write(path);
+        return write(File::create(path)?);
     }
     let temporary = temporary(path);
-    let written = write(&temporary).and_then(|()| fs::rename(&temporary, path));
-    if written.is_err() {
+    let written = begin(&temporary).and_then(write);
+    let mut unfinished = unfinished();
+    let replaced = written.and_then(|()| fs::rename(&temporary, path));
+    if replaced.is_err() {
         // The error that stopped the writing is the one to tell.
         let _ = fs::remove_file(&temporary);
     }
-    written
+    unfinished.remove(&temporary);
+    replaced
+}
+
+/// The temporary names of the files that are being written.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes a file that is known to be unfinished.
+fn begin(temporary: &Path) -> io::Result<File> {
+    let mut unfinished = unfinished();
+    let file = File::create(temporary)?;
+    unfinished.insert(temporary.to_owned());
+    Ok(file)
+}
+
+/// Ends the program at once, without the files that are being written.
+pub fn end(code: i32) -> ! {
+    // Whoever would begin another file, or finish one, waits.
+    let unfinished = unfinished();
+    for temporary in &*unfinished {
+        // The program ends in any case.
+        let _ = fs::remove_file(temporary);
+    }
+    process::exit(code)
 }
 
 /// A picture as the bytes of a PNG file, one byte per channel.

@@ -11,9 +11,11 @@ use nurbray::methods::{Choice, Counts, Judgement, Raster, Stopwatch, Times, Trac
 use nurbray::output::{self, OutputOptions};
 use nurbray::{Accelerator, RenderOptions};
 
+use super::Failures;
 use super::input::{self, ReadArgs};
 use super::parse;
 use super::say::say;
+use super::stop::{self, Stop};
 
 /// Where the scenes are that are measured if none is named.
 const SCENES: &str = "samples/methods";
@@ -72,7 +74,10 @@ struct MethodArgs {
 const EXAMPLES: &str = "\
 Examples:
   nurbray bench methods -o out
-  nurbray bench methods samples/teapot.obj --methods newton,martin,nishita --size 256x256 -o out";
+  nurbray bench methods samples/teapot.obj --methods newton,martin,nishita --size 256x256 -o out
+
+SIGINT or SIGTERM (Ctrl-C) stops after the picture that is being traced; the reports have the files that were
+done before. A second one ends the program at once.";
 
 /// What a method did with a scene.
 struct Row {
@@ -89,16 +94,21 @@ struct Measured {
     judgement: Judgement,
 }
 
-/// Runs the command; the result is how many files failed.
-pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+/// Runs the command; what was measured is written after each file.
+pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
     let What::Methods(args) = &args.what;
     let files = files(args)?;
     output::make_folder(&args.output).with_context(|| args.output.display().to_string())?;
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let (mut rows, mut failed) = (Vec::new(), 0);
+    let stop = Stop::listen(Some("the picture that is being traced is"))?;
+    let (mut rows, mut failed, mut left) = (Vec::new(), 0, 0);
     for (file, scene) in files.iter().zip(names(&files)) {
-        match measure_file(args, (file, &scene), &single) {
-            Ok(measured) => rows.extend(measured),
+        match measure_file(args, (file, &scene), &single, &stop) {
+            Ok(Some(measured)) => {
+                rows.extend(measured);
+                report::write(args, &rows)?;
+            }
+            Ok(None) => left += 1,
             Err(error) => {
                 failed += 1;
                 say!("nurbray: {error:#}");
@@ -106,9 +116,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         }
     }
     if !rows.is_empty() {
-        report::write(args, &rows)?;
+        report::print(args, &rows)?;
     }
-    Ok(failed)
+    Ok(match left {
+        0 => failed.into(),
+        left => stop::ending(files.len(), failed, left),
+    })
 }
 
 /// The files of the command line, or all scenes in [`SCENES`].
@@ -146,12 +159,17 @@ fn names(files: &[PathBuf]) -> Vec<String> {
     names
 }
 
+/// What was measured of a file, unless the program is told to stop before.
 fn measure_file(
     args: &MethodArgs,
     (file, name): (&Path, &str),
     single: &rayon::ThreadPool,
-) -> anyhow::Result<Vec<Row>> {
-    let loaded = args.read.load(file)?;
+    stop: &Stop,
+) -> anyhow::Result<Option<Vec<Row>>> {
+    let Some(loaded) = stop.or_load(&args.read, file) else {
+        return Ok(None);
+    };
+    let loaded = loaded?;
     input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
     let scene = &loaded.import.scene;
     if scene.placement_count() == 0 {
@@ -180,6 +198,9 @@ fn measure_file(
     // All methods by turns, so that what else the machine does meets all alike.
     for _ in 0..args.runs {
         for (choice, times, last) in &mut running {
+            if stop.is_asked() {
+                return Ok(None);
+            }
             let trace = single.install(|| once(choice, &accelerator, &camera, args.size))?;
             times.push(trace.times);
             *last = Some(trace);
@@ -208,7 +229,7 @@ fn measure_file(
             }),
         });
     }
-    Ok(rows)
+    Ok(Some(rows))
 }
 
 /// Traces once; the production method builds its accelerator anew.

@@ -16,6 +16,7 @@ use super::mesh::{self, Distance};
 use super::parse;
 use super::say::{say, visible};
 use super::shot::BACKGROUND;
+use super::stop::Stop;
 use super::{DIFFERENT, Failures};
 
 /// Compares exact surfaces with meshes, in numbers and pictures
@@ -82,6 +83,7 @@ const FOREIGN: f64 = 1e-4;
 
 /// Compares, and tells whether a limit is passed.
 pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
+    Stop::listen(None)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build()?;

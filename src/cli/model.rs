@@ -17,6 +17,7 @@ use super::input;
 use super::mesh::{self, MeshArgs};
 use super::parse;
 use super::say::say;
+use super::stop::Stop;
 
 /// Makes bodies of measured points: grids, and contours in layers
 ///
@@ -371,6 +372,7 @@ fn unit() -> impl TypedValueParser<Value = Unit> {
 
 /// Makes the bodies of a file.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    Stop::listen(None)?;
     let path = args.output.as_path();
     let target = if args.triangles {
         Target::of_triangles(path)
