@@ -16,8 +16,7 @@ use exr::prelude::{
     LayerAttributes, LineOrder, SmallVec, f16,
 };
 use glam::Vec3;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
+use png::{BitDepth, ColorType};
 use rayon::prelude::*;
 
 use crate::film::{Film, Picture, PixelData, encoded};
@@ -268,20 +267,33 @@ pub fn encode_png(picture: &Picture) -> io::Result<Vec<u8>> {
     let size = |n: usize| u32::try_from(n).map_err(io::Error::other);
     let (width, height) = (size(picture.width())?, size(picture.height())?);
     let mut file = Vec::new();
-    pack_png(&mut file, [width, height], &bytes, ExtendedColorType::Rgb8)?;
+    let kind = (ColorType::Rgb, BitDepth::Eight);
+    pack_png(&mut file, [width, height], &bytes, kind)?;
     Ok(file)
 }
 
-/// Writes pixels of this kind as a PNG file.
+/// Writes sRGB pixels of this kind as a PNG file.
 pub(crate) fn pack_png(
     file: impl Write,
     [width, height]: [u32; 2],
     bytes: &[u8],
-    color: ExtendedColorType,
+    (color, depth): (ColorType, BitDepth),
 ) -> io::Result<()> {
-    PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::Adaptive)
-        .write_image(bytes, width, height, color)
-        .map_err(io::Error::other)
+    let mut encoder = png::Encoder::new(file, width, height);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    encoder.set_compression(png::Compression::Balanced);
+    encoder.set_filter(png::Filter::Adaptive);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    let write = || {
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(bytes)?;
+        writer.finish()
+    };
+    write().map_err(|error| match error {
+        png::EncodingError::IoError(error) => error,
+        error => error.into(),
+    })
 }
 
 /// Writes one number per pixel as the only channel of an EXR file; `size` is width and height.
@@ -305,29 +317,22 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
             .into_iter()
             .take(channels)
     });
-    let (bytes, color): (Vec<u8>, _) = match options.png_depth {
-        PngDepth::Eight => (
-            values
-                .map(|v| quantize(v, 255.0).to_be_bytes()[1])
-                .collect(),
-            if opaque {
-                ExtendedColorType::Rgb8
-            } else {
-                ExtendedColorType::Rgba8
-            },
-        ),
-        PngDepth::Sixteen => (
-            values
-                .flat_map_iter(|v| quantize(v, 65535.0).to_ne_bytes())
-                .collect(),
-            if opaque {
-                ExtendedColorType::Rgb16
-            } else {
-                ExtendedColorType::Rgba16
-            },
-        ),
+    let (bytes, depth): (Vec<u8>, _) = match options.png_depth {
+        PngDepth::Eight => {
+            let byte = |value| quantize(value, 255.0).to_be_bytes()[1];
+            (values.map(byte).collect(), BitDepth::Eight)
+        }
+        PngDepth::Sixteen => {
+            let bytes = |value| quantize(value, 65535.0).to_be_bytes();
+            (values.flat_map_iter(bytes).collect(), BitDepth::Sixteen)
+        }
     };
-    pack_png(file, [film.width(), film.height()], &bytes, color)
+    let color = if opaque {
+        ColorType::Rgb
+    } else {
+        ColorType::Rgba
+    };
+    pack_png(file, [film.width(), film.height()], &bytes, (color, depth))
 }
 
 #[expect(
@@ -379,7 +384,10 @@ fn write_channels(
         encoding,
         AnyChannels::sort(channels),
     );
-    write_blocks(&Image::from_layer(layer), file).map_err(io::Error::other)
+    write_blocks(&Image::from_layer(layer), file).map_err(|error| match error {
+        exr::error::Error::Io(error) => error,
+        error => io::Error::other(error),
+    })
 }
 
 /// Writes the blocks of an image, packed on all threads of the current pool.
