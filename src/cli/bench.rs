@@ -2,6 +2,7 @@
 
 mod report;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -42,7 +43,7 @@ enum What {
 /// One thread, times of the processor, one ray through the middle of each pixel. What each pixel shows is proven first;
 /// answers are wrong if they are off by more than a pixel's width along the ray. Writes
 /// results.json, results.csv, and index.html with pictures.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 struct MethodArgs {
     /// Scenes; those of samples/methods if none is named
@@ -76,8 +77,19 @@ Examples:
   nurbray bench methods -o out
   nurbray bench methods samples/teapot.obj --methods newton,martin,nishita --size 256x256 -o out
 
-SIGINT or SIGTERM (Ctrl-C) stops after the picture that is being traced; the reports have the files that were
-done before. A second one ends the program at once.";
+SIGINT or SIGTERM (Ctrl-C) stops after the picture that is being traced; the reports have the files
+that were done before. A second one ends the program at once.";
+
+impl MethodArgs {
+    /// With each method once.
+    fn without_doubles(&self) -> Self {
+        let mut known = HashSet::new();
+        let mut args = self.clone();
+        args.methods
+            .retain(|choice| known.insert(choice.to_string()));
+        args
+    }
+}
 
 /// What a method did with a scene.
 struct Row {
@@ -97,6 +109,7 @@ struct Measured {
 /// Runs the command; what was measured is written after each file.
 pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
     let What::Methods(args) = &args.what;
+    let args = &args.without_doubles();
     let files = files(args)?;
     output::make_folder(&args.output).with_context(|| args.output.display().to_string())?;
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;

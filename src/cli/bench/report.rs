@@ -5,10 +5,11 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use nurbray::html::escaped;
+use nurbray::html::{address, escaped};
 use nurbray::output::replace_file;
 use serde_json::{Value, json};
 
+use super::super::say::visible;
 use super::{Measured, MethodArgs, Row};
 
 /// A column of table and CSV.
@@ -229,7 +230,7 @@ fn table(pairs: &[(&Row, Context)]) -> String {
     for (row, context) in pairs {
         if row.scene != scene {
             scene = &row.scene;
-            let _ = write!(text, "\n{scene}");
+            let _ = write!(text, "\n{}", visible(scene));
         }
         let _ = write!(text, "\n  {:22}", row.method);
         match &row.outcome {
@@ -278,11 +279,11 @@ fn page(args: &MethodArgs, pairs: &[(&Row, Context)]) -> String {
                     for (kind, caption) in
                         [("", ""), ("_effort", " effort"), ("_verdict", " verdict")]
                     {
+                        let picture = address(&format!("{scene}_{}{kind}.png", row.method));
                         let _ = write!(
                             figures,
-                            "<figure><img src=\"{}_{method}{kind}.png\" alt=\"\">\
-                             <figcaption>{method}{caption}</figcaption></figure>",
-                            escaped(scene)
+                            "<figure><img src=\"{picture}\" alt=\"\">\
+                             <figcaption>{method}{caption}</figcaption></figure>"
                         );
                     }
                     figures += "<br>\n";
