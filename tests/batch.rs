@@ -203,7 +203,11 @@ mod signals {
                 .unwrap();
             let stderr = String::from_utf8(output.stderr).unwrap();
             assert_eq!(output.status.code(), Some(2), "{line}: {stderr}");
-            assert!(stderr.contains("File too large"), "{line}: {stderr}");
+            assert_eq!(
+                stderr.matches("File too large").count(),
+                1,
+                "{line}: {stderr}"
+            );
             assert_eq!(place.files(), [""; 0], "{line}");
         }
     }
@@ -501,4 +505,34 @@ fn folders_stand_for_the_files_in_them() {
         "{}",
         run.stderr
     );
+}
+
+/// Other systems refuse such names.
+#[cfg(target_os = "linux")]
+#[test]
+fn outputs_have_the_bytes_of_their_inputs_names() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    let place = Place::new();
+    fs::create_dir(place.path("parts")).unwrap();
+    for name in [b"a\xfe.igs", b"a\xff.igs"] {
+        let to = place.path("parts").join(OsStr::from_bytes(name));
+        fs::copy(place.path("samples/can.igs"), to).unwrap();
+    }
+    for status in ["ok", "skipped"] {
+        let run = place.run("convert parts -o {stem}-{ext}.x3d --out-dir out --resume --json");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert_eq!(values(&run.stdout, "status"), [status; 2], "{}", run.stderr);
+    }
+    let run = place.run("render parts -o out/{stem}.png --size 8x6");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for name in [
+        &b"a\xfe-igs.x3d"[..],
+        b"a\xff-igs.x3d",
+        b"a\xfe.png",
+        b"a\xff.png",
+    ] {
+        let path = place.path("out").join(OsStr::from_bytes(name));
+        assert!(path.is_file(), "{}", path.display());
+    }
 }

@@ -140,8 +140,11 @@ impl Record {
         let Ok(name) = serde_json::from_str::<String>(name) else {
             return false;
         };
+        let own = self.output.file_name().unwrap_or_default();
         let bytes = match what {
             "beside" => beside.resolve(&name).ok(),
+            // Its own name may be one that no text can hold.
+            _ if own.to_string_lossy() == name => fs::read(&self.output).ok(),
             _ => fs::read(self.output.with_file_name(&name)).ok(),
         };
         bytes.as_deref().map_or(NO_FILE.to_owned(), sha256) == hash

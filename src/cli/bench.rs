@@ -66,7 +66,7 @@ struct MethodArgs {
     #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = parse::size)]
     size: (u32, u32),
     /// How often each method runs; times are medians
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = parse::count(1..=u32::MAX))]
     runs: u32,
     #[command(flatten)]
     read: ReadArgs,
@@ -164,7 +164,7 @@ fn files(args: &MethodArgs) -> anyhow::Result<Vec<PathBuf>> {
 fn names(files: &[PathBuf]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for file in files {
-        let stem = input::stem(file);
+        let stem = input::stem(file).to_string_lossy().into_owned();
         let numbered = (2..).map(|number| format!("{stem}-{number}"));
         let mut choice = std::iter::once(stem.clone()).chain(numbered);
         names.extend(choice.find(|name| !names.contains(name)));

@@ -57,7 +57,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "WxH", default_value = "960x720", value_parser = parse::size)]
     size: (u32, u32),
     /// N x N samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = parse::count(1..=64))]
     samples: u32,
     /// Threads; 0 uses every core
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::threads)]

@@ -144,7 +144,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
 /// Every file with its target, and their places; those that would be written to one place, or over
 /// an input, are refused.
 fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
-    input::check_pattern(&args.output, &["stem", "ext"])?;
+    input::check_pattern("-o", &args.output, &["stem", "ext"])?;
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for given in &args.files {
         for source in input::files_at(given)? {
@@ -188,7 +188,7 @@ fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
 
 /// Where a file goes; `given` is what led to it, itself or a folder.
 fn path(args: &Args, given: &Path, source: &Path) -> PathBuf {
-    let name = input::named(&args.output, source);
+    let name = input::named(&args.output, source, "");
     let Some(folder) = &args.out_dir else {
         return name.into();
     };

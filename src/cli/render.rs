@@ -52,7 +52,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "WxH", value_parser = parse::size)]
     size: Option<(u32, u32)>,
     /// N x N samples per pixel; one passes exactly through the middle
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = parse::count(1..=64))]
     pub(super) samples: u32,
     /// Camera of the file, by name; of X3D and VRML by its description or DEF name
     #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "up", "fov"])]
@@ -60,13 +60,13 @@ pub(super) struct Args {
     /// Where the camera stands; needs --target or looks at the middle of the scene
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector)]
     pub(super) eye: Option<DVec3>,
-    /// What the camera looks at
+    /// What the camera looks at; needs --eye
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector, requires = "eye")]
     pub(super) target: Option<DVec3>,
-    /// Upward direction in the picture; default: the upward axis of the file
+    /// Upward direction in the picture; needs --eye; default: the upward axis of the file
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector, requires = "eye")]
     pub(super) up: Option<DVec3>,
-    /// Vertical opening angle in degrees [default: 35]
+    /// Vertical opening angle in degrees; needs --eye [default: 35]
     #[arg(long, value_name = "DEG", value_parser = degrees, requires = "eye")]
     pub(super) fov: Option<f64>,
     /// Parallel rays instead of perspective
@@ -142,8 +142,8 @@ Examples:
   nurbray render robot.x3dv -o 'out/{frame}.png' --frames 0..47
   nurbray render parts --sheet parts.png
 
-SIGINT or SIGTERM (Ctrl-C) begins no more pictures, and the exit code is then 3, or 2 if there is none;
-a second one, or the first where there is one picture only, ends the program at once.";
+SIGINT or SIGTERM (Ctrl-C) begins no more pictures; the exit code is then 3, or 2 if there is none.
+A second one, or the first where there is one picture only, ends the program at once.";
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum ShadingArg {
@@ -214,8 +214,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
             Err(anyhow::Error::msg(why.clone()))
         } else if let Some(loaded) = stop.or_load(&args.read, file) {
             let render = |loaded| {
-                let paths = (file.as_path(), job.target.as_path());
-                pool.install(|| render_file(args, loaded, paths, &output, (&mut stats, &stop)))
+                pool.install(|| render_file(args, loaded, file, &output, (&mut stats, &stop)))
             };
             checked(args, file, loaded, &once)?.and_then(render)
         } else {
@@ -256,7 +255,7 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
         .num_threads(args.threads)
         .build()?;
     // Half a sheet is none.
-    let stop = Stop::listen(None)?;
+    Stop::listen(None)?;
     let size = args.size.unwrap_or(sheet::SIZE);
     let mut sheet = Sheet::new(args.files.len(), size)?;
     let mut failed = 0;
@@ -314,10 +313,10 @@ struct Job {
 /// The picture of each file; a file that is given several times has one.
 fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
     let output = args.output.as_deref().unwrap_or_default();
-    input::check_pattern(output, &["stem", "ext", "frame"])?;
+    input::check_pattern("-o", output, &["stem", "ext", "frame"])?;
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for file in &args.files {
-        let target = PathBuf::from(input::named(output, file));
+        let target = PathBuf::from(input::named(output, file, "{frame}"));
         if output::picture_format(&target).is_none() {
             bail!("{}: {ENDINGS}", target.display());
         }
@@ -350,6 +349,14 @@ fn prepare(args: &Args, targets: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let once = [&args.sheet, &args.write_map, &args.stats];
     let once = once.into_iter().flatten();
     let once: Vec<_> = once.filter(|p| !input::is_stdin(p)).cloned().collect();
+    for (name, path) in [
+        ("--sheet", &args.sheet),
+        ("--write-map", &args.write_map),
+        ("--stats", &args.stats),
+    ] {
+        let path = path.as_deref().unwrap_or(Path::new(""));
+        input::check_pattern(name, &path.to_string_lossy(), &[])?;
+    }
     input::check_apart(&once, &args.files)?;
     let place =
         |path: &PathBuf| std::path::absolute(path).with_context(|| path.display().to_string());
@@ -390,8 +397,9 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
                         .join(", ")
                 };
                 let aov = output::AOVS.iter().find(|aov| aov.name == name);
-                aov.copied()
-                    .with_context(|| format!("no layer '{name}'; there are: {}", known()))
+                aov.copied().with_context(|| {
+                    format!("no layer '{name}'; there are: all, none, {}", known())
+                })
             })
             .collect::<Result<_, _>>()?,
     };
@@ -486,7 +494,7 @@ fn move_to(loaded: &mut Loaded, file: &Path, seconds: Option<f64>) -> anyhow::Re
 fn render_file(
     args: &Args,
     mut loaded: Loaded,
-    (file, target): (&Path, &Path),
+    file: &Path,
     output: &OutputOptions,
     (stats, stop): (&mut Stats<'_>, &Stop),
 ) -> anyhow::Result<Fate> {
@@ -501,7 +509,8 @@ fn render_file(
         let seconds = frame.map(|frame| f64::from(frame) / args.fps).or(args.time);
         move_to(&mut loaded, file, seconds)?;
         let name = frame.map_or_else(String::new, |frame| format!("{frame:04}"));
-        let target = PathBuf::from(target.to_string_lossy().replace("{frame}", &name));
+        let pattern = args.output.as_deref().unwrap_or_default();
+        let target = PathBuf::from(input::named(pattern, file, &name));
         loaded.check_beside(file, std::slice::from_ref(&target))?;
         let mut report = render_scene(args, &loaded, file, &target, output)?;
         report["status"] = Fate::Done.name().into();
