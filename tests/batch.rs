@@ -46,6 +46,21 @@ mod signals {
         assert!(sent.unwrap().success());
     }
 
+    /// Waits until SIGTERM no longer ends a program by itself; Linux tells which signals are caught.
+    fn wait_until_it_listens(child: &Child) {
+        let status = format!("/proc/{}/status", child.id());
+        let is_deaf = |text: String| {
+            let caught = text.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+            let caught = u64::from_str_radix(caught.unwrap_or_default().trim(), 16);
+            caught.is_ok_and(|caught| caught >> 14 & 1 == 0)
+        };
+        let started = Instant::now();
+        while fs::read_to_string(&status).map_or(started.elapsed().as_secs() < 1, is_deaf) {
+            assert!(started.elapsed() < Duration::from_secs(60));
+            sleep(Duration::from_millis(5));
+        }
+    }
+
     /// Waits until a file is there.
     fn wait_for(place: &Place, name: &str) {
         let started = Instant::now();
@@ -83,7 +98,7 @@ mod signals {
         let place = Place::new();
         let line = "convert samples/teapot.obj -o t.glb --tolerance 0.00001%";
         let child = start(&place, line);
-        sleep(Duration::from_millis(300));
+        wait_until_it_listens(&child);
         let started = Instant::now();
         send(&child, "TERM");
         sleep(Duration::from_millis(200));
@@ -178,11 +193,13 @@ mod signals {
         ] {
             let mut child = start(&place, line);
             let input = child.stdin.take();
-            sleep(Duration::from_millis(300));
+            wait_until_it_listens(&child);
             send(&child, "INT");
             let output = child.wait_with_output().unwrap();
             drop(input);
             assert_eq!(output.status.code(), Some(128 + 2), "{line}");
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert!(stderr.ends_with("nurbray: stopped\n"), "{line}: {stderr}");
             assert_eq!(place.files(), [""; 0], "{line}");
         }
     }

@@ -45,10 +45,15 @@ impl Stop {
                 }
                 match current {
                     Some(current) if !asked.swap(true, Ordering::Relaxed) => {
-                        say!("nurbray: stopping when {current} done; a second signal stops at once")
+                        say!(
+                            "nurbray: stopping when {current} done; a second signal stops at once"
+                        );
+                        continue;
                     }
-                    _ => output::end(128 + i32::try_from(got).unwrap_or_default()),
+                    Some(_) => {}
+                    None => say!("nurbray: stopped"),
                 }
+                output::end(128 + i32::try_from(got).unwrap_or_default());
             }
         });
         Ok(stop)
