@@ -1,10 +1,12 @@
 //! From film to file, and how files are written.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::{fmt, fs};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::{fmt, fs, process};
 
 use exr::block::writer::ChunksWriter;
 use exr::block::{BlockIndex, UncompressedBlock};
@@ -14,8 +16,7 @@ use exr::prelude::{
     LayerAttributes, LineOrder, SmallVec, f16,
 };
 use glam::Vec3;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
+use png::{BitDepth, ColorType};
 use rayon::prelude::*;
 
 use crate::film::{Film, Picture, PixelData, encoded};
@@ -186,7 +187,7 @@ const LONGEST_NAME: usize = 255;
 
 /// The name, beside a file, under which it is written: `NAME.PROCESS.part`.
 fn temporary(path: &Path) -> PathBuf {
-    let end = format!(".{}.part", std::process::id());
+    let end = format!(".{}.part", process::id());
     let mut name = path.file_name().unwrap_or_default().to_owned();
     if name.len() + end.len() > LONGEST_NAME {
         // Something short that belongs to this name alone.
@@ -207,22 +208,51 @@ pub fn replace_file(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> io::Result<()> {
-    let write = |path: &Path| {
-        let mut file = BufWriter::new(File::create(path)?);
+    let write = |file: File| {
+        let mut file = BufWriter::new(file);
         fill(&mut file)?;
         file.flush()
     };
     let is_special = |found: fs::Metadata| !found.is_file() && !found.is_dir();
     if fs::metadata(path).is_ok_and(is_special) {
-        return write(path);
+        return write(File::create(path)?);
     }
     let temporary = temporary(path);
-    let written = write(&temporary).and_then(|()| fs::rename(&temporary, path));
-    if written.is_err() {
+    let written = begin(&temporary).and_then(write);
+    let mut unfinished = unfinished();
+    let replaced = written.and_then(|()| fs::rename(&temporary, path));
+    if replaced.is_err() {
         // The error that stopped the writing is the one to tell.
         let _ = fs::remove_file(&temporary);
     }
-    written
+    unfinished.remove(&temporary);
+    replaced
+}
+
+/// The temporary names of the files that are being written.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes a file that is known to be unfinished.
+fn begin(temporary: &Path) -> io::Result<File> {
+    let mut unfinished = unfinished();
+    let file = File::create(temporary)?;
+    unfinished.insert(temporary.to_owned());
+    Ok(file)
+}
+
+/// Ends the program at once, without the files that are being written.
+pub fn end(code: i32) -> ! {
+    // Whoever would begin another file, or finish one, waits.
+    let unfinished = unfinished();
+    for temporary in &*unfinished {
+        // The program ends in any case.
+        let _ = fs::remove_file(temporary);
+    }
+    process::exit(code)
 }
 
 /// A picture as the bytes of a PNG file, one byte per channel.
@@ -237,20 +267,33 @@ pub fn encode_png(picture: &Picture) -> io::Result<Vec<u8>> {
     let size = |n: usize| u32::try_from(n).map_err(io::Error::other);
     let (width, height) = (size(picture.width())?, size(picture.height())?);
     let mut file = Vec::new();
-    pack_png(&mut file, [width, height], &bytes, ExtendedColorType::Rgb8)?;
+    let kind = (ColorType::Rgb, BitDepth::Eight);
+    pack_png(&mut file, [width, height], &bytes, kind)?;
     Ok(file)
 }
 
-/// Writes pixels of this kind as a PNG file.
+/// Writes sRGB pixels of this kind as a PNG file.
 pub(crate) fn pack_png(
     file: impl Write,
     [width, height]: [u32; 2],
     bytes: &[u8],
-    color: ExtendedColorType,
+    (color, depth): (ColorType, BitDepth),
 ) -> io::Result<()> {
-    PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::Adaptive)
-        .write_image(bytes, width, height, color)
-        .map_err(io::Error::other)
+    let mut encoder = png::Encoder::new(file, width, height);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    encoder.set_compression(png::Compression::Balanced);
+    encoder.set_filter(png::Filter::Adaptive);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    let write = || {
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(bytes)?;
+        writer.finish()
+    };
+    write().map_err(|error| match error {
+        png::EncodingError::IoError(error) => error,
+        error => error.into(),
+    })
 }
 
 /// Writes one number per pixel as the only channel of an EXR file; `size` is width and height.
@@ -274,29 +317,22 @@ fn write_png(film: &Film, options: &OutputOptions, file: &mut BufWriter<File>) -
             .into_iter()
             .take(channels)
     });
-    let (bytes, color): (Vec<u8>, _) = match options.png_depth {
-        PngDepth::Eight => (
-            values
-                .map(|v| quantize(v, 255.0).to_be_bytes()[1])
-                .collect(),
-            if opaque {
-                ExtendedColorType::Rgb8
-            } else {
-                ExtendedColorType::Rgba8
-            },
-        ),
-        PngDepth::Sixteen => (
-            values
-                .flat_map_iter(|v| quantize(v, 65535.0).to_ne_bytes())
-                .collect(),
-            if opaque {
-                ExtendedColorType::Rgb16
-            } else {
-                ExtendedColorType::Rgba16
-            },
-        ),
+    let (bytes, depth): (Vec<u8>, _) = match options.png_depth {
+        PngDepth::Eight => {
+            let byte = |value| quantize(value, 255.0).to_be_bytes()[1];
+            (values.map(byte).collect(), BitDepth::Eight)
+        }
+        PngDepth::Sixteen => {
+            let bytes = |value| quantize(value, 65535.0).to_be_bytes();
+            (values.flat_map_iter(bytes).collect(), BitDepth::Sixteen)
+        }
     };
-    pack_png(file, [film.width(), film.height()], &bytes, color)
+    let color = if opaque {
+        ColorType::Rgb
+    } else {
+        ColorType::Rgba
+    };
+    pack_png(file, [film.width(), film.height()], &bytes, (color, depth))
 }
 
 #[expect(
@@ -348,7 +384,10 @@ fn write_channels(
         encoding,
         AnyChannels::sort(channels),
     );
-    write_blocks(&Image::from_layer(layer), file).map_err(io::Error::other)
+    write_blocks(&Image::from_layer(layer), file).map_err(|error| match error {
+        exr::error::Error::Io(error) => error,
+        error => io::Error::other(error),
+    })
 }
 
 /// Writes the blocks of an image, packed on all threads of the current pool.

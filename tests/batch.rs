@@ -46,6 +46,21 @@ mod signals {
         assert!(sent.unwrap().success());
     }
 
+    /// Waits until SIGTERM no longer ends a program by itself; Linux tells which signals are caught.
+    fn wait_until_it_listens(child: &Child) {
+        let status = format!("/proc/{}/status", child.id());
+        let is_deaf = |text: String| {
+            let caught = text.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+            let caught = u64::from_str_radix(caught.unwrap_or_default().trim(), 16);
+            caught.is_ok_and(|caught| caught >> 14 & 1 == 0)
+        };
+        let started = Instant::now();
+        while fs::read_to_string(&status).map_or(started.elapsed().as_secs() < 1, is_deaf) {
+            assert!(started.elapsed() < Duration::from_secs(60));
+            sleep(Duration::from_millis(5));
+        }
+    }
+
     /// Waits until a file is there.
     fn wait_for(place: &Place, name: &str) {
         let started = Instant::now();
@@ -79,12 +94,11 @@ mod signals {
     }
 
     #[test]
-    fn a_second_signal_ends_at_once_and_leaves_nothing_unfinished() {
+    fn a_second_signal_ends_at_once() {
         let place = Place::new();
         let line = "convert samples/teapot.obj -o t.glb --tolerance 0.00001%";
         let child = start(&place, line);
-        sleep(Duration::from_millis(300));
-        fs::write(place.path(&format!("t.glb.{}.part", child.id())), "half").unwrap();
+        wait_until_it_listens(&child);
         let started = Instant::now();
         send(&child, "TERM");
         sleep(Duration::from_millis(200));
@@ -93,6 +107,126 @@ mod signals {
         assert_eq!(output.status.code(), Some(128 + 15));
         assert!(started.elapsed() < Duration::from_secs(5));
         assert_eq!(place.files(), [""; 0]);
+    }
+
+    /// The names of unfinished files.
+    fn parts(place: &Place) -> Vec<String> {
+        let is_part = |name: &String| name.ends_with(".part");
+        place.files().into_iter().filter(is_part).collect()
+    }
+
+    #[test]
+    fn the_end_leaves_no_unfinished_picture() {
+        let place = Place::new();
+        for (files, signals) in [("", 1), ("samples/can.igs ", 2)] {
+            let line = format!(
+                "render samples/goblet.x3d {files}-o {{stem}}.exr --size 3000x2000 --samples 1"
+            );
+            let child = start(&place, &line);
+            let started = Instant::now();
+            while parts(&place).is_empty() {
+                assert!(started.elapsed() < Duration::from_secs(120), "{line}");
+                sleep(Duration::from_millis(2));
+            }
+            for _ in 0..signals {
+                send(&child, "TERM");
+                sleep(Duration::from_millis(50));
+            }
+            let output = child.wait_with_output().unwrap();
+            assert_eq!(output.status.code(), Some(128 + 15), "{line}");
+            assert_eq!(place.files(), [""; 0], "{line}");
+        }
+    }
+
+    #[test]
+    fn pictures_and_measures_that_are_left_are_told() {
+        let place = Place::new();
+        for (line, first, code) in [
+            (
+                "render samples/teapot.obj - samples/goblet.x3d -o {stem}.png --size 8x6 --stats -",
+                "teapot.png",
+                3,
+            ),
+            (
+                "bench methods samples/teapot.obj - samples/goblet.x3d -o . --methods newton \
+                 --size 8x6 --runs 1",
+                "index.html",
+                3,
+            ),
+            (
+                "render samples/door.x3dv - -o {stem}{frame}.png --size 8x6 --frames 0..9999 --stats -",
+                "door0000.png",
+                2,
+            ),
+        ] {
+            let mut child = start(&place, line);
+            let input = child.stdin.take();
+            wait_for(&place, first);
+            sleep(Duration::from_millis(100));
+            send(&child, "TERM");
+            let output = child.wait_with_output().unwrap();
+            drop(input);
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(code), "{line}: {stderr}");
+            let end = "stopped; 2 files are left\n";
+            assert!(stderr.ends_with(end), "{line}: {stderr}");
+            assert_eq!(parts(&place), [""; 0], "{line}");
+            if line.ends_with("--stats -") {
+                let stdout = String::from_utf8(output.stdout).unwrap();
+                let status = values(&stdout, "status");
+                assert_eq!(status[0], "ok");
+                assert_eq!(status[status.len() - 2..], ["left", "left"]);
+            }
+        }
+        let report = fs::read_to_string(place.path("results.json")).unwrap();
+        assert!(report.contains("teapot"), "{report}");
+    }
+
+    #[test]
+    fn commands_with_one_result_end_at_once() {
+        let place = Place::new();
+        for line in [
+            "model - -o m.x3d",
+            "compare - -o report",
+            "render - -o t.png",
+            "render samples/can.igs - --sheet s.png",
+        ] {
+            let mut child = start(&place, line);
+            let input = child.stdin.take();
+            wait_until_it_listens(&child);
+            send(&child, "INT");
+            let output = child.wait_with_output().unwrap();
+            drop(input);
+            assert_eq!(output.status.code(), Some(128 + 2), "{line}");
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert!(stderr.ends_with("nurbray: stopped\n"), "{line}: {stderr}");
+            assert_eq!(place.files(), [""; 0], "{line}");
+        }
+    }
+
+    #[test]
+    fn files_above_a_limit_of_the_system_are_errors() {
+        let place = Place::new();
+        for line in [
+            "render samples/teapot.obj -o t.png",
+            "render samples/teapot.obj -o t.exr",
+            "convert samples/teapot.obj -o t.glb",
+        ] {
+            let program = env!("CARGO_BIN_EXE_nurbray");
+            let output = Command::new("sh")
+                .args(["-c", &format!("ulimit -f 1; exec {program} {line}")])
+                .current_dir(place.path(""))
+                .output()
+                .unwrap();
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(2), "{line}: {stderr}");
+            assert_eq!(
+                stderr.matches("File too large").count(),
+                1,
+                "{line}: {stderr}"
+            );
+            assert_eq!(place.files(), [""; 0], "{line}");
+        }
     }
 }
 
@@ -388,4 +522,34 @@ fn folders_stand_for_the_files_in_them() {
         "{}",
         run.stderr
     );
+}
+
+/// Other systems refuse such names.
+#[cfg(target_os = "linux")]
+#[test]
+fn outputs_have_the_bytes_of_their_inputs_names() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    let place = Place::new();
+    fs::create_dir(place.path("parts")).unwrap();
+    for name in [b"a\xfe.igs", b"a\xff.igs"] {
+        let to = place.path("parts").join(OsStr::from_bytes(name));
+        fs::copy(place.path("samples/can.igs"), to).unwrap();
+    }
+    for status in ["ok", "skipped"] {
+        let run = place.run("convert parts -o {stem}-{ext}.x3d --out-dir out --resume --json");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert_eq!(values(&run.stdout, "status"), [status; 2], "{}", run.stderr);
+    }
+    let run = place.run("render parts -o out/{stem}.png --size 8x6");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for name in [
+        &b"a\xfe-igs.x3d"[..],
+        b"a\xff-igs.x3d",
+        b"a\xfe.png",
+        b"a\xff.png",
+    ] {
+        let path = place.path("out").join(OsStr::from_bytes(name));
+        assert!(path.is_file(), "{}", path.display());
+    }
 }

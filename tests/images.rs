@@ -47,3 +47,9 @@ fn five_pairs_agree_with_the_reference_implementations() {
         }
     }
 }
+
+#[test]
+fn pictures_say_that_they_are_srgb() {
+    let file = nurbray::output::encode_png(&picture("1a.png")).unwrap();
+    assert!(file.windows(4).any(|chunk| chunk == b"sRGB"));
+}

@@ -154,6 +154,7 @@ fn the_bench_reports_in_four_forms() {
     let page = fs::read_to_string(place.path("out/index.html")).unwrap();
     for (at, _) in page.match_indices("<img src=\"") {
         let name = page[at + 10..].split('"').next().unwrap();
+        let name = name.replace("%2B", "+");
         assert!(place.path(&format!("out/{name}")).is_file(), "{name}");
     }
     assert_eq!(page.matches("<img").count(), 9 * 3);
@@ -176,4 +177,26 @@ fn files_of_one_name_have_rows_and_pictures_of_their_own() {
     for name in ["a,b_newton.png", "a,b-2_newton_effort.png"] {
         assert!(place.path("out").join(name).is_file(), "{name}");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn strange_names_lead_to_pictures_and_steer_no_terminal() {
+    let place = Place::new();
+    let name = "a%20#?\u{1b}[7m";
+    fs::copy(
+        place.path("samples/teapot.obj"),
+        place.path(&format!("{name}.obj")),
+    )
+    .unwrap();
+    let line =
+        format!("bench methods {name}.obj -o out --size 8x6 --runs 1 --methods martin,martin");
+    let run = place.run(&line);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.contains("a%20#?\\u{1b}[7m\n"), "{}", run.stdout);
+    assert_eq!(run.stdout.matches("martin").count(), 1, "{}", run.stdout);
+    assert!(place.path(&format!("out/{name}_martin.png")).is_file());
+    let page = fs::read_to_string(place.path("out/index.html")).unwrap();
+    let address = "<img src=\"a%2520%23%3F%1B%5B7m_martin.png\"";
+    assert_eq!(page.matches(address).count(), 1, "{page}");
 }

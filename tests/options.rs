@@ -233,3 +233,45 @@ mod special {
         assert!(run.stdout.contains("not a regular file"), "{}", run.stdout);
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_message_is_one_line_whatever_is_in_names() {
+    let place = Place::new();
+    fs::create_dir(place.path("parts")).unwrap();
+    fs::write(place.path("parts/a\nnurbray: b.igs"), "nothing").unwrap();
+    fs::copy(place.path("samples/can.igs"), place.path("parts/c\nd.igs")).unwrap();
+    for line in [
+        "info parts",
+        "volume parts",
+        "render parts -o {stem}.png --size 8x6",
+    ] {
+        let run = place.run(line);
+        assert!(
+            run.stderr.contains("parts/a\\nnurbray: b.igs"),
+            "{}",
+            run.stderr
+        );
+        assert!(!run.stderr.contains("\nnurbray: b"), "{}", run.stderr);
+        assert!(!run.stdout.contains("\nd.igs"), "{}", run.stdout);
+    }
+}
+
+#[test]
+fn results_are_named_and_counted() {
+    let place = Place::new();
+    for (line, words) in [
+        (
+            "render samples/can.igs samples/goblet.x3d --sheet s.png --size 16x16",
+            "2 files -> s.png: ",
+        ),
+        (
+            "model --synthetic sphere -o s.x3d",
+            "synthetic -> s.x3d: 1 body, 25 patches\n",
+        ),
+    ] {
+        let run = place.run(line);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert!(run.stderr.contains(words), "{}", run.stderr);
+    }
+}

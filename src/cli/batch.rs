@@ -1,23 +1,16 @@
-//! Many files: several at a time, stopped in good order, taken up again.
+//! Many files: several at a time, taken up again.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, mpsc};
-use std::time::Duration;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{fs, io, panic, process, thread};
 
 use anyhow::{Context as _, bail};
 use nurbray::formats::{Export, Resolver as _};
 use nurbray::output;
 use serde_json::json;
-use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::input::{Beside, Named, sha256};
-use super::say::say;
-
-/// How often is looked whether a signal has come.
-const PAUSE: Duration = Duration::from_millis(20);
 
 /// What became of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,70 +31,6 @@ impl Fate {
             Self::Failed => "failed",
             Self::Left => "left",
         }
-    }
-}
-
-/// Whether the program was told to stop.
-#[derive(Clone, Debug)]
-pub(super) struct Stop {
-    asked: Arc<AtomicBool>,
-}
-
-impl Stop {
-    /// Listens to SIGINT and SIGTERM. The first one asks to stop; the second one ends the program
-    /// at once, without the unfinished files that it has in `folders`.
-    pub(super) fn listen(folders: Vec<PathBuf>) -> anyhow::Result<Self> {
-        let signal = Arc::new(AtomicUsize::new(0));
-        for known in [SIGINT, SIGTERM] {
-            let number = usize::try_from(known)?;
-            signal_hook::flag::register_usize(known, Arc::clone(&signal), number)?;
-        }
-        let asked = Arc::new(AtomicBool::new(false));
-        let stop = Self {
-            asked: Arc::clone(&asked),
-        };
-        thread::spawn(move || {
-            loop {
-                thread::sleep(PAUSE);
-                let got = signal.swap(0, Ordering::Relaxed);
-                if got == 0 {
-                    continue;
-                }
-                if asked.swap(true, Ordering::Relaxed) {
-                    for folder in &folders {
-                        // The program ends in any case.
-                        let _ = remove_parts(folder, |_, by| by == process::id());
-                    }
-                    process::exit(128 + i32::try_from(got).unwrap_or_default());
-                }
-                say!(
-                    "nurbray: stopping when the files that are being converted are done; \
-                     a second signal stops at once"
-                );
-            }
-        });
-        Ok(stop)
-    }
-
-    pub(super) fn is_asked(&self) -> bool {
-        self.asked.load(Ordering::Relaxed)
-    }
-
-    /// What comes of waiting for input, unless the program is told to stop before.
-    pub(super) fn or_wait<T: Send + 'static>(
-        &self,
-        wait: impl FnOnce() -> T + Send + 'static,
-    ) -> Option<T> {
-        let (sender, receiver) = mpsc::channel();
-        // Nobody listens any more after a stop.
-        thread::spawn(move || drop(sender.send(wait())));
-        while !self.is_asked() {
-            match receiver.recv_timeout(PAUSE) {
-                Err(mpsc::RecvTimeoutError::Timeout) => {}
-                result => return result.ok(),
-            }
-        }
-        None
     }
 }
 
@@ -211,8 +140,11 @@ impl Record {
         let Ok(name) = serde_json::from_str::<String>(name) else {
             return false;
         };
+        let own = self.output.file_name().unwrap_or_default();
         let bytes = match what {
             "beside" => beside.resolve(&name).ok(),
+            // Its own name may be one that no text can hold.
+            _ if own.to_string_lossy() == name => fs::read(&self.output).ok(),
             _ => fs::read(self.output.with_file_name(&name)).ok(),
         };
         bytes.as_deref().map_or(NO_FILE.to_owned(), sha256) == hash
@@ -331,6 +263,8 @@ fn slurm() -> anyhow::Result<Shard> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use rayon::prelude::*;
 
     use super::*;

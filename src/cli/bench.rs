@@ -2,6 +2,7 @@
 
 mod report;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -11,9 +12,11 @@ use nurbray::methods::{Choice, Counts, Judgement, Raster, Stopwatch, Times, Trac
 use nurbray::output::{self, OutputOptions};
 use nurbray::{Accelerator, RenderOptions};
 
+use super::Failures;
 use super::input::{self, ReadArgs};
 use super::parse;
 use super::say::say;
+use super::stop::{self, Stop};
 
 /// Where the scenes are that are measured if none is named.
 const SCENES: &str = "samples/methods";
@@ -40,7 +43,7 @@ enum What {
 /// One thread, times of the processor, one ray through the middle of each pixel. What each pixel shows is proven first;
 /// answers are wrong if they are off by more than a pixel's width along the ray. Writes
 /// results.json, results.csv, and index.html with pictures.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 struct MethodArgs {
     /// Scenes; those of samples/methods if none is named
@@ -63,7 +66,7 @@ struct MethodArgs {
     #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = parse::size)]
     size: (u32, u32),
     /// How often each method runs; times are medians
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = parse::count(1..=u32::MAX))]
     runs: u32,
     #[command(flatten)]
     read: ReadArgs,
@@ -72,7 +75,21 @@ struct MethodArgs {
 const EXAMPLES: &str = "\
 Examples:
   nurbray bench methods -o out
-  nurbray bench methods samples/teapot.obj --methods newton,martin,nishita --size 256x256 -o out";
+  nurbray bench methods samples/teapot.obj --methods newton,martin,nishita --size 256x256 -o out
+
+SIGINT or SIGTERM (Ctrl-C) stops after the picture that is being traced; the reports have the files
+that were done before. A second one ends the program at once.";
+
+impl MethodArgs {
+    /// With each method once.
+    fn without_doubles(&self) -> Self {
+        let mut known = HashSet::new();
+        let mut args = self.clone();
+        args.methods
+            .retain(|choice| known.insert(choice.to_string()));
+        args
+    }
+}
 
 /// What a method did with a scene.
 struct Row {
@@ -89,16 +106,22 @@ struct Measured {
     judgement: Judgement,
 }
 
-/// Runs the command; the result is how many files failed.
-pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+/// Runs the command; what was measured is written after each file.
+pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
     let What::Methods(args) = &args.what;
+    let args = &args.without_doubles();
     let files = files(args)?;
     output::make_folder(&args.output).with_context(|| args.output.display().to_string())?;
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let (mut rows, mut failed) = (Vec::new(), 0);
+    let stop = Stop::listen(Some("the picture that is being traced is"))?;
+    let (mut rows, mut failed, mut left) = (Vec::new(), 0, 0);
     for (file, scene) in files.iter().zip(names(&files)) {
-        match measure_file(args, (file, &scene), &single) {
-            Ok(measured) => rows.extend(measured),
+        match measure_file(args, (file, &scene), &single, &stop) {
+            Ok(Some(measured)) => {
+                rows.extend(measured);
+                report::write(args, &rows)?;
+            }
+            Ok(None) => left += 1,
             Err(error) => {
                 failed += 1;
                 say!("nurbray: {error:#}");
@@ -106,9 +129,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         }
     }
     if !rows.is_empty() {
-        report::write(args, &rows)?;
+        report::print(args, &rows)?;
     }
-    Ok(failed)
+    Ok(match left {
+        0 => failed.into(),
+        left => stop::ending(files.len(), failed, left),
+    })
 }
 
 /// The files of the command line, or all scenes in [`SCENES`].
@@ -138,7 +164,7 @@ fn files(args: &MethodArgs) -> anyhow::Result<Vec<PathBuf>> {
 fn names(files: &[PathBuf]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for file in files {
-        let stem = input::stem(file);
+        let stem = input::stem(file).to_string_lossy().into_owned();
         let numbered = (2..).map(|number| format!("{stem}-{number}"));
         let mut choice = std::iter::once(stem.clone()).chain(numbered);
         names.extend(choice.find(|name| !names.contains(name)));
@@ -146,12 +172,17 @@ fn names(files: &[PathBuf]) -> Vec<String> {
     names
 }
 
+/// What was measured of a file, unless the program is told to stop before.
 fn measure_file(
     args: &MethodArgs,
     (file, name): (&Path, &str),
     single: &rayon::ThreadPool,
-) -> anyhow::Result<Vec<Row>> {
-    let loaded = args.read.load(file)?;
+    stop: &Stop,
+) -> anyhow::Result<Option<Vec<Row>>> {
+    let Some(loaded) = stop.or_load(&args.read, file) else {
+        return Ok(None);
+    };
+    let loaded = loaded?;
     input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
     let scene = &loaded.import.scene;
     if scene.placement_count() == 0 {
@@ -180,6 +211,9 @@ fn measure_file(
     // All methods by turns, so that what else the machine does meets all alike.
     for _ in 0..args.runs {
         for (choice, times, last) in &mut running {
+            if stop.is_asked() {
+                return Ok(None);
+            }
             let trace = single.install(|| once(choice, &accelerator, &camera, args.size))?;
             times.push(trace.times);
             *last = Some(trace);
@@ -208,7 +242,7 @@ fn measure_file(
             }),
         });
     }
-    Ok(rows)
+    Ok(Some(rows))
 }
 
 /// Traces once; the production method builds its accelerator anew.

@@ -16,6 +16,7 @@ use super::mesh::{self, Distance};
 use super::parse;
 use super::say::{say, visible};
 use super::shot::BACKGROUND;
+use super::stop::Stop;
 use super::{DIFFERENT, Failures};
 
 /// Compares exact surfaces with meshes, in numbers and pictures
@@ -56,7 +57,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "WxH", default_value = "960x720", value_parser = parse::size)]
     size: (u32, u32),
     /// N x N samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = parse::count(1..=64))]
     samples: u32,
     /// Threads; 0 uses every core
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::threads)]
@@ -82,6 +83,7 @@ const FOREIGN: f64 = 1e-4;
 
 /// Compares, and tells whether a limit is passed.
 pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
+    Stop::listen(None)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build()?;

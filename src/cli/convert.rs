@@ -15,13 +15,14 @@ use nurbray::kernel::Scene;
 use nurbray::{output, tessellate};
 use serde_json::{Map, Value, json};
 
-use super::batch::{self, Fate, Shard, Stop};
+use super::Failures;
+use super::batch::{self, Fate, Shard};
 use super::claims::Claims;
 use super::input::{self, Loaded, ReadArgs};
 use super::mesh::{self, MeshArgs};
 use super::parse;
 use super::say::{self, say};
-use super::{FAILED, Failures, PARTLY};
+use super::stop::{self, Stop};
 
 /// Turns files of one format into another
 ///
@@ -116,11 +117,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
         args.mesh.warn_unused(&args.output);
     }
     let json = args.json || args.log == Log::Json;
-    let folder = |job: &Job| output::folder(&job.path).to_owned();
-    let mut folders: Vec<_> = jobs.iter().map(folder).collect();
-    folders.sort();
-    folders.dedup();
-    let stop = Stop::listen(folders)?;
+    let stop = Stop::listen(Some("the files that are being converted are"))?;
     let work = |job: &Job| {
         let mut row = Row::new();
         let fate = if stop.is_asked() {
@@ -141,24 +138,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
         Ok(fate)
     };
     let result = batch::run(&jobs, args.batch.jobs, work)?;
-    match result.left {
-        0 => {}
-        1 => say!("nurbray: stopped; 1 file is left"),
-        left => say!("nurbray: stopped; {left} files are left"),
-    }
-    let count = result.failed;
-    let code = match count + result.left {
-        0 => 0,
-        without if without < jobs.len() => PARTLY,
-        _ => FAILED,
-    };
-    Ok(Failures { count, code })
+    Ok(stop::ending(jobs.len(), result.failed, result.left))
 }
 
 /// Every file with its target, and their places; those that would be written to one place, or over
 /// an input, are refused.
 fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
-    input::check_pattern(&args.output, &["stem", "ext"])?;
+    input::check_pattern("-o", &args.output, &["stem", "ext"])?;
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for given in &args.files {
         for source in input::files_at(given)? {
@@ -202,7 +188,7 @@ fn jobs(args: &Args) -> anyhow::Result<(Vec<Job>, Claims)> {
 
 /// Where a file goes; `given` is what led to it, itself or a folder.
 fn path(args: &Args, given: &Path, source: &Path) -> PathBuf {
-    let name = input::named(&args.output, source);
+    let name = input::named(&args.output, source, "");
     let Some(folder) = &args.out_dir else {
         return name.into();
     };
@@ -233,8 +219,7 @@ fn convert(
     if let Some(why) = &job.refused {
         bail!("{why}");
     }
-    let (read, from) = (args.read.clone(), source.clone());
-    let Some(bytes) = stop.or_wait(move || read.bytes(&from)) else {
+    let Some(bytes) = stop.or_bytes(&args.read, source) else {
         return Ok(Fate::Left);
     };
     let bytes = bytes?;

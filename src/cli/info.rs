@@ -12,7 +12,7 @@ use nurbray::measure;
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
-use super::say::{named, say, visible};
+use super::say::{named, say, visible, visible_lines};
 use super::shot::names;
 use super::sizes;
 
@@ -63,8 +63,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
                 } else {
                     let sizes = measure.map(|m| sizes::to_text(&m, import.scene.unit.as_ref()));
                     let sizes = sizes.unwrap_or_default();
-                    let text = visible(&to_text(file, import));
-                    write!(out, "{text}{}", visible(&sizes))?;
+                    let text = visible_lines(&to_text(file, import));
+                    write!(out, "{text}{}", visible_lines(&sizes))?;
                 }
             }
             Err(error) => {
@@ -153,7 +153,7 @@ fn wires(scene: &Scene) -> [usize; 2] {
 }
 
 fn to_text(file: &Path, import: &Import) -> String {
-    let mut text = format!("{}: {}\n", input::display(file), import.format);
+    let mut text = format!("{}: {}\n", visible(&input::display(file)), import.format);
     // Writing into a string cannot fail.
     let _ = describe(&mut text, import);
     text

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ const WARNINGS_SHOWN: usize = 8;
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ReadArgs {
     /// Multiply the limits on file size, points, nesting, instances, pictures and laid curves by this factor
-    #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = parse::count(1..=u32::MAX))]
     relax_limits: u32,
     /// Let files name others in this folder and below, not only beside themselves
     #[arg(long, value_name = "FOLDER", value_parser = parse::folder)]
@@ -274,34 +275,46 @@ pub(super) fn display(path: &Path) -> String {
 }
 
 /// The part of a file's name that `{stem}` stands for.
-pub(super) fn stem(path: &Path) -> String {
-    match path.file_stem() {
-        Some(stem) if !is_stdin(path) => stem.to_string_lossy().into_owned(),
-        _ => "stdin".to_owned(),
+pub(super) fn stem(path: &Path) -> &OsStr {
+    let stem = path.file_stem().filter(|_| !is_stdin(path));
+    stem.unwrap_or(OsStr::new("stdin"))
+}
+
+/// The name of an output: `{stem}` and `{ext}` stand for the name and the ending of its input, and
+/// `{frame}` for the number of a frame.
+pub(super) fn named(pattern: &str, path: &Path, frame: &str) -> OsString {
+    let words = [
+        ("{stem}", stem(path)),
+        ("{ext}", path.extension().unwrap_or_default()),
+        ("{frame}", OsStr::new(frame)),
+    ];
+    let (mut name, mut rest) = (OsString::new(), pattern);
+    while let Some(brace) = rest.find('{') {
+        let (before, from) = rest.split_at(brace);
+        let word = words.iter().find(|(word, _)| from.starts_with(word));
+        let (word, value) = word.copied().unwrap_or(("{", OsStr::new("{")));
+        name.push(before);
+        name.push(value);
+        rest = &from[word.len()..];
     }
+    name.push(rest);
+    name
 }
 
-/// The name of an output: `{stem}` and `{ext}` stand for the name and the ending of its input.
-pub(super) fn named(pattern: &str, path: &Path) -> String {
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    pattern
-        .replace("{ext}", &ending)
-        .replace("{stem}", &stem(path))
-}
-
-/// Refuses a pattern in which a word in braces stands for nothing.
-pub(super) fn check_pattern(pattern: &str, known: &[&str]) -> anyhow::Result<()> {
+/// Refuses a pattern in which a word in braces stands for nothing; `option` is what it was given to.
+pub(super) fn check_pattern(option: &str, pattern: &str, known: &[&str]) -> anyhow::Result<()> {
     let ends = pattern.split('{').skip(1);
     let words = ends.filter_map(|rest| Some(rest.split_once('}')?.0));
     let is_word = |word: &&str| !word.is_empty() && word.chars().all(char::is_alphabetic);
-    match words.filter(is_word).find(|word| !known.contains(word)) {
-        Some(word) => {
-            let known: Vec<_> = known.iter().map(|word| format!("{{{word}}}")).collect();
-            let known = known.join(", ");
-            bail!("-o {pattern}: {{{word}}} stands for nothing; what does is {known}")
-        }
-        None => Ok(()),
-    }
+    let Some(word) = words.filter(is_word).find(|word| !known.contains(word)) else {
+        return Ok(());
+    };
+    let known: Vec<_> = known.iter().map(|word| format!("{{{word}}}")).collect();
+    let advice = match known.join(", ") {
+        known if known.is_empty() => String::new(),
+        known => format!("; what does is {known}"),
+    };
+    bail!("{option} {pattern}: {{{word}}} stands for nothing{advice}")
 }
 
 /// For every pair of an input and where it goes: the reason, if another one goes there, too.

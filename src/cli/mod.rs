@@ -17,6 +17,7 @@ mod say;
 mod sheet;
 mod shot;
 mod sizes;
+mod stop;
 mod volume;
 
 use std::process::ExitCode;
@@ -48,7 +49,7 @@ Examples:
   echo 0,5,0,0,-1,0 | nurbray probe samples/teapot.obj --rays - --all
 
 Exit codes: 0 done, 1 a comparison is not within its limit, 2 something went wrong,
-3 some files were converted and others were not.";
+3 some files were converted and others were not, or a signal stopped the program between them.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -86,13 +87,17 @@ impl From<usize> for Failures {
 
 /// Runs the program.
 pub(crate) fn run() -> ExitCode {
+    #[cfg(unix)]
+    if let Err(error) = stop::outlive_large_files() {
+        say!("nurbray: {error}");
+    }
     let result = match Cli::parse().command {
-        Command::Render(args) => render::run(&args).map(Failures::from),
+        Command::Render(args) => render::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::run(&args).map(Failures::from),
         Command::Probe(args) => probe::run(&args).map(Failures::from),
-        Command::Bench(args) => bench::run(&args).map(Failures::from),
+        Command::Bench(args) => bench::run(&args),
         Command::Model(args) => model::run(&args).map(Failures::from),
         Command::Volume(args) => volume::run(&args).map(Failures::from),
     };

@@ -16,7 +16,8 @@ use super::convert;
 use super::input;
 use super::mesh::{self, MeshArgs};
 use super::parse;
-use super::say::say;
+use super::say::{counted, say};
+use super::stop::Stop;
 
 /// Makes bodies of measured points: grids, and contours in layers
 ///
@@ -93,13 +94,13 @@ struct SyntheticArgs {
     #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS")]
     synthetic: Vec<Kind>,
     /// Number that chooses their bumps [default: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse::whole)]
     seed: Option<u64>,
     /// Their layers [default: 24]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    #[arg(long, value_name = "N", value_parser = parse::count(2..=10_000))]
     layers: Option<u32>,
     /// Points of each layer [default: 72]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=10_000))]
+    #[arg(long, value_name = "N", value_parser = parse::count(3..=10_000))]
     points: Option<u32>,
 }
 
@@ -371,7 +372,9 @@ fn unit() -> impl TypedValueParser<Value = Unit> {
 
 /// Makes the bodies of a file.
 pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+    Stop::listen(None)?;
     let path = args.output.as_path();
+    input::check_pattern("-o", &path.to_string_lossy(), &[])?;
     let target = if args.triangles {
         Target::of_triangles(path)
     } else {
@@ -415,11 +418,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     input::check_apart(&convert::outputs(path, &export), inputs)?;
     convert::store(path, &export)?;
     say!(
-        "{} -> {}: {} bodies, {} patches",
+        "{} -> {}: {}, {}",
         input::display(&source),
         path.display(),
-        scene.materials().len(),
-        scene.patches().len()
+        counted(scene.materials().len(), "body", "bodies"),
+        counted(scene.patches().len(), "patch", "patches")
     );
     Ok(0)
 }

@@ -1,6 +1,6 @@
 //! Values on the command line.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::PathBuf;
 
 use glam::DVec3;
@@ -27,6 +27,25 @@ pub(super) fn folder(text: &str) -> Result<PathBuf, String> {
 pub(super) fn threads(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| *count <= MOST_THREADS);
     count.ok_or_else(|| format!("'{text}' is not a number from 0 to {MOST_THREADS}"))
+}
+
+/// A whole number within bounds.
+pub(super) fn count(
+    range: RangeInclusive<u32>,
+) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let count = text.parse().ok().filter(|count| range.contains(count));
+        count.ok_or_else(|| match (range.start(), range.end()) {
+            (least, &u32::MAX) => format!("'{text}' is not a whole number from {least} on"),
+            (least, most) => format!("'{text}' is not a whole number from {least} to {most}"),
+        })
+    }
+}
+
+/// A whole number.
+pub(super) fn whole(text: &str) -> Result<u64, String> {
+    text.parse()
+        .map_err(|_| format!("'{text}' is not a whole number"))
 }
 
 /// A moment, in seconds.
@@ -138,6 +157,10 @@ mod tests {
         assert!(frames("3..2").is_err() && frames("3").is_err() && frames("-1..2").is_err());
         assert_eq!((threads("0"), threads("1024")), (Ok(0), Ok(1024)));
         assert!(threads("1025").is_err() && threads("-1").is_err());
+        assert_eq!((count(1..=64)("64"), count(2..=3)("3")), (Ok(64), Ok(3)));
+        assert!(
+            count(1..=64)("1.5").is_err() && count(1..=64)("0").is_err() && whole("-1").is_err()
+        );
         assert!(seconds("nan").is_err() && seconds("-1.5") == Ok(-1.5));
         assert!(background("2,0,0").is_err() && background("#fff").is_err());
     }

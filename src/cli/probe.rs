@@ -83,13 +83,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         .num_threads(args.threads)
         .build()?;
     let mut out = BufWriter::new(std::io::stdout());
+    let heading = |names| (!args.json).then_some(names);
     pool.install(|| match (&args.rays, &args.uv) {
         (Some(rays), _) if args.certify => {
             let certifier = Certifier::build(scene);
-            if !args.json {
-                writeln!(out, "ray,status,t_low,t_high,patch")?;
-            }
-            stream(rays, &mut out, |(): &mut (), row, fields| {
+            let out = (&mut out, heading("ray,status,t_low,t_high,patch"));
+            stream(rays, out, |(): &mut (), row, fields| {
                 let (ray, scale) = ray(fields)?;
                 let certificate = certifier.certify(&ray);
                 Ok(certificate_row(row, &certificate, scale, args.json))
@@ -102,10 +101,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
                 names: &names,
                 args,
             };
-            if !args.json {
-                writeln!(out, "{}", Prober::HEADER)?;
-            }
-            stream(rays, &mut out, |workspace: &mut Workspace, row, fields| {
+            let out = (&mut out, heading(Prober::HEADER));
+            stream(rays, out, |workspace: &mut Workspace, row, fields| {
                 let (ray, scale) = ray(fields)?;
                 Ok(prober.shoot(&ray, scale, row, workspace))
             })
@@ -116,12 +113,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
                 names: &names,
                 json: args.json,
             };
-            if !args.json {
-                writeln!(out, "{}", Evaluator::HEADER)?;
-            }
-            stream(uv, &mut out, |(): &mut (), _, fields| {
-                evaluator.evaluate(fields)
-            })
+            let out = (&mut out, heading(Evaluator::HEADER));
+            stream(uv, out, |(): &mut (), _, fields| evaluator.evaluate(fields))
         }
         (None, None) => bail!("give --rays or --uv"),
     })?;
@@ -168,13 +161,14 @@ fn certificate_row(row: u64, certificate: &Certificate, scale: f64, as_json: boo
     format!("{row},{status},{low},{high},{patch}\n")
 }
 
-/// Reads rows of `N` numbers, answers them in parallel, and writes the answers in order.
+/// Reads rows of `N` numbers, answers them in parallel, and writes a heading and the answers in
+/// order.
 ///
 /// Empty lines, lines that begin with `#`, a byte order mark, and a heading of words on the first
 /// line are passed over.
 fn stream<const N: usize, S: Default + Send>(
     path: &Path,
-    out: &mut impl Write,
+    (out, heading): (&mut impl Write, Option<&str>),
     answer: impl Fn(&mut S, u64, [f64; N]) -> anyhow::Result<String> + Sync,
 ) -> anyhow::Result<()> {
     let name = input::display(path);
@@ -185,6 +179,9 @@ fn stream<const N: usize, S: Default + Send>(
             File::open(path).with_context(|| name.clone())?,
         ))
     };
+    if let Some(heading) = heading {
+        writeln!(out, "{heading}")?;
+    }
     let mut lines = source.lines().enumerate();
     let mut row = 0;
     loop {
@@ -195,8 +192,8 @@ fn stream<const N: usize, S: Default + Send>(
                 line = rest.to_owned();
             }
             let text = line.trim();
-            let heading = number == 0 && is_heading(text);
-            if text.is_empty() || text.starts_with('#') || heading {
+            let is_heading = number == 0 && is_heading(text);
+            if text.is_empty() || text.starts_with('#') || is_heading {
                 continue;
             }
             chunk.push((row, number + 1, line));

@@ -16,11 +16,14 @@ use nurbray::output::{self, Aov, OutputOptions, PngDepth};
 use nurbray::{Film, METHODS, Shading};
 use serde_json::{Value, json};
 
+use super::Failures;
+use super::batch::Fate;
 use super::input::{self, Loaded, ReadArgs};
 use super::parse::{self, Background};
 use super::say::{self, say};
 use super::sheet::{self, Sheet};
 use super::shot::shot;
+use super::stop::{self, Stop};
 
 /// Pixels of a picture, unless the user wants others.
 const SIZE: (u32, u32) = (960, 720);
@@ -49,7 +52,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "WxH", value_parser = parse::size)]
     size: Option<(u32, u32)>,
     /// N x N samples per pixel; one passes exactly through the middle
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = parse::count(1..=64))]
     pub(super) samples: u32,
     /// Camera of the file, by name; of X3D and VRML by its description or DEF name
     #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "up", "fov"])]
@@ -57,13 +60,13 @@ pub(super) struct Args {
     /// Where the camera stands; needs --target or looks at the middle of the scene
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector)]
     pub(super) eye: Option<DVec3>,
-    /// What the camera looks at
+    /// What the camera looks at; needs --eye
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector, requires = "eye")]
     pub(super) target: Option<DVec3>,
-    /// Upward direction in the picture; default: the upward axis of the file
+    /// Upward direction in the picture; needs --eye; default: the upward axis of the file
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector, requires = "eye")]
     pub(super) up: Option<DVec3>,
-    /// Vertical opening angle in degrees [default: 35]
+    /// Vertical opening angle in degrees; needs --eye [default: 35]
     #[arg(long, value_name = "DEG", value_parser = degrees, requires = "eye")]
     pub(super) fov: Option<f64>,
     /// Parallel rays instead of perspective
@@ -137,7 +140,10 @@ Examples:
   nurbray render wing.igs -o wing.exr --eye 3,-4,2 --target 0,0,0 --up 0,0,1 --fov 30
   nurbray render parts -o 'out/{stem}.png' --stats stats.jsonl
   nurbray render robot.x3dv -o 'out/{frame}.png' --frames 0..47
-  nurbray render parts --sheet parts.png";
+  nurbray render parts --sheet parts.png
+
+SIGINT or SIGTERM (Ctrl-C) begins no more pictures; the exit code is then 3, or 2 if there is none.
+A second one, or the first where there is one picture only, ends the program at once.";
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum ShadingArg {
@@ -169,8 +175,8 @@ fn rate(text: &str) -> Result<f64, String> {
     rate.ok_or_else(|| format!("'{text}' is not a positive number"))
 }
 
-/// Renders every file; the result is how many failed.
-pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
+/// Renders every file.
+pub(super) fn run(args: &Args) -> anyhow::Result<Failures> {
     let files = input::files(&args.files)?;
     let args = &Args {
         files,
@@ -187,7 +193,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         bail!("--write-map is for one file; each would write the same map");
     }
     if let Some(target) = &args.sheet {
-        return run_sheet(args, target);
+        return Ok(run_sheet(args, target)?.into());
     }
     let jobs = jobs(args)?;
     let targets: Vec<_> = jobs.iter().map(|job| job.target.clone()).collect();
@@ -197,28 +203,43 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build()?;
-    let mut failed = 0;
-    for Job {
-        file,
-        target,
-        refused,
-    } in &jobs
-    {
-        let loaded = match refused {
-            Some(why) => Err(anyhow::Error::msg(why.clone())),
-            None => load(args, file, &once)?,
+    let is_one = jobs.len() == 1 && args.frames.is_none();
+    let stop = Stop::listen((!is_one).then_some("the picture that is being made is"))?;
+    let (mut failed, mut left) = (0, 0);
+    for job in &jobs {
+        let file = &job.file;
+        let done = if stop.is_asked() {
+            Ok(Fate::Left)
+        } else if let Some(why) = &job.refused {
+            Err(anyhow::Error::msg(why.clone()))
+        } else if let Some(loaded) = stop.or_load(&args.read, file) {
+            let render = |loaded| {
+                pool.install(|| render_file(args, loaded, file, &output, (&mut stats, &stop)))
+            };
+            checked(args, file, loaded, &once)?.and_then(render)
+        } else {
+            Ok(Fate::Left)
         };
-        let done = loaded.and_then(|loaded| {
-            pool.install(|| render_file(args, loaded, (file, target), &output, &mut stats))
-        });
-        if let Err(error) = done {
-            failed += 1;
-            say!("nurbray: {error:#}");
-            stats.add(&json!({ "file": input::display(file), "error": format!("{error:#}") }))?;
+        match done {
+            Ok(Fate::Left) => {
+                left += 1;
+                stats.add(&json!({ "file": input::display(file), "status": Fate::Left.name() }))?;
+            }
+            Ok(_) => {}
+            Err(error) => {
+                failed += 1;
+                say!("nurbray: {error:#}");
+                let (file, error) = (input::display(file), format!("{error:#}"));
+                let status = Fate::Failed.name();
+                stats.add(&json!({ "file": file, "status": status, "error": error }))?;
+            }
         }
     }
     stats.finish()?;
-    Ok(failed)
+    Ok(match left {
+        0 => failed.into(),
+        left => stop::ending(jobs.len(), failed, left),
+    })
 }
 
 /// Renders every file onto one sheet; the result is how many failed.
@@ -233,6 +254,8 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build()?;
+    // Half a sheet is none.
+    Stop::listen(None)?;
     let size = args.size.unwrap_or(sheet::SIZE);
     let mut sheet = Sheet::new(args.files.len(), size)?;
     let mut failed = 0;
@@ -242,7 +265,7 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
             "-" => "stdin",
             name => name,
         };
-        let picture = load(args, file, &once)?
+        let picture = checked(args, file, args.read.load(file), &once)?
             .and_then(|loaded| pool.install(|| thumbnail(args, loaded, file, size)));
         match picture {
             Ok(Some(film)) => sheet.add(Ok(&film), label),
@@ -258,8 +281,10 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
         aovs: Vec::new(),
         ..OutputOptions::default()
     };
-    output::write(&sheet.into_film(), target, &options)
-        .with_context(|| target.display().to_string())?;
+    let film = sheet.into_film();
+    output::write(&film, target, &options).with_context(|| target.display().to_string())?;
+    let (count, width, height) = (args.files.len(), film.width(), film.height());
+    say!("{count} files -> {}: {width}x{height}", target.display());
     Ok(failed)
 }
 
@@ -288,10 +313,10 @@ struct Job {
 /// The picture of each file; a file that is given several times has one.
 fn jobs(args: &Args) -> anyhow::Result<Vec<Job>> {
     let output = args.output.as_deref().unwrap_or_default();
-    input::check_pattern(output, &["stem", "ext", "frame"])?;
+    input::check_pattern("-o", output, &["stem", "ext", "frame"])?;
     let (mut jobs, mut known) = (Vec::new(), HashSet::new());
     for file in &args.files {
-        let target = PathBuf::from(input::named(output, file));
+        let target = PathBuf::from(input::named(output, file, "{frame}"));
         if output::picture_format(&target).is_none() {
             bail!("{}: {ENDINGS}", target.display());
         }
@@ -324,6 +349,14 @@ fn prepare(args: &Args, targets: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let once = [&args.sheet, &args.write_map, &args.stats];
     let once = once.into_iter().flatten();
     let once: Vec<_> = once.filter(|p| !input::is_stdin(p)).cloned().collect();
+    for (name, path) in [
+        ("--sheet", &args.sheet),
+        ("--write-map", &args.write_map),
+        ("--stats", &args.stats),
+    ] {
+        let path = path.as_deref().unwrap_or(Path::new(""));
+        input::check_pattern(name, &path.to_string_lossy(), &[])?;
+    }
     input::check_apart(&once, &args.files)?;
     let place =
         |path: &PathBuf| std::path::absolute(path).with_context(|| path.display().to_string());
@@ -364,8 +397,9 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
                         .join(", ")
                 };
                 let aov = output::AOVS.iter().find(|aov| aov.name == name);
-                aov.copied()
-                    .with_context(|| format!("no layer '{name}'; there are: {}", known()))
+                aov.copied().with_context(|| {
+                    format!("no layer '{name}'; there are: all, none, {}", known())
+                })
             })
             .collect::<Result<_, _>>()?,
     };
@@ -418,13 +452,17 @@ fn shown_count(args: &Args, scene: &Scene) -> u64 {
     scene.placement_count() + wires
 }
 
-/// Reads a file and tells what is wrong with it.
+/// Tells what is wrong with a file that has been read.
 ///
 /// # Errors
 /// The inner one is that of the file. The outer one ends everything: what is written once would be
 /// written over a file that this one names.
-fn load(args: &Args, file: &Path, once: &[PathBuf]) -> anyhow::Result<anyhow::Result<Loaded>> {
-    let loaded = args.read.load(file);
+fn checked(
+    args: &Args,
+    file: &Path,
+    loaded: anyhow::Result<Loaded>,
+    once: &[PathBuf],
+) -> anyhow::Result<anyhow::Result<Loaded>> {
     if let Ok(loaded) = &loaded {
         loaded.check_beside(file, once)?;
         input::report_warnings(file, loaded.import.format, &loaded.import.warnings);
@@ -452,31 +490,36 @@ fn move_to(loaded: &mut Loaded, file: &Path, seconds: Option<f64>) -> anyhow::Re
     Ok(())
 }
 
-/// Renders a file, or each frame of it.
+/// Renders a file, or each frame of it until the program is told to stop.
 fn render_file(
     args: &Args,
     mut loaded: Loaded,
-    (file, target): (&Path, &Path),
+    file: &Path,
     output: &OutputOptions,
-    stats: &mut Stats<'_>,
-) -> anyhow::Result<()> {
+    (stats, stop): (&mut Stats<'_>, &Stop),
+) -> anyhow::Result<Fate> {
     let frames = args
         .frames
         .clone()
         .map_or(vec![None], |range| range.map(Some).collect());
     for frame in frames {
+        if stop.is_asked() {
+            return Ok(Fate::Left);
+        }
         let seconds = frame.map(|frame| f64::from(frame) / args.fps).or(args.time);
         move_to(&mut loaded, file, seconds)?;
         let name = frame.map_or_else(String::new, |frame| format!("{frame:04}"));
-        let target = PathBuf::from(target.to_string_lossy().replace("{frame}", &name));
+        let pattern = args.output.as_deref().unwrap_or_default();
+        let target = PathBuf::from(input::named(pattern, file, &name));
         loaded.check_beside(file, std::slice::from_ref(&target))?;
         let mut report = render_scene(args, &loaded, file, &target, output)?;
+        report["status"] = Fate::Done.name().into();
         if let Some(seconds) = seconds {
             report["time"] = seconds.into();
         }
         stats.add(&report)?;
     }
-    Ok(())
+    Ok(Fate::Done)
 }
 
 /// Renders the scene of a file as it is now.

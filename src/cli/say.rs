@@ -4,11 +4,11 @@ use std::io::{self, ErrorKind, Write as _};
 
 use serde_json::Value;
 
-/// A text with control characters as escapes, except for the ends of its lines.
+/// A text with control characters as escapes.
 pub(super) fn visible(text: &str) -> String {
     let mut shown = String::new();
     for letter in text.chars() {
-        if letter.is_control() && letter != '\n' {
+        if letter.is_control() {
             shown.extend(letter.escape_debug());
         } else {
             shown.push(letter);
@@ -17,9 +17,24 @@ pub(super) fn visible(text: &str) -> String {
     shown
 }
 
+/// The same of a text of several lines.
+pub(super) fn visible_lines(text: &str) -> String {
+    let lines: Vec<_> = text.split('\n').map(visible).collect();
+    lines.join("\n")
+}
+
 /// A name, or that there is none.
-pub(super) fn named(name: &str) -> &str {
-    if name.is_empty() { "(no name)" } else { name }
+pub(super) fn named(name: &str) -> String {
+    if name.is_empty() {
+        "(no name)".to_owned()
+    } else {
+        visible(name)
+    }
+}
+
+/// A number of things.
+pub(super) fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
 }
 
 /// Prints what is told of one file of many. The others are made also where nobody reads about them any
@@ -54,7 +69,8 @@ mod tests {
 
     #[test]
     fn control_characters_are_shown() {
-        assert_eq!(visible("Körper\n"), "Körper\n");
+        assert_eq!(visible("Körper\n"), "Körper\\n");
+        assert_eq!(visible_lines("a\tb\nc\n"), "a\\tb\nc\n");
         assert_eq!(visible("\u{1b}[31m\t\u{9b}"), "\\u{1b}[31m\\t\\u{9b}");
     }
 }

@@ -11,7 +11,8 @@ use nurbray::{Body, Measure, SliceRule, VolumeMethod, measure};
 use serde_json::{Value, json};
 
 use super::input::{self, ReadArgs};
-use super::say::{named, say, visible};
+use super::parse;
+use super::say::{named, say, visible, visible_lines};
 use super::sizes;
 
 /// Measures the bodies in files: volume, area, centre of mass and inertia
@@ -30,10 +31,10 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t = Method::Gauss)]
     method: Method,
     /// Nodes along each parameter of a piece, for printed and midpoint [default: 10]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000))]
+    #[arg(long, value_name = "N", value_parser = parse::count(2..=1000))]
     nodes: Option<u32>,
     /// Slabs of a body, for trapezoid and cavalieri [default: 20]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", value_parser = parse::count(1..=10_000))]
     slices: Option<u32>,
     /// One line of JSON per file
     #[arg(long)]
@@ -148,13 +149,13 @@ fn volumes(file: &Path, args: &Args) -> anyhow::Result<String> {
         return Ok(format!("{line}\n"));
     }
     let unit = scene.unit.as_ref().map_or("", |unit| unit.name.as_str());
-    let mut text = format!("{}:", input::display(file));
+    let mut text = format!("{}:", visible(&input::display(file)));
     if !unit.is_empty() {
         let _ = write!(text, " in {unit}");
     }
     text.push('\n');
     for (k, body) in measure.bodies.iter().enumerate() {
-        describe(&mut text, named(&body.name), body);
+        describe(&mut text, &named(&body.name), body);
         if let Some(other) = others.as_ref().map(|others| others[k]) {
             let method = format!("{:?}", args.method).to_lowercase();
             let off = (other / body.volume - 1.0) * 100.0;
@@ -173,7 +174,7 @@ fn volumes(file: &Path, args: &Args) -> anyhow::Result<String> {
     if measure.meshes > 0 {
         let _ = writeln!(text, "  meshes: {} are not measured", measure.meshes);
     }
-    Ok(visible(&text))
+    Ok(visible_lines(&text))
 }
 
 /// The volumes of all bodies by the method that is asked for, if it is another one.

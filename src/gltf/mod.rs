@@ -20,6 +20,7 @@ use kernel::{Scene, UpAxis};
 use serde_json::{Map, Value, json};
 
 use crate::accuracy::Accuracy;
+use crate::html::address;
 use crate::tessellate::Tessellation;
 use buffer::{Contents, extras, number};
 use meshopt::COMPRESSION;
@@ -112,7 +113,7 @@ pub fn write(
     let uri = format!("{stem}.bin");
     // There is no buffer without content.
     if !buffer.is_empty() {
-        let uri = (container == Container::Separate).then(|| escaped(&uri));
+        let uri = (container == Container::Separate).then(|| address(&uri));
         root.buffers.push(of_bytes(buffer.len(), uri));
     }
     if packing.quantize {
@@ -211,19 +212,6 @@ fn compact(value: Value) -> Value {
         Value::Array(list) => Value::Array(list.into_iter().map(compact).collect()),
         other => other,
     }
-}
-
-/// The name of a file as a relative address.
-fn escaped(name: &str) -> String {
-    let plain = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.' | b'~');
-    let byte = |b: u8| {
-        if plain(b) {
-            char::from(b).to_string()
-        } else {
-            format!("%{b:02X}")
-        }
-    };
-    name.bytes().map(byte).collect()
 }
 
 /// Text and numbers in one file.

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::Path;
 
-use image::ExtendedColorType;
+use png::{BitDepth, ColorType};
 
 use super::{Judgement, Trace, Verdict};
 use crate::output::{pack_png, replace_file};
@@ -64,7 +64,7 @@ impl Raster {
     pub fn write(&self, path: &Path) -> io::Result<()> {
         let (bytes, size) = (self.pixels.as_flattened(), [self.width, self.height]);
         replace_file(path, |file| {
-            pack_png(file, size, bytes, ExtendedColorType::Rgb8)
+            pack_png(file, size, bytes, (ColorType::Rgb, BitDepth::Eight))
         })
     }
 }

@@ -5,10 +5,11 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use nurbray::html::escaped;
+use nurbray::html::{address, escaped};
 use nurbray::output::replace_file;
 use serde_json::{Value, json};
 
+use super::super::say::visible;
 use super::{Measured, MethodArgs, Row};
 
 /// A column of table and CSV.
@@ -122,10 +123,15 @@ fn all(measured: &Measured) -> f64 {
     milliseconds(measured.times.build) + view(measured)
 }
 
-/// Writes all reports into the folder, and the table to standard output.
+/// Rows, each with what its columns need.
+fn pairs<'a>(args: &MethodArgs, rows: &'a [Row]) -> Vec<(&'a Row, Context)> {
+    let pair = |row| (row, context(args, rows, row));
+    rows.iter().map(pair).collect()
+}
+
+/// Writes all reports into the folder.
 pub(super) fn write(args: &MethodArgs, rows: &[Row]) -> anyhow::Result<()> {
-    let contexts: Vec<_> = rows.iter().map(|row| context(args, rows, row)).collect();
-    let pairs: Vec<_> = rows.iter().zip(&contexts).collect();
+    let pairs = pairs(args, rows);
     let list: Vec<_> = pairs.iter().map(|(row, c)| value(row, c)).collect();
     let report = json!({
         "width": args.size.0,
@@ -136,8 +142,12 @@ pub(super) fn write(args: &MethodArgs, rows: &[Row]) -> anyhow::Result<()> {
     });
     save(&args.output.join("results.json"), &format!("{report:#}\n"))?;
     save(&args.output.join("results.csv"), &csv(&pairs))?;
-    save(&args.output.join("index.html"), &page(args, &pairs))?;
-    std::io::stdout().write_all(table(&pairs).as_bytes())?;
+    save(&args.output.join("index.html"), &page(args, &pairs))
+}
+
+/// Prints the table to standard output.
+pub(super) fn print(args: &MethodArgs, rows: &[Row]) -> anyhow::Result<()> {
+    std::io::stdout().write_all(table(&pairs(args, rows)).as_bytes())?;
     Ok(())
 }
 
@@ -182,7 +192,7 @@ fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
-fn csv(pairs: &[(&Row, &Context)]) -> String {
+fn csv(pairs: &[(&Row, Context)]) -> String {
     let mut text = "scene,method".to_owned();
     for column in COLUMNS {
         text += &format!(",{}", column.name);
@@ -211,7 +221,7 @@ fn cell(column: &Column, measured: &Measured, context: &Context) -> String {
     format!("{:.*}", column.decimals, (column.value)(measured, context))
 }
 
-fn table(pairs: &[(&Row, &Context)]) -> String {
+fn table(pairs: &[(&Row, Context)]) -> String {
     let mut text = format!("{:24}", "");
     for column in COLUMNS {
         let _ = write!(text, "{:>11}", column.name);
@@ -220,7 +230,7 @@ fn table(pairs: &[(&Row, &Context)]) -> String {
     for (row, context) in pairs {
         if row.scene != scene {
             scene = &row.scene;
-            let _ = write!(text, "\n{scene}");
+            let _ = write!(text, "\n{}", visible(scene));
         }
         let _ = write!(text, "\n  {:22}", row.method);
         match &row.outcome {
@@ -240,7 +250,7 @@ table{border-collapse:collapse}td,th{padding:2px 8px;text-align:right}\
 td:first-child,th:first-child{text-align:left}tr:nth-child(even){background:#f2f2f2}\
 figure{display:inline-block;margin:4px}img{width:256px}figcaption{font-size:12px}";
 
-fn page(args: &MethodArgs, pairs: &[(&Row, &Context)]) -> String {
+fn page(args: &MethodArgs, pairs: &[(&Row, Context)]) -> String {
     let mut text = format!(
         "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>nurbray bench methods</title>\
          <style>{STYLE}</style><h1>Methods side by side</h1>\
@@ -269,11 +279,11 @@ fn page(args: &MethodArgs, pairs: &[(&Row, &Context)]) -> String {
                     for (kind, caption) in
                         [("", ""), ("_effort", " effort"), ("_verdict", " verdict")]
                     {
+                        let picture = address(&format!("{scene}_{}{kind}.png", row.method));
                         let _ = write!(
                             figures,
-                            "<figure><img src=\"{}_{method}{kind}.png\" alt=\"\">\
-                             <figcaption>{method}{caption}</figcaption></figure>",
-                            escaped(scene)
+                            "<figure><img src=\"{picture}\" alt=\"\">\
+                             <figcaption>{method}{caption}</figcaption></figure>"
                         );
                     }
                     figures += "<br>\n";
