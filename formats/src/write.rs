@@ -131,8 +131,14 @@ pub(crate) fn bounding_loops(patch: &Patch) -> Result<Vec<TrimLoop>, kernel::Err
     let boxes: Vec<_> = (loops.iter().enumerate())
         .filter_map(|(k, one)| Some((k, rectangle(one)?)))
         .collect();
-    let is_twice = |hull| boxes.iter().filter(|(_, other)| *other == hull).count() % 2 == 0;
-    let gone: Vec<_> = boxes.iter().filter(|(_, hull)| is_twice(*hull)).collect();
+    let is_same = |a: [DVec2; 2], b: [DVec2; 2]| {
+        let near = SAME * (a[1] - a[0]);
+        (0..2).all(|k| (a[k] - b[k]).abs().cmple(near).all())
+    };
+    let twins = |own| boxes.iter().filter(move |(_, other)| is_same(own, *other));
+    let gone: Vec<_> = (boxes.iter())
+        .filter(|(_, own)| twins(*own).count() % 2 == 0)
+        .collect();
     let mut k = 0;
     loops.retain(|_| {
         k += 1;
@@ -141,11 +147,14 @@ pub(crate) fn bounding_loops(patch: &Patch) -> Result<Vec<TrimLoop>, kernel::Err
     Ok(loops)
 }
 
+/// Rectangles that differ by no more than this share of their size are one.
+const SAME: f64 = 1e-9;
+
 /// The corners of a loop that is a rectangle along both axes.
 fn rectangle(trim: &TrimLoop) -> Option<[DVec2; 2]> {
     let (min, max) = trim.hull();
     let area = (max - min).element_product();
-    let is_all = (trim.signed_area().abs() - area).abs() <= 1e-12 * area;
+    let is_all = (trim.signed_area().abs() - area).abs() <= SAME * area;
     is_all.then_some([min, max])
 }
 
