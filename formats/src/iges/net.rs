@@ -161,6 +161,27 @@ impl Net {
         }
     }
 
+    /// The surfaces of these parts, points with u running fastest: several where knots tear it. What had to be
+    /// repaired goes to `repairs`.
+    pub(crate) fn surfaces_of(
+        degrees: [usize; 2],
+        knots: [Vec<f64>; 2],
+        points: Vec<DVec3>,
+        weights: Vec<f64>,
+        repairs: &mut Vec<Problem>,
+    ) -> Result<Vec<Surface>, Problem> {
+        let mut net = Self {
+            degrees,
+            knots,
+            points,
+            weights,
+        };
+        net.repair(&[0, 1], repairs)?;
+        let strips = net.untorn(0, repairs).into_iter();
+        let pieces: Vec<_> = strips.flat_map(|strip| strip.untorn(1, repairs)).collect();
+        pieces.into_iter().map(Self::into_surface).collect()
+    }
+
     /// The curve of these parts, of which knots that stand too often are dropped, with the control points that belong
     /// to them.
     pub(crate) fn curve_of(

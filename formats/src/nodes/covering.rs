@@ -8,6 +8,7 @@ use kernel::modelling::{arc_angle, fit, plane};
 use kernel::{Aabb, Error as GeometryError, KnotVector, Patch, Surface, linear_from_srgb};
 
 use super::Node;
+use super::knots::Direction;
 use super::mesh::Polygons;
 use super::scene::Converter;
 use crate::Error;
@@ -175,8 +176,10 @@ impl<'a> Converter<'a> {
         };
         let points = numbers.chunks_exact(size);
         let points: Vec<_> = points.map(|p| DVec3::new(p[0], p[1], 0.0)).collect();
-        let made = super::nurbs::net(node, &points, &mut self.warnings);
-        Ok(made.and_then(|made| {
+        let [along_u, along_v, _] = &Direction::VOLUME;
+        let made = super::nurbs::net(node, &points, [along_u, along_v], &mut self.warnings);
+        let whole = made.and_then(|mut made| made.pop().ok_or(GeometryError::Singular));
+        Ok(whole.and_then(|made| {
             let [u, v] = [surface.knots_u(), surface.knots_v()].map(KnotVector::domain);
             made.remapped(u, v)
         }))

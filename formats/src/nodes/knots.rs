@@ -10,6 +10,8 @@ pub(super) struct Direction {
     order: &'static str,
     knots: &'static str,
     closed: &'static str,
+    /// Whether what knots tear is cut.
+    tears: bool,
 }
 
 impl Direction {
@@ -18,6 +20,7 @@ impl Direction {
         order: "order",
         knots: "knot",
         closed: "closed",
+        tears: false,
     };
 
     /// The first of a surface.
@@ -25,16 +28,24 @@ impl Direction {
         order: "uOrder",
         knots: "uKnot",
         closed: "uClosed",
+        tears: true,
     };
 
     /// Those of a volume.
     pub(super) const VOLUME: [Self; 3] = [
-        Self::U,
-        Self::V,
+        Self {
+            tears: false,
+            ..Self::U
+        },
+        Self {
+            tears: false,
+            ..Self::V
+        },
         Self {
             order: "wOrder",
             knots: "wKnot",
             closed: "wClosed",
+            tears: false,
         },
     ];
 
@@ -43,6 +54,7 @@ impl Direction {
         order: "vOrder",
         knots: "vKnot",
         closed: "vClosed",
+        tears: true,
     };
 }
 
@@ -51,6 +63,8 @@ impl Direction {
 pub(super) struct Knots {
     pub(super) knots: KnotVector,
     wrapped: usize,
+    /// Those of the file, if they tear a surface; then `knots` are others.
+    torn: Option<Vec<f64>>,
 }
 
 impl Knots {
@@ -93,23 +107,50 @@ impl Knots {
                 knots
             }
             None if closed => (0..count + 2 * degree).map(|i| i as f64).collect(),
-            Some(knots) => {
+            Some(given) => {
                 let place = node.field_place(direction.knots);
-                return Self::fixed(KnotVector::new(degree, knots).or_else(|problem| {
-                    warnings.invalid(place, format!("{problem}; equal steps are used"));
-                    Ok(clamped)
-                }));
+                let mut torn = None;
+                let knots = KnotVector::new(degree, given.clone()).unwrap_or_else(|problem| {
+                    let is_torn = matches!(problem, GeometryError::KnotMultiplicity { .. });
+                    torn = Some(given).filter(|_| is_torn && direction.tears);
+                    if torn.is_none() {
+                        warnings.invalid(place, format!("{problem}; equal steps are used"));
+                    }
+                    clamped
+                });
+                return Ok(Self {
+                    torn,
+                    ..Self::fixed(Ok(knots))?
+                });
             }
             None => return Self::fixed(Ok(clamped)),
         };
         let knots = KnotVector::new(degree, own)?;
         let wrapped = degree - 1;
-        Ok(Self { knots, wrapped })
+        Ok(Self {
+            knots,
+            wrapped,
+            torn: None,
+        })
     }
 
     fn fixed(knots: Result<KnotVector, GeometryError>) -> Result<Self, GeometryError> {
-        let wrapped = 0;
-        knots.map(|knots| Self { knots, wrapped })
+        let (wrapped, torn) = (0, None);
+        knots.map(|knots| Self {
+            knots,
+            wrapped,
+            torn,
+        })
+    }
+
+    pub(super) fn is_torn(&self) -> bool {
+        self.torn.is_some()
+    }
+
+    /// The knots, also if they tear a surface.
+    pub(super) fn list(&self) -> Vec<f64> {
+        let torn = self.torn.clone();
+        torn.unwrap_or_else(|| self.knots.as_slice().to_vec())
     }
 
     /// The control points in order, of `count` that the file has.

@@ -15,7 +15,8 @@ use super::extrusion::frames;
 use super::knots::{Direction, Knots, weights};
 use super::scene::Converter;
 use super::{Link, Node};
-use crate::{Error, Warnings};
+use crate::iges::Net as Torn;
+use crate::{Error, Problem, Warnings};
 
 /// How far a swept surface may be from its definition, as a share of its size.
 const FIT: f64 = 1e-9;
@@ -37,19 +38,49 @@ impl<'a> Converter<'a> {
             "ArcClose2D" | "Box" | "Cone" | "Cylinder" | "Disk2D" | "Rectangle2D" | "Sphere" => {
                 Ok(self.solid(node))
             }
-            _ => Ok(self.net(node, node)?.map(|patch| vec![patch])),
+            _ => self.net(node, node),
         }
     }
 
-    /// A surface with a net of control points, and the contours of `trims`.
-    fn net(&mut self, node: &Node, trims: &Node) -> Result<Result<Patch, GeometryError>, Error> {
+    /// A surface with a net of control points, and the contours of `trims`: in parts where it is torn.
+    fn net(
+        &mut self,
+        node: &Node,
+        trims: &Node,
+    ) -> Result<Result<Vec<Patch>, GeometryError>, Error> {
         let points = self.points_inside(node)?;
-        let surface = match net(node, &points, &mut self.warnings) {
-            Ok(surface) => surface,
+        let directions = [&Direction::U, &Direction::V];
+        let surfaces = match net(node, &points, directions, &mut self.warnings) {
+            Ok(surfaces) => surfaces,
             Err(problem) => return Ok(Err(problem)),
         };
+        let is_whole = surfaces.len() == 1;
+        let mut patches = Vec::new();
+        for surface in surfaces {
+            match self.patch(node, trims, surface, is_whole)? {
+                Ok(patch) => patches.push(patch),
+                Err(problem) => return Ok(Err(problem)),
+            }
+        }
+        Ok(Ok(patches))
+    }
+
+    /// A surface with the contours of `trims`, and its texture coordinates if it `is_whole`.
+    fn patch(
+        &mut self,
+        node: &Node,
+        trims: &Node,
+        surface: Surface,
+        is_whole: bool,
+    ) -> Result<Result<Patch, GeometryError>, Error> {
         let loops = self.trim_loops(trims, &surface)?;
-        let texture = self.net_coordinates(node, &surface)?.map(Arc::new);
+        let mut texture = None;
+        if is_whole {
+            texture = self.net_coordinates(node, &surface)?.map(Arc::new);
+        } else if self.coordinates_node(node).is_some() {
+            let text = "texture coordinates of a surface that is torn are not used";
+            self.warnings.unsupported(node.place(), text);
+        }
         let patch = Patch {
             loops,
             texture,
@@ -73,7 +104,7 @@ impl<'a> Converter<'a> {
         let mut inside = node.children.iter().map(|link| &self.tree.nodes[link.node]);
         let surface = inside.find(|n| matches!(&*n.kind, "NurbsSurface" | "NurbsPatchSurface"));
         match surface {
-            Some(surface) => Ok(self.net(surface, node)?.map(|patch| vec![patch])),
+            Some(surface) => self.net(surface, node),
             None => {
                 let text = "there is no surface in it; it is left out";
                 self.warnings.invalid(node.place(), text);
@@ -239,15 +270,17 @@ impl<'a> Converter<'a> {
     }
 }
 
-/// The surface of a node with these control points.
+/// The surface of a node with these control points: in parts where its knots tear it, if directions
+/// may be torn.
 ///
 /// # Errors
 /// If there is no such surface.
 pub(super) fn net(
     node: &Node,
     points: &[DVec3],
+    [along_u, along_v]: [&Direction; 2],
     warnings: &mut Warnings,
-) -> Result<Surface, GeometryError> {
+) -> Result<Vec<Surface>, GeometryError> {
     let (count_u, count_v) = dimensions(node, points.len(), warnings);
     // Before anything is allocated by these numbers.
     let (found, expected) = (points.len(), count_u.saturating_mul(count_v));
@@ -266,14 +299,30 @@ pub(super) fn net(
     let some = expected > 0;
     let u_meets = some && (0..count_v).all(|j| net.same(j * count_u, j * count_u + count_u - 1));
     let v_meets = some && (0..count_u).all(|i| net.same(i, (count_v - 1) * count_u + i));
-    let u = Knots::of(node, &Direction::U, count_u, u_meets, warnings)?;
-    let v = Knots::of(node, &Direction::V, count_v, v_meets, warnings)?;
+    let u = Knots::of(node, along_u, count_u, u_meets, warnings)?;
+    let v = Knots::of(node, along_v, count_v, v_meets, warnings)?;
     let places = v
         .points(count_v)
         .flat_map(|j| u.points(count_u).map(move |i| j * count_u + i));
     let (points, weights): (Vec<_>, Vec<_>) = places.map(|i| net.cartesian(i)).unzip();
+    if u.is_torn() || v.is_torn() {
+        let degrees = [u.knots.degree(), v.knots.degree()];
+        let mut repairs = Vec::new();
+        let knots = [u.list(), v.list()];
+        let made = Torn::surfaces_of(degrees, knots, points, weights, &mut repairs);
+        for problem in repairs {
+            warnings.add(node.place(), problem);
+        }
+        return made.or_else(|problem| match problem {
+            Problem::Geometry(problem) => Err(problem),
+            other => {
+                warnings.add(node.place(), other);
+                Ok(Vec::new())
+            }
+        });
+    }
     let weights = net.weights.map(|_| &weights[..]);
-    Surface::from_u_fastest(u.knots, v.knots, &points, weights)
+    Surface::from_u_fastest(u.knots, v.knots, &points, weights).map(|surface| vec![surface])
 }
 
 /// The control points of a surface as the file has them.

@@ -512,3 +512,22 @@ fn a_second_geometry_of_a_shape_is_told() {
         assert!(!told.is_empty(), "{second} is dropped in silence");
     }
 }
+
+#[test]
+fn torn_surfaces_are_cut_and_joints_that_meet_are_joined() {
+    // Two squares with a gap between them, and without one.
+    for (end, count) in [(1.0, 1), (1.5, 2)] {
+        let text = format!(
+            "Shape {{ geometry NurbsPatchSurface {{ uDimension 4 vDimension 2 uOrder 2 vOrder 2 \
+             uKnot [ 0 0 1 1 2 2 ] vKnot [ 0 0 1 1 ] controlPoint Coordinate {{ point [ 0 0 0, 1 0 0, \
+             {end} 0 0, 3 0 0, 0 1 0, 1 1 0, {end} 1 0, 3 1 0 ] }} }} }}"
+        );
+        let import = read_scene(&text);
+        assert_eq!(import.scene.placement_count(), count);
+        assert_eq!(import.warnings.as_slice().len(), 1);
+        let area: f64 = (import.scene.patches().iter())
+            .map(|patch| Integrals::of(patch, DVec3::ZERO).area())
+            .sum();
+        assert!((area - (4.0 - end)).abs() < 1e-12, "{area}");
+    }
+}
