@@ -128,23 +128,18 @@ pub(crate) fn bounding_loops(patch: &Patch) -> Result<Vec<TrimLoop>, kernel::Err
     }
     loops.retain(TrimLoop::has_inside);
     // Of the whole domain and a hole that is all of it nothing is left.
-    let boxes: Vec<_> = (loops.iter().enumerate())
-        .filter_map(|(k, one)| Some((k, rectangle(one)?)))
-        .collect();
+    let boxes: Vec<_> = loops.iter().map(rectangle).collect();
     let is_same = |a: [DVec2; 2], b: [DVec2; 2]| {
         let near = SAME * (a[1] - a[0]);
         (0..2).all(|k| (a[k] - b[k]).abs().cmple(near).all())
     };
-    let twins = |own| boxes.iter().filter(move |(_, other)| is_same(own, *other));
-    let gone: Vec<_> = (boxes.iter())
-        .filter(|(_, own)| twins(*own).count() % 2 == 0)
-        .collect();
-    let mut k = 0;
-    loops.retain(|_| {
-        k += 1;
-        gone.iter().all(|(gone, _)| gone + 1 != k)
-    });
-    Ok(loops)
+    let is_gone = |own: [DVec2; 2]| {
+        let twins = boxes.iter().flatten().filter(|other| is_same(own, **other));
+        twins.count() % 2 == 0
+    };
+    let pairs = loops.into_iter().zip(&boxes);
+    let kept = pairs.filter(|(_, own)| !own.is_some_and(is_gone));
+    Ok(kept.map(|(one, _)| one).collect())
 }
 
 /// Rectangles that differ by no more than this share of their size are one.
@@ -156,6 +151,13 @@ fn rectangle(trim: &TrimLoop) -> Option<[DVec2; 2]> {
     let area = (max - min).element_product();
     let is_all = (trim.signed_area().abs() - area).abs() <= SAME * area;
     is_all.then_some([min, max])
+}
+
+/// Notes a patch of which its loops leave nothing.
+pub(crate) fn tell_lost(patch: &Patch, warnings: &mut Warnings) {
+    let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
+    let text = "its loops leave nothing of the surface; it is left out";
+    warnings.unsupported(place, text);
 }
 
 /// The patches of which their loops leave nothing; they are told.
@@ -170,9 +172,7 @@ pub(crate) fn lost_patches(scene: &Scene, warnings: &mut Warnings) -> HashSet<Sh
         let patch = scene.patch(*id);
         let is_lost = || bounding_loops(patch).is_ok_and(|loops| loops.is_empty());
         if !patch.loops.is_empty() && seen.insert(*shape) && is_lost() {
-            let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
-            let text = "its loops leave nothing of the surface; it is left out";
-            warnings.unsupported(place, text);
+            tell_lost(patch, warnings);
             lost.insert(*shape);
         }
     }

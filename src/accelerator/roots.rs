@@ -22,6 +22,9 @@ const SAME: f64 = 64.0;
 
 /// Keeps one of the roots that are the same point: at a pole there are very many.
 fn one_of_each(target: &Target<'_>, roots: &mut Vec<Root>) {
+    if roots.len() < 2 {
+        return;
+    }
     let near = SAME * target.line.slack;
     let point = |root: &Root| {
         let [h, ..] = evaluate_at(&target.piece, root.u, root.v);

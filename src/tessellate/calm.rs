@@ -35,10 +35,6 @@ pub(super) fn calmed(patch: &Patch, tolerance: f64) -> Option<(Patch, f64)> {
     if let Some((with, way)) = with_poles(calm.as_ref().unwrap_or(surface), most) {
         (calm, moved) = (Some(with), moved + way);
     }
-    let turned = calm.as_ref().unwrap_or(surface).transposed();
-    if let Some((with, way)) = with_poles(&turned, most) {
-        (calm, moved) = (Some(with.transposed()), moved + way);
-    }
     let surface = calm.filter(|_| moved <= most)?;
     let patch = Patch {
         surface,
@@ -89,34 +85,46 @@ fn with_knots(surface: &Surface, knots: KnotVector) -> Option<(Surface, f64)> {
     Some((new, (off + 0.5 * hull.diagonal() * uneven) / least))
 }
 
-/// The surface with points for the ends of its domain along u that are almost points, and how far it is from the old
-/// one at most; `None` if there are no such ends, or they are longer than `most`.
+/// The surface with points for those sides of its domain that are almost points, and how far it is from the old one at
+/// most; `None` if there are no such sides, or they are longer than `most`.
 fn with_poles(surface: &Surface, most: f64) -> Option<(Surface, f64)> {
-    let (knots_u, knots_v) = (surface.knots_u(), surface.knots_v());
-    let (rows, columns) = (knots_u.count(), knots_v.count());
-    let list = knots_u.as_slice();
-    let order = knots_u.degree() + 1;
-    // Only there do control points lie on the border.
-    let is_clamped = |end: &[f64]| end.iter().all(|t| t.to_bits() == end[0].to_bits());
+    let knots = [surface.knots_u(), surface.knots_v()];
+    let counts = knots.map(KnotVector::count);
     let mut points: Vec<DVec3> = surface.points().collect();
-    let weights: Vec<f64> = surface.weights().collect();
     let mut moved = 0.0_f64;
-    for (row, beside, end) in [
-        (0, 1, &list[..order]),
-        (rows - 1, rows - 2, &list[list.len() - order..]),
-    ] {
-        let size = |points: &[DVec3]| Aabb::around(points.iter().copied()).diagonal();
-        let width = size(&points[beside * columns..][..columns]);
-        let border = &mut points[row * columns..][..columns];
-        let length = size(border);
-        if is_clamped(end) && length > 0.0 && length <= most && length <= POLE * width {
-            let middle = Aabb::around(border.iter().copied()).center();
-            border.fill(middle);
-            moved += length;
+    for axis in 0..2 {
+        let list = knots[axis].as_slice();
+        let order = knots[axis].degree() + 1;
+        let last = counts[axis] - 1;
+        // The numbers of the points of a line of the net across the axis.
+        let line = |at: usize| {
+            (0..counts[1 - axis]).map(move |k| match axis {
+                0 => at * counts[1] + k,
+                _ => k * counts[1] + at,
+            })
+        };
+        // Only there do control points lie on the border.
+        let is_clamped = |end: &[f64]| end.iter().all(|t| t.to_bits() == end[0].to_bits());
+        for (border, beside, end) in [
+            (0, 1, &list[..order]),
+            (last, last - 1, &list[list.len() - order..]),
+        ] {
+            let hull = |at: usize| Aabb::around(line(at).map(|k| points[k]));
+            let (own, width) = (hull(border), hull(beside).diagonal());
+            let length = own.diagonal();
+            if is_clamped(end) && length > 0.0 && length <= most && length <= POLE * width {
+                line(border).for_each(|k| points[k] = own.center());
+                moved += length;
+            }
         }
     }
-    let new = Surface::new(knots_u.clone(), knots_v.clone(), &points, Some(&weights));
-    new.ok().filter(|_| moved > 0.0).map(|new| (new, moved))
+    if moved <= 0.0 {
+        return None;
+    }
+    let weights: Vec<f64> = surface.weights().collect();
+    let [u, v] = knots.map(KnotVector::clone);
+    let new = Surface::new(u, v, &points, Some(&weights)).ok()?;
+    Some((new, moved))
 }
 
 /// The knots that are in `other` and not in `own`, as often as that is so.

@@ -57,13 +57,7 @@ pub(super) fn read(
     };
     let wanted = [domain()?, domain()?];
     net.repair(&[0, 1], repairs)?;
-    let mut strips = Vec::new();
-    for strip in net.untorn(0, repairs) {
-        let pieces = strip.untorn(1, repairs).into_iter();
-        let pieces: Result<Vec<_>, _> = pieces.map(Net::into_surface).collect();
-        strips.push(pieces?);
-    }
-    restricted(strips, wanted, is_bounded, repairs)
+    restricted(net.into_strips(repairs)?, wanted, is_bounded, repairs)
 }
 
 /// A point of three coordinates.
@@ -177,9 +171,18 @@ impl Net {
             weights,
         };
         net.repair(&[0, 1], repairs)?;
-        let strips = net.untorn(0, repairs).into_iter();
-        let pieces: Vec<_> = strips.flat_map(|strip| strip.untorn(1, repairs)).collect();
-        pieces.into_iter().map(Self::into_surface).collect()
+        Ok(net.into_strips(repairs)?.concat())
+    }
+
+    /// The surfaces between the places where the net is torn, by strips along v.
+    fn into_strips(self, repairs: &mut Vec<Problem>) -> Result<Vec<Vec<Surface>>, Problem> {
+        let mut strips = Vec::new();
+        for strip in self.untorn(0, repairs) {
+            let pieces = strip.untorn(1, repairs).into_iter();
+            let pieces: Result<Vec<_>, _> = pieces.map(Self::into_surface).collect();
+            strips.push(pieces?);
+        }
+        Ok(strips)
     }
 
     /// The curve of these parts, of which knots that stand too often are dropped, with the control points that belong

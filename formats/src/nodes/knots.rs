@@ -119,8 +119,9 @@ impl Knots {
                     clamped
                 });
                 return Ok(Self {
+                    knots,
+                    wrapped: 0,
                     torn,
-                    ..Self::fixed(Ok(knots))?
                 });
             }
             None => return Self::fixed(Ok(clamped)),

@@ -5,19 +5,18 @@
 //! against the bytes that are there. It keeps places in single precision; they are read beside
 //! it with all their digits.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use ::gltf::json::mesh::{Mode, Semantic};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{self, Root};
-use base64::Engine as _;
 use formats::{Error, Limits, Place, Problem, Resolver, Warnings};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use kernel::{Child, Mesh, Node, NodeId, Scene, UpAxis};
 use serde_json::Value;
 
 use super::accessor::Numbers;
+use super::container::{buffer_bytes, parts};
 use super::{MeshFile, add_meshes, error};
 use crate::compare::align::Frame;
 use crate::gltf::meshopt::COMPRESSION;
@@ -113,22 +112,6 @@ pub(super) fn read(bytes: &[u8], files: &dyn Resolver, limits: &Limits) -> Resul
     })
 }
 
-/// The text and the numbers of a file.
-type Parts<'b> = (Cow<'b, [u8]>, Option<Cow<'b, [u8]>>);
-
-fn parts(bytes: &[u8]) -> Result<Parts<'_>, Error> {
-    if !bytes.starts_with(b"glTF") {
-        return Ok((bytes.into(), None));
-    }
-    let length = bytes.get(8..12).and_then(|b| b.try_into().ok());
-    let length = length.map_or(0, u32::from_le_bytes);
-    if length < 12 {
-        return Err(invalid("header", format!("a length of {length} bytes")));
-    }
-    let glb = ::gltf::Glb::from_slice(bytes).map_err(|e| invalid("chunks", e.to_string()))?;
-    Ok((glb.json, glb.bin))
-}
-
 /// Gives an empty list of nodes to scenes without one, which the crate asks for and the format
 /// does not; tells whether there were such scenes.
 fn add_missing_nodes(file: &mut Value) -> bool {
@@ -146,35 +129,6 @@ fn add_missing_nodes(file: &mut Value) -> bool {
 
 fn list<'v>(value: &'v Value, key: &str) -> &'v [Value] {
     value[key].as_array().map_or(&[], Vec::as_slice)
-}
-
-/// The bytes of a buffer: the chunk of the file, or from an address in it or beside it.
-fn buffer_bytes(
-    uri: Option<&str>,
-    number: usize,
-    chunk: Option<&[u8]>,
-    files: &dyn Resolver,
-) -> Result<Vec<u8>, Error> {
-    let place = format!("buffer {number}");
-    match (uri, chunk) {
-        (None, Some(chunk)) if number == 0 => Ok(chunk.to_vec()),
-        (None, _) => Err(invalid(place, "there is no uri and no chunk")),
-        (Some(uri), _) => match uri.strip_prefix("data:") {
-            Some(data) => {
-                let coded = data.split_once(";base64,").map(|(_, coded)| coded);
-                let coded = coded.ok_or_else(|| invalid(&place, "data that is not base64"))?;
-                let engine = &base64::engine::general_purpose::STANDARD;
-                engine
-                    .decode(coded)
-                    .map_err(|e| invalid(&place, e.to_string()))
-            }
-            None => {
-                let name = formats::decoded(uri);
-                let wrong = |e| invalid(&place, format!("{name}: {e}"));
-                files.resolve(&name).map_err(wrong)
-            }
-        },
-    }
 }
 
 struct Reader<'a> {
@@ -474,6 +428,7 @@ fn triangles(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
 
 #[cfg(test)]
 mod tests {
+    use base64::Engine as _;
     use formats::NoFiles;
     use serde_json::json;
 

@@ -1,6 +1,7 @@
 //! Meshes of other tools: glTF, STL, PLY, and what the readers of surfaces know of triangles.
 
 mod accessor;
+mod container;
 mod gltf;
 mod ply;
 mod stl;

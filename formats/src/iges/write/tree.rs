@@ -9,7 +9,7 @@ use kernel::{
 
 use super::cards::{Deck, Entity, Record, Status};
 use super::geometry;
-use crate::write::{NESTING, Uses, outermost};
+use crate::write::{NESTING, Uses, outermost, tell_lost};
 use crate::{Place, Problem, Warnings};
 
 /// Matrices that differ from a turned and scaled frame by no more are taken for one.
@@ -242,9 +242,7 @@ impl<'a> Tree<'a> {
         };
         let faces = geometry::face(&mut self.deck, patch)?;
         if faces.is_empty() {
-            let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
-            let text = "its loops leave nothing of the surface; it is left out";
-            self.warnings.unsupported(place, text);
+            tell_lost(patch, &mut self.warnings);
         }
         if !patch.loops.is_empty() && patch.has_crossing_loops() {
             let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
