@@ -24,7 +24,7 @@ pub enum Target {
 /// A format that holds triangles: one row each.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshWriter {
-    /// Name in messages and on the command line.
+    /// Name in messages.
     pub name: &'static str,
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],
@@ -158,7 +158,7 @@ impl Target {
         matches!(self, Self::Triangles(_))
     }
 
-    /// Name in messages and on the command line.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Surfaces(writer) => writer.name,

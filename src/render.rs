@@ -24,7 +24,8 @@ pub struct RenderOptions {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// `samples x samples` rays per pixel.
+    /// `samples x samples` rays per pixel, and one more through the middle for the data channels, unless there is
+    /// only that one.
     pub samples: u32,
     /// How surfaces are shaded.
     pub shading: Shading,

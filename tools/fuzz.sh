@@ -12,8 +12,9 @@ for file in samples/* samples/broken/* ../shared/corpus/*/*; do
     case $file in
         *.x3d | *.x3dv | *.x3dj) row='\000' ;;
         *.wrl) row='\001' ;;
-        *.igs | *.iges) row='\002' ;;
-        *.obj) row='\003' ;;
+        *.stp | *.step | *.p21) row='\002' ;;
+        *.igs | *.iges) row='\003' ;;
+        *.obj) row='\004' ;;
         *) continue ;;
     esac
     [ "$(wc -c <"$file")" -le 20000 ] || continue

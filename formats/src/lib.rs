@@ -52,7 +52,7 @@ pub use write::{Export, WRITERS, Write, Writer};
 /// A file format: one row per folder of this crate.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
-    /// Name in messages and on the command line.
+    /// Name in messages.
     pub name: &'static str,
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],

@@ -11,7 +11,7 @@ use crate::{Error, Import, Level, Place, Warnings, iges, nodes, obj};
 /// A format that scenes are written in with their surfaces as they are: one row each.
 #[derive(Clone, Copy, Debug)]
 pub struct Writer {
-    /// Name in messages and on the command line.
+    /// Name in messages.
     pub name: &'static str,
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],

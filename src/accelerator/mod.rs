@@ -27,6 +27,7 @@ mod octet;
 mod outline;
 mod packet;
 mod places;
+mod polygons;
 mod powers;
 mod room;
 mod roots;

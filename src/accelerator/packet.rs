@@ -15,13 +15,12 @@ use super::hits::Shown;
 use super::hull::{BeamBounds, Extent, Hull};
 use super::leaf::Bits;
 use super::leaving::Start;
+use super::polygons::Together;
 use super::room::{PacketRoom, Ready};
 use super::stream::Stream;
-use super::trace::{Nearest, TriangleVisitor};
 use super::tree::{IS_LEAF, WIDTH};
 use super::windows::look;
 use super::{Accelerator, Cluster, Workspace};
-use crate::intersect::triangle::Sheared;
 use crate::intersect::{Hit, Scratch};
 use crate::simd::{Simd, Task, WIDE_LANES};
 
@@ -227,8 +226,8 @@ pub(super) struct Tracer<'a, 'b, S> {
     /// Whether the rays are side by side in the room.
     is_ready: bool,
     /// Blocks and cells that the beam came to, and rays that came to cells.
-    looked: u32,
-    taken: u32,
+    pub(super) looked: u32,
+    pub(super) taken: u32,
     /// The instance at hand.
     pub(super) instance: u32,
 }
@@ -305,13 +304,10 @@ impl<S: Simd> Tracer<'_, '_, S> {
         let instance = &accelerator.instances[number];
         let cluster = &accelerator.clusters[instance.cluster as usize];
         self.instance = u32::try_from(number).expect("fewer instances than fit");
-        if !cluster.triangles.is_empty() {
-            self.make_ready();
-            for lane in Bits(self.alive) {
-                self.triangles(cluster, lane);
-            }
+        if !cluster.triangles.is_empty() && !self.s.apart(Together(self, cluster, hull)) {
+            return false;
         }
-        if cluster.tree.is_empty() {
+        if cluster.tree.is_empty() || self.alive == 0 {
             return true;
         }
         let map = cluster.tree.map() * instance.cluster_from_world;
@@ -375,13 +371,13 @@ impl<S: Simd> Tracer<'_, '_, S> {
 
     /// Whether rays turn out to run too far apart to be traced as one: hardly any comes to what their beam
     /// comes to.
-    fn is_scattered(&self) -> bool {
+    pub(super) fn is_scattered(&self) -> bool {
         self.looked > PATIENCE && self.taken * SCATTERED < self.looked
     }
 
     /// Sees the rays that are left from a cluster; nothing if they do not run side by side.
     #[inline(always)]
-    fn fill(&mut self, map: &DAffine3, main: Option<usize>) -> Option<Extent> {
+    pub(super) fn fill(&mut self, map: &DAffine3, main: Option<usize>) -> Option<Extent> {
         self.make_ready();
         let packet = &mut *self.packet;
         let coherent = packet.beam.fill(
@@ -392,30 +388,6 @@ impl<S: Simd> Tracer<'_, '_, S> {
             &mut packet.local,
         );
         coherent.then_some(packet.beam.extent)
-    }
-
-    /// Meets the triangles of a cluster, ray by ray.
-    #[inline(never)]
-    pub(super) fn triangles(&mut self, cluster: &Cluster<'_>, lane: usize) {
-        let instance = &self.accelerator.instances[self.instance as usize];
-        let ray = self.rays[lane].transformed(&instance.cluster_from_world);
-        let mut best = Nearest::or_first(self.any);
-        let mut visitor = TriangleVisitor {
-            cluster,
-            ray: Sheared::new(&ray),
-            instance: self.instance,
-            collector: &mut best,
-            go_on: true,
-        };
-        let mut range = self.packet.from[lane]..self.packet.until[lane];
-        let local = cluster.triangle_tree.local_ray(&ray);
-        let stack = &mut self.packet.triangle_stack;
-        cluster
-            .triangle_tree
-            .traverse(&local, &mut range, stack, &mut visitor);
-        if let Some(candidate) = best.found {
-            self.keep(lane, candidate, None);
-        }
     }
 
     /// Meets the cells of a block, and the parts of those that are coarse; the result is how far
@@ -556,17 +528,22 @@ impl<S: Simd> Tracer<'_, '_, S> {
 }
 
 /// Boxes are numbered by their node and their slot there.
-const SLOTS: u32 = 8;
+pub(super) const SLOTS: u32 = 8;
 
 /// The numbers of the boxes of a node.
 #[inline(always)]
-fn boxes_of(node: u32) -> [u32; WIDTH] {
+pub(super) fn boxes_of(node: u32) -> [u32; WIDTH] {
     [0, 1, 2, 3, 4, 5, 6, 7].map(|slot| node * SLOTS + slot)
 }
 
 /// Pushes the children that a beam may meet, the nearest on top.
 #[inline(always)]
-fn push(stack: &mut Vec<(u32, f32)>, children: &[u32; WIDTH], near: &[f32; WIDTH], mask: u32) {
+pub(super) fn push(
+    stack: &mut Vec<(u32, f32)>,
+    children: &[u32; WIDTH],
+    near: &[f32; WIDTH],
+    mask: u32,
+) {
     let first = stack.len();
     for k in Bits(u64::from(mask)) {
         let entry = (children[k], near[k]);

@@ -203,7 +203,7 @@ impl<S: Simd> Tracer<'_, '_, S> {
 
     /// Keeps a root that is nearer than what was known.
     #[inline(always)]
-    fn take(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
+    pub(super) fn take(&mut self, lane: usize, candidate: Candidate, place: Option<[DVec3; 3]>) {
         self.keep(lane, candidate, place);
         if self.any {
             self.packet.beam.end(lane);

@@ -26,7 +26,7 @@ use super::trace::Rooms;
 use super::tree::{Tree, Visitor};
 use super::{Accelerator, Cluster, ItemShape, Workspace};
 use crate::intersect::Hit;
-use crate::simd::{Simd, Task};
+use crate::simd::{Portable, Simd, Task};
 
 /// Largest gap that is closed where nothing else is said, as a share of the size of what hangs
 /// together.
@@ -259,7 +259,7 @@ impl Accelerator<'_> {
         };
         let local = self.top.local_ray(ray);
         self.top
-            .traverse(&local, &mut range, top_stack, &mut visitor);
+            .traverse(Portable, &local, &mut range, top_stack, &mut visitor);
     }
 
     fn fill_hit(&self, ray: &Ray, fill: &Fill) -> Hit {
@@ -367,7 +367,8 @@ impl<F: FnMut(Fill, &mut Range<f64>)> Visitor for InstanceVisitor<'_, F> {
             let mut visitor =
                 StripVisitor::new(self.accelerator, index(number), place, &mut self.tell);
             let local = seal.tree.local_ray(&ray);
-            seal.tree.traverse(&local, range, self.stack, &mut visitor);
+            seal.tree
+                .traverse(Portable, &local, range, self.stack, &mut visitor);
         }
         true
     }

@@ -10,6 +10,7 @@ use super::expansion::ORDER;
 use super::finish::{self, Finish, Lines, Roots};
 use super::leaf::Bits;
 use super::packet::Tracer;
+use super::polygons::Alone;
 use super::room::PacketRoom;
 use super::tree::Course;
 use super::walk::{Stop, Walker};
@@ -94,7 +95,11 @@ impl<'a, S: Simd> Tracer<'a, '_, S> {
                     Stop::Instance => {
                         self.instance = number;
                         if !cluster.triangles.is_empty() {
-                            self.triangles(cluster, lane);
+                            self.s.apart(Alone {
+                                tracer: self,
+                                cluster,
+                                lane,
+                            });
                         }
                     }
                     Stop::End => self.alive &= !(1 << lane),

@@ -168,7 +168,7 @@ impl Accelerator<'_> {
         };
         let local = self.top.local_ray(ray);
         self.top
-            .traverse(&local, &mut range, top_stack, &mut visitor);
+            .traverse(Portable, &local, &mut range, top_stack, &mut visitor);
     }
 }
 
@@ -305,7 +305,7 @@ impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
             };
             cluster
                 .tree
-                .traverse(&local, range, self.stack, &mut visitor);
+                .traverse(Portable, &local, range, self.stack, &mut visitor);
             if !visitor.go_on {
                 return false;
             }
@@ -322,7 +322,7 @@ impl<I: Intersector, C: Collector> Visitor for InstanceVisitor<'_, I, C> {
             let local = cluster.triangle_tree.local_ray(&ray);
             cluster
                 .triangle_tree
-                .traverse(&local, range, self.stack, &mut visitor);
+                .traverse(Portable, &local, range, self.stack, &mut visitor);
             if !visitor.go_on {
                 return false;
             }

@@ -8,7 +8,7 @@ use std::ops::Range;
 use glam::{DAffine3, DMat3, DVec3, Vec3A};
 use kernel::{Aabb, Ray};
 
-use crate::simd::{Portable, Simd};
+use crate::simd::Simd;
 
 /// Children of a node.
 pub(crate) const WIDTH: usize = 8;
@@ -330,8 +330,9 @@ impl Tree {
 
     /// Visits the leaves that the ray passes within `range`, roughly from near to far.
     #[inline(always)]
-    pub(crate) fn traverse(
+    pub(crate) fn traverse<S: Simd>(
         &self,
+        s: S,
         ray: &LocalRay,
         range: &mut Range<f64>,
         stack: &mut Vec<(u32, f32)>,
@@ -340,7 +341,7 @@ impl Tree {
         let base = stack.len();
         self.begin(stack);
         let mut local = ray.range(range);
-        while let Some(number) = self.next_leaf(Portable, ray, &local, stack, base) {
+        while let Some(number) = self.next_leaf(s, ray, &local, stack, base) {
             if !visitor.leaf(number, range) {
                 stack.truncate(base);
                 return;

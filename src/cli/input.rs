@@ -25,7 +25,7 @@ const WARNINGS_SHOWN: usize = 8;
 /// Options that concern reading.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ReadArgs {
-    /// Multiply the limits on file size, points, nesting, instances, pictures and laid curves by this factor
+    /// Multiply the limits on file size, entities, points, nesting, instances, pictures and laid curves by this factor
     #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = parse::count(1..=u32::MAX))]
     relax_limits: u32,
     /// Let files name others in this folder and below, not only beside themselves
@@ -83,7 +83,9 @@ impl ReadArgs {
         };
         let import = formats::read(bytes, ending(path).as_deref(), &options);
         Ok(Loaded {
-            import: import.map_err(advised).with_context(|| display(path))?,
+            import: import
+                .map_err(|error| advised(error, path))
+                .with_context(|| display(path))?,
             took: started.elapsed(),
             beside: beside.found.into_inner(),
         })
@@ -123,10 +125,15 @@ impl ReadArgs {
     }
 }
 
-/// The error, with what helps where a limit is passed.
-fn advised(error: formats::Error) -> anyhow::Error {
-    match error.problem {
-        Problem::TooLarge(_) => anyhow!("{error}; --relax-limits multiplies the limits"),
+/// The error, with what helps: where a limit is passed, or where another command reads the file.
+fn advised(error: formats::Error, path: &Path) -> anyhow::Error {
+    let is_unknown = error.format.is_empty();
+    match (&error.problem, ending(path).as_deref()) {
+        (Problem::TooLarge(_), _) => anyhow!("{error}; --relax-limits multiplies the limits"),
+        (_, Some("glb" | "gltf" | "stl" | "ply")) if is_unknown => {
+            anyhow!("{error}; `nurbray compare` measures meshes")
+        }
+        (_, Some("dcm")) if is_unknown => anyhow!("{error}; `nurbray model` reads contours"),
         _ => error.into(),
     }
 }
@@ -363,7 +370,11 @@ pub(super) fn over_input(path: &Path) -> String {
 pub(super) fn report_warnings(path: &Path, format: &str, warnings: &Warnings) {
     let warnings = warnings.as_slice();
     for warning in warnings.iter().take(WARNINGS_SHOWN) {
-        say!("nurbray: {}: warning: {format} {warning}", display(path));
+        let space = if format.is_empty() { "" } else { " " };
+        say!(
+            "nurbray: {}: warning: {format}{space}{warning}",
+            display(path)
+        );
     }
     if let Some(more) = warnings
         .len()

@@ -31,7 +31,7 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "LENGTH|%", value_parser = distance)]
     max_edge: Option<Distance>,
     /// As coarse as this many pixels allow in a picture of 1080 rows from the first camera of
-    /// the file, but not finer than --tolerance
+    /// the file, or of all of it if there is none, but not finer than --tolerance
     #[arg(long, value_name = "PX", value_parser = pixels)]
     screen: Option<f64>,
     /// Most points of all triangles together; they take about 500 bytes each while they are made.

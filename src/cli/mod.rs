@@ -22,7 +22,7 @@ mod volume;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use self::say::say;
 
@@ -85,13 +85,25 @@ impl From<usize> for Failures {
     }
 }
 
+/// What the command line says. Numbers below zero are values, so that their options say what is right.
+fn parsed() -> Cli {
+    let command = Cli::command().mut_subcommands(|command| {
+        command.mut_args(|arg| {
+            let is_option = arg.get_action().takes_values() && !arg.is_positional();
+            arg.allow_negative_numbers(is_option)
+        })
+    });
+    let found = Cli::from_arg_matches(&command.get_matches());
+    found.unwrap_or_else(|error| error.exit())
+}
+
 /// Runs the program.
 pub(crate) fn run() -> ExitCode {
     #[cfg(unix)]
     if let Err(error) = stop::outlive_large_files() {
         say!("nurbray: {error}");
     }
-    let result = match Cli::parse().command {
+    let result = match parsed().command {
         Command::Render(args) => render::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),

@@ -218,7 +218,7 @@ fn degrees(text: &str) -> Result<[usize; 2], String> {
     });
     let is_valid = |degree: &usize| (1..=MAX_DEGREE).contains(degree);
     let found = found.filter(|degrees: &[usize; 2]| degrees.iter().all(is_valid));
-    found.ok_or_else(|| format!("'{text}' is not two degrees such as 3,3"))
+    found.ok_or_else(|| format!("'{text}' is not two degrees from 1 to {MAX_DEGREE}, such as 3,3"))
 }
 
 impl Args {

@@ -39,7 +39,7 @@ const POSSIBLE: RangeInclusive<f64> = 1e-300..=1e300;
 #[command(after_help = EXAMPLES)]
 #[group(required = true, multiple = false, id = "question", args = ["rays", "uv"])]
 pub(super) struct Args {
-    /// File to probe
+    /// File to probe; - for standard input
     file: PathBuf,
     /// Rays to shoot, CSV; - reads standard input
     #[arg(long, value_name = "CSV")]

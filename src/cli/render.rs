@@ -51,13 +51,13 @@ pub(super) struct Args {
     /// Size of the picture in pixels [default: 960x720, with --sheet 240x180]
     #[arg(long, value_name = "WxH", value_parser = parse::size)]
     size: Option<(u32, u32)>,
-    /// N x N samples per pixel; one passes exactly through the middle
+    /// N x N samples per pixel; data channels come from one more ray through the middle
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = parse::count(1..=64))]
     pub(super) samples: u32,
     /// Camera of the file, by name; of X3D and VRML by its description or DEF name
     #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "up", "fov"])]
     pub(super) camera: Option<String>,
-    /// Where the camera stands; needs --target or looks at the middle of the scene
+    /// Where the camera stands; it looks at --target, or else at the middle of the scene
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::vector)]
     pub(super) eye: Option<DVec3>,
     /// What the camera looks at; needs --eye
@@ -108,7 +108,7 @@ pub(super) struct Args {
     #[arg(long)]
     pub(super) certify: bool,
     /// Largest gap between neighbouring faces that is closed, in units of the file; 0 closes none.
-    /// Default: what the file states, but at least a ten thousandth of the size
+    /// Default: what the file states, but from a ten thousandth to a thousandth of the size
     #[arg(long, value_name = "LENGTH", value_parser = parse::length)]
     pub(super) edge_tolerance: Option<f64>,
     /// How rays are intersected with surfaces; NAME+VARIANT departs from the method's defaults
@@ -283,8 +283,9 @@ fn run_sheet(args: &Args, target: &Path) -> anyhow::Result<usize> {
     };
     let film = sheet.into_film();
     output::write(&film, target, &options).with_context(|| target.display().to_string())?;
-    let (count, width, height) = (args.files.len(), film.width(), film.height());
-    say!("{count} files -> {}: {width}x{height}", target.display());
+    let files = say::counted(args.files.len(), "file", "files");
+    let (width, height) = (film.width(), film.height());
+    say!("{files} -> {}: {width}x{height}", target.display());
     Ok(failed)
 }
 
@@ -428,7 +429,9 @@ fn output_options(args: &Args, targets: &[PathBuf]) -> anyhow::Result<OutputOpti
         }
     }
     if !beauty && (aovs.is_empty() || !targets.iter().all(holds_data)) {
-        bail!("--shading none leaves the data layers only; write them to an .exr file");
+        bail!(
+            "--shading none leaves the data layers only; choose some with --aov, and write them to an .exr file"
+        );
     }
     let png_depth = if args.bits.as_deref() == Some("16") {
         PngDepth::Sixteen

@@ -2,7 +2,7 @@
 
 use formats::{Error, Layer, Warnings};
 use glam::DVec3;
-use kernel::modelling::{coons, interpolate};
+use kernel::modelling::{Along, coons, interpolate};
 use kernel::{Aabb, Patch};
 
 use super::{About, ModelMethod, ModelOptions, closed, distinct, middle};
@@ -42,6 +42,29 @@ pub(super) fn faces(
         if pair[0].points == pair[1].points {
             let text = "the row is the same as the one before";
             return Err(about.error(&pair[1].place, text));
+        }
+    }
+    if let ModelMethod::Interpolate([along, up]) = options.method {
+        let sizes = [
+            (along, first.points.len(), "points in a row", "along rows"),
+            (up, rows.len(), "rows", "across them"),
+        ];
+        for (
+            Along {
+                degree, is_closed, ..
+            },
+            found,
+            what,
+            way,
+        ) in sizes
+        {
+            if !is_closed && found <= degree {
+                let needed = degree + 1;
+                let text = format!(
+                    "{found} {what}; degree {degree} {way} needs {needed}, a smaller degree fewer"
+                );
+                return Err(about.error(&first.place, text));
+            }
         }
     }
     let points: Vec<DVec3> = rows.iter().flat_map(|row| row.points.clone()).collect();

@@ -103,7 +103,7 @@ pub fn model(points: &PointSet, options: &ModelOptions) -> Result<Modelled, Erro
             let mut items = Vec::new();
             for (number, face) in (1..).zip(faces) {
                 let face = Patch {
-                    name: format!("{name} {number}"),
+                    name: format!("{name} {number}").trim_start().to_owned(),
                     material: Some(material),
                     ..face
                 };

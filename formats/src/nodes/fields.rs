@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use super::animate::plain_name;
 use super::kinds::is_misplaced;
-use super::{Link, Tree};
+use super::{Link, Node, Tree};
 use crate::Warnings;
 
 /// Tells of the fields that the standards do not give to their nodes, and of nodes in those that have
@@ -21,19 +21,19 @@ pub(super) fn check(tree: &Tree, warnings: &mut Warnings) {
                 .extend(fields.split_whitespace());
         }
     }
+    let has = |node: &Node, name: &str| {
+        let plain = plain_name(name);
+        known.get(&*node.kind).is_none_or(|known| {
+            // Words of other standards, as those of XML.
+            name.contains([':', '-']) || known.contains(&plain) || EVERYWHERE.contains(&plain)
+        })
+    };
+    let mut tell = |node: &Node, name: &str, what: &str| {
+        let name: String = name.chars().take(40).collect();
+        let text = format!("{} has no field {name}{what}", node.kind);
+        warnings.unsupported(node.place(), text);
+    };
     for node in &tree.nodes {
-        for inside in tree.inside(node) {
-            if is_misplaced(&inside.kind, &node.kind) {
-                let text = format!(
-                    "it stands in {}, which shows none; it is left out",
-                    node.kind
-                );
-                warnings.invalid(inside.place(), text);
-            }
-        }
-        let Some(known) = known.get(&*node.kind) else {
-            continue;
-        };
         // Coordinates are found wherever they stand.
         let is_found = |link: &&Link| {
             let kind = &*tree.nodes[link.node].kind;
@@ -46,13 +46,30 @@ pub(super) fn check(tree: &Tree, warnings: &mut Warnings) {
             .map(|name| (name, "; it is not read"))
             .chain(nodes.map(|name| (name, " for a node")))
         {
-            let plain = plain_name(name);
-            // Words of other standards, as those of XML.
-            let is_foreign = name.contains([':', '-']);
-            if !is_foreign && !known.contains(&plain) && !EVERYWHERE.contains(&plain) {
-                let name: String = name.chars().take(40).collect();
-                let text = format!("{} has no field {name}{what}", node.kind);
-                warnings.unsupported(node.place(), text);
+            if !has(node, name) {
+                tell(node, name, what);
+            }
+        }
+    }
+    for route in &tree.routes {
+        for (node, name, what) in [
+            (route.from, &route.from_field, ", from which a ROUTE leads"),
+            (route.to, &route.to_field, ", to which a ROUTE leads"),
+        ] {
+            let node = &tree.nodes[node];
+            if !has(node, name) && !EVENTS.contains(&plain_name(name)) {
+                tell(node, name, what);
+            }
+        }
+    }
+    for node in &tree.nodes {
+        for inside in tree.inside(node) {
+            if is_misplaced(&inside.kind, &node.kind) {
+                let text = format!(
+                    "it stands in {}, which shows none; it is left out",
+                    node.kind
+                );
+                warnings.invalid(inside.place(), text);
             }
         }
     }
@@ -60,6 +77,29 @@ pub(super) fn check(tree: &Tree, warnings: &mut Warnings) {
 
 /// The fields of all nodes.
 const EVERYWHERE: &[&str] = &["class", "id", "metadata", "style"];
+
+/// What nodes send and take besides the values of fields.
+const EVENTS: &[&str] = &[
+    "bind",
+    "bindTime",
+    "collideTime",
+    "cycleTime",
+    "duration",
+    "elapsedTime",
+    "exitTime",
+    "enterTime",
+    "fraction",
+    "isActive",
+    "isBound",
+    "isLoaded",
+    "isPaused",
+    "level",
+    "normal",
+    "position",
+    "time",
+    "transitionComplete",
+    "value",
+];
 
 /// Nodes that are read, and fields that they have in X3D 3 or 4 or in VRML 97, or that are read where
 /// files have them. A node may stand in several rows, and has the fields of all.
@@ -362,5 +402,31 @@ mod tests {
             found.iter().any(|t| t.contains("Shape has no field decor")),
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn routes_between_fields_that_are_not_there_are_told() {
+        let nodes = "DEF T TimeSensor { } DEF I PositionInterpolator { } DEF M Transform { } \
+            DEF S Script { }";
+        let right = "ROUTE T.fraction_changed TO I.set_fraction \
+            ROUTE I.value_changed TO M.set_translation ROUTE T.isActive TO S.any \
+            ROUTE T.cycleTime TO T.startTime";
+        let told = |routes: &str| {
+            let import = read_scene(&format!("{nodes} {routes}"));
+            let told = import.warnings.as_slice().iter().map(ToString::to_string);
+            told.filter(|t| t.contains("ROUTE")).collect::<Vec<_>>()
+        };
+        assert_eq!(told(right), [""; 0]);
+        let [from, to] = ["I.nix TO M.translation", "I.value_changed TO M.nix"];
+        for (route, text) in [
+            (
+                from,
+                "PositionInterpolator has no field nix, from which a ROUTE leads",
+            ),
+            (to, "Transform has no field nix, to which a ROUTE leads"),
+        ] {
+            let found = told(&format!("{right} ROUTE {route}"));
+            assert!(found.len() == 1 && found[0].contains(text), "{found:?}");
+        }
     }
 }

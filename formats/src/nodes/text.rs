@@ -91,9 +91,12 @@ pub(super) fn whole(text: &str) -> Option<i64> {
 /// The strings of a value: what stands in quotes, or all of it if nothing does. A backslash
 /// keeps the character after it as it is.
 pub(super) fn strings(text: &str) -> Vec<String> {
-    let text = text.trim();
-    if !text.starts_with('"') {
-        return Vec::from_iter((!text.is_empty()).then(|| text.to_owned()));
+    let bare = text.trim();
+    if !bare
+        .trim_start_matches([',', ' ', '\t', '\r', '\n'])
+        .starts_with('"')
+    {
+        return Vec::from_iter((!bare.is_empty()).then(|| bare.to_owned()));
     }
     let (mut strings, mut open): (Vec<String>, Option<String>) = (Vec::new(), None);
     let mut chars = text.chars();
@@ -116,11 +119,12 @@ mod tests {
 
     #[test]
     fn strings_are_what_stands_in_quotes() {
-        let cases: [(&str, &[&str]); 6] = [
+        let cases: [(&str, &[&str]); 7] = [
             ("", &[]),
             ("a b.wrl", &["a b.wrl"]),
             ("\"a\" \"b c\"", &["a", "b c"]),
             ("\"a\",\"\",", &["a", ""]),
+            (" ,\n\"a\" , \"b\"", &["a", "b"]),
             (r#""a \"b\" \\""#, &[r#"a "b" \"#]),
             ("\"cut", &["cut"]),
         ];

@@ -374,8 +374,8 @@ fn alpha_that_does_not_count_is_written_so_or_told() {
     for name in ["X3D", "X3D ClassicVRML"] {
         let (export, material) = through(opaque, name);
         assert!(material.maps.color.is_some() && material.maps.opacity.is_none());
-        // That pictures are not copied.
-        assert_eq!(export.warnings.as_slice().len(), 1, "{name}");
+        // That pictures are not copied, and that the scene has no unit.
+        assert_eq!(export.warnings.as_slice().len(), 2, "{name}");
     }
     for (name, mtl) in [
         ("VRML 97", opaque.to_owned()),

@@ -60,6 +60,10 @@ fn write(scene: &Scene, stem: &str, dialect: Dialect) -> Result<Export, Error> {
     let mut tree = Tree::new(scene, dialect);
     tell_voids(scene, &mut tree.warnings);
     tell_seams(scene, &mut tree.warnings);
+    if scene.unit.is_none() {
+        let text = "lengths are metres in this format, and the scene has no unit; it is written as if in metres";
+        tree.warnings.unsupported(Place::item(0, "the unit"), text);
+    }
     if dialect == Dialect::Vrml97 {
         tell_clear_vertices(scene, &mut tree.warnings);
     }

@@ -176,7 +176,7 @@ impl PointFormat {
     pub fn of_output(path: &Path) -> Option<&'static Self> {
         let extension = path.extension()?.to_str()?.to_lowercase();
         let mut written = POINT_FORMATS.iter().filter(|format| format.write.is_some());
-        written.find(|format| format.extensions.contains(&extension.as_str()))
+        written.find(|format| format.extensions[0] == extension)
     }
 }
 

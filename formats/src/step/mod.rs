@@ -93,6 +93,14 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     let limits = options.limits;
     let exchange = Exchange::new(bytes, limits.entities);
     let exchange = exchange.map_err(|problem| error(Place::default(), problem))?;
+    if exchange.ids().next().is_none() && !sniff(bytes) {
+        let text = if bytes.trim_ascii_start().starts_with(b"<") {
+            "it is XML; of STEP only the clear text of Part 21 is read, so write it as that"
+        } else {
+            "it has neither ISO-10303-21 at its start nor instances; this is no STEP file"
+        };
+        return Err(error(Place::default(), Problem::Invalid(text.to_owned())));
+    }
     let files = Files::new(options);
     let mut translator = Translator::new(&exchange, limits, &files);
     let (_, units) = translator.whole(0);

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::tests::{AXES, DISK, import, product, read};
+use crate::{Limits, NoFiles, ReadOptions};
 
 #[test]
 fn solids_by_construction_and_bare_surfaces_have_a_look() {
@@ -48,6 +49,46 @@ fn solids_by_construction_and_bare_surfaces_have_a_look() {
     );
     let radius = 2.0 * 0.5_f64.tan();
     assert!((found.max.x - radius).abs() < 1e-9, "{found:?}");
+}
+
+#[test]
+fn replicas_and_curves_on_surfaces_may_stand_for_themselves() {
+    let square = "#20=B_SPLINE_SURFACE_WITH_KNOTS('',1,1,((#1,#31),(#32,#33)),$,.F.,.F.,.F.,\
+        (2,2),(2,2),(0.,1.),(0.,1.),$);\
+        #31=CARTESIAN_POINT('',(0.,1.,0.));#32=CARTESIAN_POINT('',(1.,0.,0.));\
+        #33=CARTESIAN_POINT('',(1.,1.,0.));#34=CARTESIAN_POINT('',(5.,0.,0.));\
+        #40=CARTESIAN_TRANSFORMATION_OPERATOR_3D('',$,$,$,#34,2.,$);\
+        #41=POLYLINE('',(#1,#32,#33));#42=COMPOSITE_CURVE_SEGMENT(.CONTINUOUS.,.T.,#41);";
+    let at = |item: &str| read(&product("#50", &format!("{AXES}{square}#50={item};")));
+    let (scene, warnings) = at("SURFACE_REPLICA('',#20,#40)");
+    assert_eq!(warnings, [""; 0]);
+    let found = scene.extent();
+    assert!((found.min - DVec3::new(5.0, 0.0, 0.0)).length() < 1e-12);
+    assert!((found.max - DVec3::new(7.0, 2.0, 0.0)).length() < 1e-12);
+    for item in [
+        "CURVE_REPLICA('',#41,#40)",
+        "COMPOSITE_CURVE_ON_SURFACE('',(#42),.F.)",
+    ] {
+        let (scene, warnings) = at(item);
+        assert_eq!((scene.wires().len(), scene.patches().len()), (1, 0));
+        let told = |text: &String| text.contains("no surface to show");
+        assert!(warnings.iter().all(told), "{item}: {warnings:?}");
+    }
+}
+
+#[test]
+fn what_is_no_step_is_refused() {
+    for (text, told) in [
+        ("hello\n", "this is no STEP file"),
+        ("<?xml version=\"1.0\"?>\n<iso_10303_28/>", "it is XML"),
+    ] {
+        let options = ReadOptions {
+            limits: &Limits::default(),
+            resolver: &NoFiles,
+        };
+        let error = crate::read(text.as_bytes(), Some("step"), &options).unwrap_err();
+        assert!(error.to_string().contains(told), "{error}");
+    }
 }
 
 #[test]

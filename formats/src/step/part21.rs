@@ -199,7 +199,7 @@ impl<'a> Exchange<'a> {
         at.ok().map(|at| self.entries[at])
     }
 
-    /// The type of an instance, or of the first of its parts, as it is written; nothing if there is
+    /// The type of an instance, or of the first of its parts by the alphabet, as it is written; nothing if there is
     /// no such instance.
     pub(super) fn keyword(&self, id: u64) -> &'a [u8] {
         let Some(entry) = self.entry(id) else {
@@ -212,7 +212,10 @@ impl<'a> Exchange<'a> {
             let rational = text.windows(RATIONAL.len()).position(|w| w == RATIONAL);
             let mut names = AS_SIMPLE.iter().map(|(name, _)| name.as_bytes());
             let telling = rational.or_else(|| names.find_map(|name| word(text, name)));
-            cursor.at = telling.unwrap_or(cursor.at);
+            let Some(telling) = telling else {
+                return least_name(text);
+            };
+            cursor.at = telling;
         }
         cursor.name()
     }
@@ -247,7 +250,7 @@ impl<'a> Exchange<'a> {
         };
         self.budget.set(left);
         let mut cursor = Cursor::new(text);
-        let parts = cursor.parts().ok_or_else(|| {
+        let mut parts = cursor.parts().ok_or_else(|| {
             let rest = String::from_utf8_lossy(&text[cursor.at.min(text.len())..]);
             let rest: String = rest.chars().take(20).collect();
             let whole = self.source(id);
@@ -259,6 +262,8 @@ impl<'a> Exchange<'a> {
                 rest => format!("{whole} is not readable from \"{rest}\" on"),
             })
         })?;
+        // As the standard orders them; not all programs do.
+        parts.sort_by(|a, b| a.0.cmp(&b.0));
         Ok(Record {
             id,
             parts: simplified(parts),
@@ -283,9 +288,40 @@ fn simplified(mut parts: Parts<'_>) -> Parts<'_> {
     vec![((*name).to_owned(), attributes)]
 }
 
+/// Whether a byte may be in the name of a type.
+fn is_name(b: u8) -> bool {
+    b.is_ascii_alphanumeric() || b == b'_'
+}
+
+/// The first name by the alphabet of the parts of a complex instance.
+fn least_name(text: &[u8]) -> &[u8] {
+    let (mut depth, mut is_quoted, mut least): (usize, _, &[u8]) = (0, false, b"");
+    for (at, &b) in text.iter().enumerate() {
+        match b {
+            b'\'' => is_quoted = !is_quoted,
+            _ if is_quoted => {}
+            b'(' => {
+                if depth == 1 {
+                    let before = text[..at].trim_ascii_end();
+                    let others = before.iter().rposition(|b| !is_name(*b));
+                    let name = &before[others.map_or(0, |at| at + 1)..];
+                    least = if least.is_empty() {
+                        name
+                    } else {
+                        least.min(name)
+                    };
+                }
+                depth += 1;
+            }
+            b')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+    }
+    least
+}
+
 /// Where a word stands by itself in a text.
 fn word(text: &[u8], word: &[u8]) -> Option<usize> {
-    let is_name = |b: u8| b.is_ascii_alphanumeric() || b == b'_';
     let is_whole = |at: usize| {
         let beside = [at.checked_sub(1), Some(at + word.len())].map(|at| text.get(at?).copied());
         !beside.into_iter().flatten().any(is_name)

@@ -60,6 +60,18 @@ fn complex_instances_of_some_types_are_as_simple_ones() {
 }
 
 #[test]
+fn parts_of_complex_instances_may_stand_in_any_order() {
+    let text = b"DATA;#1=(MIDDLE(2,'(B)') /* (A) */ LAST(3)FIRST(1));#2=(LAST()FIRST());";
+    let exchange = Exchange::new(text, 10).unwrap();
+    assert_eq!(exchange.keyword(1), b"FIRST");
+    assert_eq!(exchange.keyword(2), b"FIRST");
+    let record = exchange.get(1).unwrap();
+    let names: Vec<_> = record.parts.iter().map(|part| part.0.as_str()).collect();
+    assert_eq!(names, ["FIRST", "LAST", "MIDDLE"]);
+    assert_eq!(record.attributes().number(0), Ok(1.0));
+}
+
+#[test]
 fn instances_end_where_the_next_one_begins() {
     let text = "DATA;\n#1=A('#9=B()')\n#2 = C((1))\n #3=D(#1);\n#4=&SCOPE #5=E();ENDSCOPE F();";
     let exchange = Exchange::new(text.as_bytes(), 10).unwrap();

@@ -18,7 +18,7 @@ const ON_AXIS: f64 = 1e-9;
 const WHOLE: f64 = 1e-9;
 
 impl Translator<'_> {
-    /// What a solid by construction becomes; `None` if the record is none that is read.
+    /// What a solid by construction becomes; `None` if that was told already.
     pub(super) fn constructed(
         &mut self,
         id: u64,
@@ -102,7 +102,10 @@ impl Translator<'_> {
                 let members = self.swept(id, at.reference(1)?, sweep)?;
                 return Ok(self.group(members, id, at.text(0)));
             }
-            _ => return Ok(None),
+            _ => {
+                let text = "it is of a type that is not read";
+                return Err(Problem::Unsupported(text.to_owned()));
+            }
         };
         Ok(Some(self.add_named(0, &fields, id, at.text(0))))
     }

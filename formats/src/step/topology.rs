@@ -145,29 +145,14 @@ impl Translator<'_> {
                 let text = "nothing bounds it, and it has no end; it is not shown";
                 return Err(Problem::Unsupported(text.to_owned()));
             }
-            kind if kind.ends_with("SURFACE")
-                || kind.ends_with("SURFACE_WITH_KNOTS")
-                || record.part("B_SPLINE_SURFACE").is_some() =>
-            {
-                Some(self.surface(id, &[], 0)?.pointer)
-            }
-            kind if kind.ends_with("CURVE")
-                || matches!(
-                    kind,
-                    "CIRCLE" | "ELLIPSE" | "POLYLINE" | "B_SPLINE_CURVE_WITH_KNOTS"
-                )
-                || record.part("B_SPLINE_CURVE").is_some() =>
-            {
+            kind if is_curve(kind) || record.part("B_SPLINE_CURVE").is_some() => {
                 let pieces = self.geometry().pieces(id, 0)?;
                 self.wire(&pieces, id)?
             }
-            _ => match self.constructed(id, record, depth)? {
-                Some(solid) => Some(solid),
-                None => {
-                    let text = "it is of a type that is not read";
-                    return Err(Problem::Unsupported(text.to_owned()));
-                }
-            },
+            kind if is_surface(kind) || record.part("B_SPLINE_SURFACE").is_some() => {
+                Some(self.surface(id, &[], 0)?.pointer)
+            }
+            _ => self.constructed(id, record, depth)?,
         };
         Ok(made)
     }
@@ -511,6 +496,21 @@ fn turn(stretches: &mut Vec<Stretch>) {
     for (_, is_backwards) in stretches {
         *is_backwards = !*is_backwards;
     }
+}
+
+/// Whether a type is that of curves; those of several types have a part that tells.
+fn is_curve(kind: &str) -> bool {
+    kind.ends_with("CURVE")
+        || kind.ends_with("CURVE_WITH_KNOTS")
+        || matches!(
+            kind,
+            "CIRCLE" | "ELLIPSE" | "POLYLINE" | "CURVE_REPLICA" | "COMPOSITE_CURVE_ON_SURFACE"
+        )
+}
+
+/// As [`is_curve`], of surfaces.
+fn is_surface(kind: &str) -> bool {
+    kind.ends_with("SURFACE") || kind.ends_with("SURFACE_WITH_KNOTS") || kind == "SURFACE_REPLICA"
 }
 
 /// Whether an item is there for the sake of others, and shows nothing.

@@ -68,12 +68,16 @@ fn begin_scene(
     builder: &mut Builder<'_>,
 ) -> Result<bool, Error> {
     let kind = element.local_name().into_inner();
-    if builder.innermost().is_some() || !stands_in_scene(kind) {
+    let is_scene = kind == "Scene";
+    if builder.innermost().is_some() || !(is_scene || stands_in_scene(kind)) {
         return Ok(false);
     }
     let place = builder.file().place(line, kind);
     let text = "there is no X3D element around it; it is taken for the scene";
     builder.warnings.invalid(place, text);
+    if is_scene {
+        return Ok(false);
+    }
     builder.begin("Scene", line)?;
     Ok(true)
 }
