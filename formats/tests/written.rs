@@ -463,6 +463,7 @@ fn faces_of_written_solids_share_their_edges_and_look_outwards() {
         .nodes()
         .iter()
         .find(|node| node.voids.is_some());
+    let mut all = 0.0;
     for (k, child) in solid.expect("a solid").children.iter().enumerate() {
         let Child::Node(id) = child else {
             panic!("a shell")
@@ -480,8 +481,11 @@ fn faces_of_written_solids_share_their_edges_and_look_outwards() {
             let center = DVec3::new(2.0, 1.5, 1.0);
             let volume = Integrals::of(import.scene.patch(*id), center).volume();
             assert_eq!(looks_along, (volume > 0.0) != (k == 1));
+            all += if looks_along { volume } else { -volume };
         }
     }
+    // A box of 4 x 3 x 2 around one of 2 x 1 x 1.
+    assert!((all - 22.0_f64).abs() < 1e-12, "{all}");
 }
 
 #[test]

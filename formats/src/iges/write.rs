@@ -10,6 +10,7 @@ mod cards;
 mod geometry;
 mod model;
 mod pace;
+mod pieces;
 mod sew;
 mod tree;
 

@@ -7,8 +7,8 @@
 use glam::{DVec2, DVec3};
 use kernel::{Curve, Error, KnotVector, Surface};
 
+use super::pieces::Pieces;
 use crate::iges::sheets;
-use crate::least::least;
 
 /// How often a piece is halved at most.
 const HALVINGS: u32 = 8;
@@ -67,6 +67,7 @@ pub(super) fn paced(
     let pacer = Pacer {
         flat,
         own,
+        pieces: Pieces::of(own),
         edge,
         near,
     };
@@ -106,6 +107,7 @@ pub(super) fn paced(
 struct Pacer<'a> {
     flat: &'a Curve<DVec2>,
     own: &'a Curve<DVec3>,
+    pieces: Pieces,
     edge: &'a Curve<DVec3>,
     near: f64,
 }
@@ -129,8 +131,9 @@ impl Pacer<'_> {
             return own.end;
         }
         let point = self.edge.evaluate(t);
-        let off = |s: f64| self.own.evaluate(s).distance(point);
-        let mut s = least(&self.own.knots().breaks(), off).0;
+        let near = self.pieces.nearest(point, self.near);
+        let nearest = near.or_else(|| self.pieces.nearest(point, f64::INFINITY));
+        let mut s = nearest.map_or(own.start, |(s, _)| s);
         // Distances tell half of the digits; where they do not change any more tells the others.
         for _ in 0..2 {
             let at = self.own.derivatives(s);
@@ -168,5 +171,50 @@ impl Pacer<'_> {
             let scale = own.first.length() / flat.first.length();
             cubic.distance(flat.point) * scale <= self.near
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A quarter of a circle; the larger the number, the later it is in its middle.
+    fn quarter(late: f64) -> Curve<DVec3> {
+        let corners = [[2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        let corners = corners.map(|[x, y]| DVec3::new(x, y, 1.0));
+        let weights = [1.0, late * 0.5_f64.sqrt(), late * late];
+        let knots = KnotVector::bezier(2, 0.0..1.0).unwrap();
+        Curve::new(knots, &corners, Some(&weights)).unwrap()
+    }
+
+    #[test]
+    fn a_line_at_the_pace_of_an_edge_stays_a_line() {
+        let (own, edge) = (quarter(1.0), quarter(0.5));
+        assert!(!is_same(&own, &edge, 0.1));
+        let flat = Curve::line([0.0, 3.0].into(), [1.0, 3.0].into(), 0.0..1.0).unwrap();
+        let paced = paced(&flat, &own, &edge, 1e-6).unwrap();
+        for k in 0..=100 {
+            let t = f64::from(k) / 100.0;
+            let uv = paced.evaluate(t);
+            let off = own.evaluate(uv.x).distance(edge.evaluate(t));
+            assert!(off < 2e-6 && (uv.y - 3.0).abs() < 1e-14, "{t}: {off}");
+        }
+        assert_eq!([paced.start(), paced.end()], [flat.start(), flat.end()]);
+    }
+
+    #[test]
+    fn in_a_plane_an_edge_is_its_own_image() {
+        let knots = || KnotVector::bezier(1, 0.0..4.0).unwrap();
+        let corners = [[0.0, 0.0], [0.0, 4.0], [4.0, 0.0], [4.0, 4.0]];
+        let corners = corners.map(|[x, y]| DVec3::new(x, y, 1.0));
+        let plane = Surface::new(knots(), knots(), &corners, None).unwrap();
+        assert!(is_plane(&plane));
+        let edge = quarter(0.5);
+        let ends = [[2.0, 0.0], [0.0, 2.0]].map(DVec2::from);
+        let image = in_plane(&plane, &edge, ends).unwrap();
+        for t in [0.0, 0.3, 0.5, 1.0] {
+            let point = image.evaluate(t).extend(1.0);
+            assert!(point.distance(edge.evaluate(t)) < 1e-14, "{t}");
+        }
     }
 }

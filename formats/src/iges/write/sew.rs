@@ -5,6 +5,7 @@
 //! passes the end of another one, it is cut there. What stays without a partner leaves the shell open.
 
 use std::borrow::Cow;
+use std::cell::OnceCell;
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
@@ -12,7 +13,7 @@ use kernel::{Aabb, Curve, Error, Surface, TrimLoop};
 
 use super::model::Carrier;
 use super::pace;
-use crate::least::least;
+use super::pieces::Pieces;
 
 /// How wide gaps between faces may be, as shares of the size of the shell: the least that will do.
 const GAPS: [f64; 5] = [1e-7, 1e-6, 1e-5, 3e-5, 1e-4];
@@ -218,7 +219,7 @@ fn joined(sides: &[Side], sizes: &[f64], near: f64) -> Option<Joined> {
             };
             let other = left.remove(nearest);
             let is_opposite = match key[0] == key[1] {
-                true => runs_against(&sides[one].curve, &sides[other].curve),
+                true => runs_against(&sides[one].curve, &sides[other].curve, near),
                 false => ends[one][0] == ends[other][1],
             };
             has_slits |= is_slit(&sides[one], &sides[other]);
@@ -264,7 +265,7 @@ fn places(curve: &Curve<DVec3>) -> impl Iterator<Item = (f64, DVec3)> {
 
 /// How far a curve is at most from another one; `None` if that is more than `near`.
 fn apart(one: &Curve<DVec3>, other: &Curve<DVec3>, near: f64) -> Option<f64> {
-    let domain = other.domain();
+    let (domain, pieces) = (other.domain(), OnceCell::new());
     let mut most = 0.0_f64;
     for (share, point) in places(one) {
         // Most are at the same share of both curves, or of one of them turned.
@@ -275,29 +276,22 @@ fn apart(one: &Curve<DVec3>, other: &Curve<DVec3>, near: f64) -> Option<f64> {
         });
         let mut off = off.fold(f64::INFINITY, f64::min);
         if off > near {
-            off = nearest(other, point).1;
-        }
-        if off > near {
-            return None;
+            let pieces = pieces.get_or_init(|| Pieces::of(other));
+            (_, off) = pieces.nearest(point, near)?;
         }
         most = most.max(off);
     }
     Some(most)
 }
 
-/// Whether two closed curves that begin in the same vertex run in opposite directions.
-fn runs_against(one: &Curve<DVec3>, other: &Curve<DVec3>) -> bool {
-    let places: Vec<_> = places(one)
-        .map(|(_, point)| nearest(other, point).0)
-        .collect();
-    places.first() > places.last()
-}
-
-/// Where a curve is nearest to a point, and how far off.
-fn nearest(curve: &Curve<DVec3>, point: DVec3) -> (f64, f64) {
-    least(&curve.knots().breaks(), |t| {
-        curve.evaluate(t).distance(point)
-    })
+/// Whether two closed curves that begin in the same vertex, and run along each other, do so in opposite
+/// directions.
+fn runs_against(one: &Curve<DVec3>, other: &Curve<DVec3>, near: f64) -> bool {
+    let pieces = Pieces::of(other);
+    let nearest = |(_, point)| Some(pieces.nearest(point, near)?.0);
+    let first = places(one).next().and_then(nearest);
+    let last = places(one).last().and_then(nearest);
+    first > last
 }
 
 /// The numbers of the vertices where sides begin and end, and their places; `None` if a vertex is much
@@ -367,7 +361,7 @@ fn cut(sides: &[Side], joined: &Joined, carriers: &[Carrier<'_>]) -> Result<Vec<
         let domain = side.curve.domain();
         let mut stops = Vec::new();
         if is_open[index] {
-            let bounds = side.curve.hull_bounds();
+            let (bounds, pieces) = (side.curve.hull_bounds(), Pieces::of(&side.curve));
             let around = DVec3::splat(joined.near);
             let (least, most) = (bounds.min - around, bounds.max + around);
             for &vertex in loose.iter().filter(|k| !joined.ends[index].contains(k)) {
@@ -377,13 +371,9 @@ fn cut(sides: &[Side], joined: &Joined, carriers: &[Carrier<'_>]) -> Result<Vec<
                 }
                 // What is beside a knot would leave a piece that is none.
                 let mut breaks = side.curve.knots().breaks().into_iter();
-                let is_near = |t: f64| side.curve.evaluate(t).distance(point) <= joined.near;
-                let t = breaks
-                    .find(|&t| is_near(t))
-                    .unwrap_or_else(|| nearest(&side.curve, point).0);
-                if is_near(t) && domain.start < t && t < domain.end {
-                    stops.push(t);
-                }
+                let at = breaks.find(|&t| side.curve.evaluate(t).distance(point) <= joined.near);
+                let at = at.or_else(|| Some(pieces.nearest(point, joined.near)?.0));
+                stops.extend(at.filter(|&t| domain.start < t && t < domain.end));
             }
         }
         if stops.is_empty() {
