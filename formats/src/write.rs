@@ -224,17 +224,21 @@ impl Distinct {
     }
 }
 
-/// The outermost node that does more than hold one other node, and its place if `world` takes
-/// the scene to the coordinates of the file.
+/// The outermost node that does more than hold one other node, or that counts as one that does, and its
+/// place if `world` takes the scene to the coordinates of the file.
 ///
 /// A scene that has been turned for one format and is turned back for another has no trace of
 /// that.
-pub(crate) fn outermost(scene: &Scene, world: DMat3) -> Option<(&Node, NodeId, DAffine3)> {
+pub(crate) fn outermost(
+    scene: &Scene,
+    world: DMat3,
+    counts: impl Fn(NodeId) -> bool,
+) -> Option<(&Node, NodeId, DAffine3)> {
     let mut id = scene.root()?;
     let mut place = DAffine3::from_mat3(world) * scene.node(id).parent_from_node;
     loop {
         let node = scene.node(id);
-        let is_wrapper = node.name.is_empty() && node.wires.is_empty();
+        let is_wrapper = node.name.is_empty() && node.wires.is_empty() && !counts(id);
         match node.children[..] {
             [Child::Node(only)] if is_wrapper => id = only,
             _ => return Some((node, id, place)),

@@ -1,8 +1,13 @@
 //! What writers keep, and what they say about what they leave out.
 
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+
 use glam::{DVec2, DVec3};
 use kernel::{Child, Integrals, Item, Node, Projection, Scene, Shape, TrimLoop};
-use nurbray_formats::{Export, Import, Limits, NoFiles, ReadOptions, Resolver, WRITERS, read};
+use nurbray_formats::{
+    Export, Import, Limits, NoFiles, ReadOptions, Resolver, WRITERS, open, read,
+};
 
 fn import(text: &str) -> Import {
     import_with(text, &NoFiles)
@@ -357,5 +362,156 @@ fn surfaces_of_which_nothing_is_left_are_told() {
             .iter()
             .any(|text| text.contains("leave nothing of the surface"));
         assert!(is_told, "{}: {told:?}", writer.name);
+    }
+}
+
+/// The sample with this name.
+fn sample(name: &str) -> Import {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../samples");
+    open(path.join(name), &Limits::default()).expect("a sample")
+}
+
+/// A solid: its name, and for every shell whether it is that of a void, its name, and the names and
+/// materials of its faces.
+type Solid = (String, Vec<(bool, String, Vec<String>)>);
+
+/// What the scene declares to be solids.
+fn solids(scene: &Scene) -> Vec<Solid> {
+    let solids = scene.nodes().iter().filter(|node| node.voids.is_some());
+    let face = |child: &Child| {
+        let Child::Item(Item { shape, material }) = child else {
+            panic!("a group in a shell");
+        };
+        let Shape::Patch(id) = shape else {
+            panic!("a mesh in a shell");
+        };
+        let patch = scene.patch(*id);
+        let material = material.or(patch.material).map(|id| scene.material(id));
+        format!("{} {:.12?}", patch.name, material.map(|m| m.diffuse))
+    };
+    let shell = |node: &Node, k: usize| {
+        let Child::Node(id) = node.children[k] else {
+            panic!("a face that is a shell");
+        };
+        let shell = scene.node(id);
+        let faces = shell.children.iter().map(face).collect();
+        (node.is_void(k), shell.name.clone(), faces)
+    };
+    let shells = |node: &Node| (0..node.children.len()).map(|k| shell(node, k)).collect();
+    solids
+        .map(|node| (node.name.clone(), shells(node)))
+        .collect()
+}
+
+#[test]
+fn solids_come_back_from_iges() {
+    for (name, count) in [("hollow.igs", 1), ("hinge.step", 2)] {
+        let import = sample(name);
+        let export = written(&import, "IGES");
+        assert_eq!(told(&export), [""; 0], "{name}");
+        let before = solids(&import.scene);
+        assert_eq!(before.len(), count, "{name}");
+        assert_eq!(solids(&again(&import, "IGES").scene), before, "{name}");
+    }
+}
+
+/// The parameters of all entities of a type.
+fn records(export: &Export, kind: &str) -> Vec<Vec<usize>> {
+    let text = String::from_utf8(export.bytes.clone()).expect("text");
+    let cards = text.lines().filter(|line| line[72..].starts_with('P'));
+    let all: String = cards.map(|line| line[..64].trim_end()).collect();
+    let found = all
+        .split(';')
+        .filter_map(|record| record.strip_prefix(kind));
+    let number = |text: &str| text.parse().expect("a whole number");
+    found
+        .map(|record| record.split(',').skip(1).map(number).collect())
+        .collect()
+}
+
+#[test]
+fn faces_of_written_solids_share_their_edges_and_look_outwards() {
+    let import = sample("hollow.igs");
+    let export = written(&import, "IGES");
+    let lists = records(&export, "514");
+    assert_eq!(lists.len(), 2);
+    // Every box has twelve edges between eight vertices.
+    for list in records(&export, "504") {
+        assert_eq!(list[0], 12);
+        let ends: HashSet<_> = (0..12)
+            .flat_map(|k| [list[3 + 5 * k], list[5 + 5 * k]])
+            .collect();
+        assert_eq!(ends.len(), 8);
+    }
+    let mut uses = HashMap::new();
+    for one in records(&export, "508") {
+        for stretch in one[1..].chunks(7) {
+            // An edge of the list, its number, and whether it is run through as it is.
+            assert_eq!(stretch[0], 0);
+            uses.entry([stretch[1], stretch[2]])
+                .or_insert_with(Vec::new)
+                .push(stretch[3]);
+        }
+    }
+    assert_eq!(uses.len(), 24);
+    assert!(uses.values_mut().all(|ways| {
+        ways.sort_unstable();
+        *ways == [0, 1]
+    }));
+    let solid = &import
+        .scene
+        .nodes()
+        .iter()
+        .find(|node| node.voids.is_some());
+    let mut all = 0.0;
+    for (k, child) in solid.expect("a solid").children.iter().enumerate() {
+        let Child::Node(id) = child else {
+            panic!("a shell")
+        };
+        let shell = import.scene.node(*id);
+        let flags = lists[k][1..].chunks(2).map(|face| face[1] == 1);
+        for (face, looks_along) in shell.children.iter().zip(flags) {
+            let Child::Item(Item {
+                shape: Shape::Patch(id),
+                ..
+            }) = face
+            else {
+                panic!("a face")
+            };
+            let center = DVec3::new(2.0, 1.5, 1.0);
+            let volume = Integrals::of(import.scene.patch(*id), center).volume();
+            assert_eq!(looks_along, (volume > 0.0) != (k == 1));
+            all += if looks_along { volume } else { -volume };
+        }
+    }
+    // A box of 4 x 3 x 2 around one of 2 x 1 x 1.
+    assert!((all - 22.0_f64).abs() < 1e-12, "{all}");
+}
+
+#[test]
+fn solids_that_are_open_are_written_as_faces_and_told() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../samples/hollow.igs");
+    let text = std::fs::read_to_string(path).expect("a sample");
+    let shell = "514,6,37,1,47,1,57,1,67,1,77,1,87,1;";
+    assert!(text.contains(shell));
+    let import = import(&text.replace(shell, "514,5,37,1,47,1,57,1,67,1,77,1;     "));
+    let export = written(&import, "IGES");
+    let told = told(&export);
+    let text = "4 curves around its faces have no partner; it is written as faces side by side, \
+                not as a solid";
+    assert!(told.iter().any(|told| told.ends_with(text)), "{told:?}");
+    assert_eq!(records(&export, "186"), [[0; 0]; 0]);
+    // The face that is in no shell stands beside the others.
+    assert_eq!(again(&import, "IGES").scene.placements().len(), 12);
+}
+
+#[test]
+fn voids_that_become_shells_are_told() {
+    let import = sample("hollow.igs");
+    for writer in WRITERS {
+        let is_told = told(&written(&import, writer.name))
+            .iter()
+            .any(|text| text.contains("voids"));
+        assert_eq!(is_told, writer.name != "IGES", "{}", writer.name);
     }
 }

@@ -9,6 +9,9 @@
 mod cards;
 mod geometry;
 mod model;
+mod pace;
+mod pieces;
+mod sew;
 mod tree;
 
 use kernel::{Scene, UpAxis};
@@ -16,7 +19,7 @@ use kernel::{Scene, UpAxis};
 use self::cards::Record;
 use self::tree::Tree;
 use super::{error, global};
-use crate::write::{Export, Writer, tell_seams, tell_voids, turn};
+use crate::write::{Export, Writer, tell_seams, turn};
 use crate::{Error, Place, Problem};
 
 /// The row of this format.
@@ -35,7 +38,6 @@ const DATE: &str = "19700101.000000";
 
 fn write(scene: &Scene, stem: &str) -> Result<Export, Error> {
     let mut tree = Tree::new(scene);
-    tell_voids(scene, &mut tree.warnings);
     tell_seams(scene, &mut tree.warnings);
     let what = [
         (scene.cameras.len(), "cameras"),

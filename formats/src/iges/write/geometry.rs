@@ -1,7 +1,7 @@
 //! Surfaces, curves and boundaries as entities.
 
 use glam::{DMat3, DVec2, DVec3};
-use kernel::{Curve, Patch, Point, Surface, TrimLoop, WireShape, nesting};
+use kernel::{Curve, Nest, Patch, Point, Surface, TrimLoop, WireShape, nesting};
 
 use super::cards::{Deck, Entity, Record, Status};
 use super::model::Carrier;
@@ -23,9 +23,8 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
     }
     let closed = patch.surface.closed();
     let carrier = Carrier::new(&patch.surface, closed);
-    let loops = bounding_loops(patch)?;
     let mut faces = Vec::new();
-    for group in nesting(&loops, patch.surface.periods()) {
+    for group in outlines(patch)? {
         let base = deck.add(Entity {
             kind: 128,
             status: Status::Dependent,
@@ -33,9 +32,9 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
             ..Entity::default()
         });
         let mut record = Record::new(144);
-        record.integers([base, 1, group.holes.len()]);
-        for index in [vec![group.outer], group.holes].concat() {
-            record.integer(boundary(deck, base, &loops[index], &carrier)?);
+        record.integers([base, 1, group.len() - 1]);
+        for trim in &group {
+            record.integer(boundary(deck, base, trim, &carrier)?);
         }
         faces.push(deck.add(Entity {
             kind: 144,
@@ -46,11 +45,23 @@ pub(super) fn face(deck: &mut Deck, patch: &Patch) -> Result<Vec<usize>, kernel:
     Ok(faces)
 }
 
+/// The loops of a patch that has some: in groups, each an outer loop and the holes in it.
+///
+/// # Errors
+/// If a number is not finite.
+pub(super) fn outlines(patch: &Patch) -> Result<Vec<Vec<TrimLoop>>, kernel::Error> {
+    let loops = bounding_loops(patch)?;
+    let groups = nesting(&loops, patch.surface.periods()).into_iter();
+    let group = |nest: Nest| [vec![nest.outer], nest.holes].concat();
+    let groups = groups.map(|nest| group(nest).iter().map(|&k| loops[k].clone()).collect());
+    Ok(groups.collect())
+}
+
 /// A curve (type 126), or points (type 116 each), with `outer` done to them.
 pub(super) fn wire(deck: &mut Deck, shape: &WireShape, outer: DMat3) -> Vec<usize> {
     match shape {
         WireShape::Curve(own) => {
-            let record = curve(own, false, |point| outer * point);
+            let record = record(own, false, |point| outer * point);
             vec![spline(deck, Status::Independent, record)]
         }
         WireShape::Points(points) => {
@@ -70,7 +81,7 @@ pub(super) fn wire(deck: &mut Deck, shape: &WireShape, outer: DMat3) -> Vec<usiz
 }
 
 /// A rational B-spline surface (type 128).
-fn surface(surface: &Surface) -> Record {
+pub(super) fn surface(surface: &Surface) -> Record {
     let knots = [surface.knots_u(), surface.knots_v()];
     let [rows, columns] = knots.map(|knots| knots.count());
     let mut record = Record::new(128);
@@ -95,7 +106,7 @@ fn surface(surface: &Surface) -> Record {
 }
 
 /// A rational B-spline curve (type 126); `place` takes its points to space.
-fn curve<P: Point>(curve: &Curve<P>, planar: bool, place: impl Fn(P) -> DVec3) -> Record {
+fn record<P: Point>(curve: &Curve<P>, planar: bool, place: impl Fn(P) -> DVec3) -> Record {
     let knots = curve.knots();
     let flags = [
         planar,
@@ -124,10 +135,8 @@ fn boundary(
 ) -> Result<usize, kernel::Error> {
     let (mut flat, mut lifted) = (Vec::new(), Vec::new());
     for segment in trim.segments() {
-        let record = curve(segment, true, |point: DVec2| point.extend(0.0));
-        flat.push(spline(deck, Status::Parametric, record));
-        let record = curve(&carrier.lift(segment)?, false, |point| point);
-        lifted.push(spline(deck, Status::Dependent, record));
+        flat.push(flat_curve(deck, segment));
+        lifted.push(curve(deck, &carrier.lift(segment)?));
     }
     let flat = composite(deck, &flat, Status::Parametric);
     let lifted = composite(deck, &lifted, Status::Dependent);
@@ -139,6 +148,18 @@ fn boundary(
         record,
         ..Entity::default()
     }))
+}
+
+/// Adds a curve of a parameter domain.
+pub(super) fn flat_curve(deck: &mut Deck, curve: &Curve<DVec2>) -> usize {
+    let record = record(curve, true, |point| point.extend(0.0));
+    spline(deck, Status::Parametric, record)
+}
+
+/// Adds a curve of space that is there for another entity.
+pub(super) fn curve(deck: &mut Deck, curve: &Curve<DVec3>) -> usize {
+    let record = record(curve, false, |point| point);
+    spline(deck, Status::Dependent, record)
 }
 
 /// Adds a curve (type 126).

@@ -1,6 +1,9 @@
 //! The tree of nodes as groups, subfigures and their instances.
 
-use std::collections::HashMap;
+mod solid;
+
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DMat3, DVec3};
 use kernel::{
@@ -37,6 +40,8 @@ pub(super) struct Tree<'a> {
     transforms: HashMap<[u64; 12], usize>,
     /// How deep definitions nest below an entity.
     depths: HashMap<usize, usize>,
+    /// Solids that cannot be written as such.
+    refused: HashSet<NodeId>,
 }
 
 /// What a definition shows.
@@ -73,46 +78,59 @@ impl<'a> Tree<'a> {
             definitions: HashMap::new(),
             transforms: HashMap::new(),
             depths: HashMap::new(),
+            refused: HashSet::new(),
         }
     }
 
     /// Adds all that is shown; `world` takes the scene to the coordinates of the file.
     pub(super) fn add_all(&mut self, world: DMat3) -> Result<(), Problem> {
-        let Some((node, id, place)) = outermost(self.scene, world) else {
+        let (scene, status) = (self.scene, Status::Independent);
+        let found = outermost(scene, world, |id| self.is_solid(id));
+        let Some((mut node, mut id, mut place)) = found else {
             return Ok(());
         };
-        if node.name.is_empty() && place == DAffine3::IDENTITY {
-            let parts = is_body(node);
-            for child in &node.children {
-                self.reference(child, parts, place.matrix3, Status::Independent, 0)?;
+        if self.is_solid(id) && place == DAffine3::IDENTITY {
+            if self.solid(id, DMat3::IDENTITY, status)?.is_some() {
+                return Ok(());
             }
-            self.wires(node, place.matrix3, Status::Independent);
+            (node, id, place) =
+                outermost(scene, world, |id| self.is_solid(id)).unwrap_or((node, id, place));
+        }
+        if node.name.is_empty() && !self.is_solid(id) && place == DAffine3::IDENTITY {
+            self.members(node, &node.children, place.matrix3, status, 0)?;
         } else {
-            self.node(id, place, Status::Independent, 0)?;
+            self.node(id, place, status, 0)?;
         }
         Ok(())
     }
 
-    /// Pointers to what shows a child, which may be one of the `parts` of a body. `outer` is what
-    /// the nodes above leave to be done: instances turn, scale and move, and all else is done to
-    /// the control points.
-    fn reference(
+    /// Pointers to what shows these children of a node, and its wires. `outer` is what the nodes above
+    /// leave to be done: instances turn, scale and move, and all else is done to the control points.
+    fn members(
         &mut self,
-        child: &Child,
-        parts: bool,
+        node: &Node,
+        children: &[Child],
         outer: DMat3,
         status: Status,
         depth: usize,
     ) -> Result<Vec<usize>, Problem> {
-        match child {
-            // The faces of a body stand side by side, also those that others have, too.
-            Child::Item(item) if parts && self.uses(item) <= FEW => self.faces(item, outer, status),
-            Child::Item(item) => self.item(item, outer, status),
-            Child::Node(id) => {
-                let inner = self.scene.node(*id).parent_from_node;
-                self.node(*id, DAffine3::from_mat3(outer) * inner, status, depth)
-            }
+        let is_body = is_body(node);
+        let mut members = Vec::new();
+        for child in children {
+            members.extend(match child {
+                // The faces of a body stand side by side, also those that others have, too.
+                Child::Item(item) if is_body && self.uses(item) <= FEW => {
+                    self.faces(item, outer, status)?
+                }
+                Child::Item(item) => self.item(item, outer, status)?,
+                Child::Node(id) => {
+                    let inner = self.scene.node(*id).parent_from_node;
+                    self.node(*id, DAffine3::from_mat3(outer) * inner, status, depth)?
+                }
+            });
         }
+        members.extend(self.wires(node, outer, status));
+        Ok(members)
     }
 
     /// Pointers to what shows a node at its place.
@@ -133,6 +151,13 @@ impl<'a> Tree<'a> {
             None => (DAffine3::from_translation(whole.translation), whole.matrix3),
         };
         let once = self.uses.nodes.get(&id).copied().unwrap_or_default() <= 1;
+        // Programs do not look at the transformation of a solid.
+        if once
+            && place == DAffine3::IDENTITY
+            && let Some(solid) = self.solid(id, inner, status)?
+        {
+            return Ok(vec![solid]);
+        }
         let mut children = node.children.clone();
         if self.shows[id.index()] {
             children.retain(|child| self.is_of_use(child));
@@ -153,18 +178,7 @@ impl<'a> Tree<'a> {
                 Ok(self.instance(definition, &place, &node.name, status))
             }
             (children, _) if once && place == DAffine3::IDENTITY => {
-                let mut members = Vec::new();
-                let parts = is_body(node);
-                for child in children {
-                    members.extend(self.reference(
-                        child,
-                        parts,
-                        inner,
-                        Status::Member,
-                        depth + 1,
-                    )?);
-                }
-                members.extend(self.wires(node, inner, Status::Member));
+                let members = self.members(node, children, inner, Status::Member, depth + 1)?;
                 Ok(self.group(&node.name, &members, status))
             }
             _ => {
@@ -227,22 +241,12 @@ impl<'a> Tree<'a> {
             self.warnings.unsupported(Place::item(0, "meshes"), text);
             return Ok(Vec::new());
         };
-        let mut patch = self.scene.patch(id);
-        let distorted;
-        if outer != DMat3::IDENTITY {
-            distorted = Patch {
-                surface: patch.surface.transformed(&DAffine3::from_mat3(outer)),
-                ..patch.clone()
-            };
-            patch = &distorted;
-        }
-        let color = match self.scene.item_material(item) {
-            Some(material) => self.color(material, false),
-            None => 0,
-        };
-        let faces = geometry::face(&mut self.deck, patch)?;
+        let scene = self.scene;
+        let patch = distorted(scene.patch(id), outer);
+        let color = self.item_color(item);
+        let faces = geometry::face(&mut self.deck, &patch)?;
         if faces.is_empty() {
-            tell_lost(patch, &mut self.warnings);
+            tell_lost(&patch, &mut self.warnings);
         }
         if !patch.loops.is_empty() && patch.has_crossing_loops() {
             let place = Place::item(0, format!("\"{}\", {}", patch.name, patch.source));
@@ -252,6 +256,12 @@ impl<'a> Tree<'a> {
         }
         self.finish(&faces, color, status, &patch.name);
         Ok(faces)
+    }
+
+    /// The colour of an item, or zero.
+    fn item_color(&mut self, item: &Item) -> usize {
+        let material = self.scene.item_material(item);
+        material.map_or(0, |material| self.color(material, false))
     }
 
     /// The entities of the curves and points of a node.
@@ -333,14 +343,11 @@ impl<'a> Tree<'a> {
                 (name, self.faces(&item, outer, Status::Dependent)?)
             }
             Defined::Node(id) => {
-                let node = scene.node(id);
-                let mut members = Vec::new();
-                let parts = is_body(node);
-                for child in &node.children {
-                    let status = Status::Dependent;
-                    members.extend(self.reference(child, parts, outer, status, depth + 1)?);
-                }
-                members.extend(self.wires(node, outer, Status::Dependent));
+                let (node, status) = (scene.node(id), Status::Dependent);
+                let members = match self.solid(id, outer, status)? {
+                    Some(solid) => vec![solid],
+                    None => self.members(node, &node.children, outer, status, depth + 1)?,
+                };
                 (node.name.as_str(), members)
             }
         };
@@ -497,6 +504,17 @@ impl<'a> Tree<'a> {
         self.colors.insert((id, is_thin), color);
         color
     }
+}
+
+/// A patch to whose control points something is done.
+fn distorted(patch: &Patch, outer: DMat3) -> Cow<'_, Patch> {
+    if outer == DMat3::IDENTITY {
+        return Cow::Borrowed(patch);
+    }
+    Cow::Owned(Patch {
+        surface: patch.surface.transformed(&DAffine3::from_mat3(outer)),
+        ..patch.clone()
+    })
 }
 
 /// Whether a node shows several faces, which are those of a body.

@@ -39,7 +39,7 @@ impl Tree<'_> {
     /// The lights that shine on all there is; those of groups wait for these.
     fn lights(&mut self) -> Vec<Out> {
         let scene = self.scene;
-        let whole = outermost(scene, DMat3::IDENTITY).map(|(_, id, _)| id);
+        let whole = outermost(scene, DMat3::IDENTITY, |_| false).map(|(_, id, _)| id);
         let mut out = Vec::new();
         for light in &scene.lights {
             // All hangs below a node that is not inside of the whole.
