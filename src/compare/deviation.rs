@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::exact::{Exact, Foot};
 use super::soup::Soup;
 use super::supremum::{Effort, Function, Known, largest};
-use super::triangles::{closest, quarters};
+use super::triangles::{Found, closest, quarters};
 use kernel::Cover;
 
 /// Distances below this share of the size of the scene do not matter.
@@ -77,7 +77,10 @@ pub(crate) fn from_surface(exact: &Exact<'_>, soup: &Soup, size: f64, effort: Ef
     let spots: Vec<Option<Spot>> = exact
         .vertices
         .par_iter()
-        .map(|vertex| function.spot(vertex.uv, vertex.point))
+        .map(|vertex| {
+            let found = soup.tree.nearest(vertex.point)?;
+            Some(Spot::new(vertex.uv, vertex.point, found))
+        })
         .collect();
     let cell = |number: usize| {
         let corners = exact.triangles[number].map(|k| spots[k as usize]);
@@ -287,6 +290,19 @@ struct Spot {
     inside: bool,
 }
 
+impl Spot {
+    fn new(uv: DVec2, point: DVec3, found: Found) -> Self {
+        Self {
+            uv,
+            point,
+            triangle: found.triangle,
+            near: found.closest.point,
+            distance: found.distance,
+            inside: true,
+        }
+    }
+}
+
 /// A triangle of parameters.
 #[derive(Clone, Debug)]
 struct SurfaceCell {
@@ -309,20 +325,6 @@ struct FromSurface<'a> {
     exact: &'a Exact<'a>,
     soup: &'a Soup,
     slack: Vec<f64>,
-}
-
-impl FromSurface<'_> {
-    fn spot(&self, uv: DVec2, point: DVec3) -> Option<Spot> {
-        let found = self.soup.tree.nearest(point)?;
-        Some(Spot {
-            uv,
-            point,
-            triangle: found.triangle,
-            near: found.closest.point,
-            distance: found.distance,
-            inside: true,
-        })
-    }
 }
 
 impl Distances for FromSurface<'_> {
@@ -381,8 +383,9 @@ impl Function for FromSurface<'_> {
             let (ends, near) = ([from.point, to.point], [from.triangle, to.triangle]);
             let share = change(ends, near, |number| self.soup.corners(number));
             let uv = face.pieces.place([from.uv, to.uv], [1.0 - share, share]);
-            let spot = self.spot(uv, face.patch.surface.evaluate(uv));
-            let mut spot = spot.unwrap_or(*from);
+            let point = face.patch.surface.evaluate(uv);
+            let found = self.soup.tree.nearest_from(point, from.triangle);
+            let mut spot = Spot::new(uv, point, found);
             spot.inside = face.region.as_ref().is_none_or(|r| r.contains(uv));
             spot
         };

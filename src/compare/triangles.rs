@@ -9,19 +9,6 @@ use crate::segment;
 /// The square of the height of a triangle, as a share of that of its side, that is lost in rounding.
 const SLIVER: f64 = 1e-8;
 
-/// A triangle stands in several boxes if one around all of it would be so many times as large: points of a plate with
-/// holes are in the boxes of very many of its triangles.
-const HOLLOW: f64 = 8.0;
-
-/// How often it is halved for that at most.
-const HALVINGS: u32 = 7;
-
-/// Only triangles longer than this share of all are.
-const LONG: f64 = 1.0 / 256.0;
-
-/// The most boxes that this may add to a tree.
-const MORE: usize = 1 << 19;
-
 /// The point of a triangle nearest to another point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Closest {
@@ -135,27 +122,14 @@ pub(crate) struct Found {
 pub(crate) struct TriangleTree {
     corners: Vec<[DVec3; 3]>,
     tree: BoxTree,
-    /// The triangle in each box of the tree.
-    owners: Vec<u32>,
 }
 
 impl TriangleTree {
     /// Puts triangles into a tree; they keep their numbers.
     pub(crate) fn new(corners: Vec<[DVec3; 3]>) -> Self {
-        let mut boxes = Boxes {
-            long: LONG * Aabb::around(corners.iter().flatten().copied()).diagonal(),
-            boxes: Vec::new(),
-            owners: Vec::new(),
-            more: MORE,
-        };
-        for (owner, triangle) in (0..).zip(&corners) {
-            boxes.add(owner, *triangle, HALVINGS);
-        }
-        Self {
-            corners,
-            tree: BoxTree::new(&boxes.boxes),
-            owners: boxes.owners,
-        }
+        let boxes: Vec<_> = corners.iter().map(|t| Aabb::around(*t)).collect();
+        let tree = BoxTree::new(&boxes);
+        Self { corners, tree }
     }
 
     /// The corners of the triangles by their numbers.
@@ -173,12 +147,25 @@ impl TriangleTree {
         self.nearest_within(p, f64::INFINITY)
     }
 
+    /// As [`Self::nearest`], and sooner if triangle `guess` is near.
+    pub(crate) fn nearest_from(&self, p: DVec3, guess: u32) -> Found {
+        let (mut best, mut square) = self.found(guess, p);
+        self.tree.visit(p, square, |triangle| {
+            let (found, own) = self.found(triangle, p);
+            if own < square {
+                (best, square) = (found, own);
+            }
+            square
+        });
+        best
+    }
+
     /// The nearest triangle no farther away than `reach`; `None` if there is none.
     pub(crate) fn nearest_within(&self, p: DVec3, reach: f64) -> Option<Found> {
         let mut best: Option<Found> = None;
         let mut square = reach * reach;
-        self.tree.visit(p, square, |number| {
-            let (found, own) = self.found(self.owners[number as usize], p);
+        self.tree.visit(p, square, |triangle| {
+            let (found, own) = self.found(triangle, p);
             if own < square || (best.is_none() && own <= square) {
                 square = own;
                 best = Some(found);
@@ -188,22 +175,16 @@ impl TriangleTree {
         best
     }
 
-    /// Shows every triangle no farther from `p` than `reach`, in the order of their numbers.
+    /// Shows every triangle no farther from `p` than `reach`, in no particular order.
     pub(crate) fn within(&self, p: DVec3, reach: f64, mut show: impl FnMut(Found)) {
         let square = reach * reach;
-        let mut near = Vec::new();
-        self.tree.visit(p, square, |number| {
-            near.push(self.owners[number as usize]);
-            square
-        });
-        near.sort_unstable();
-        near.dedup();
-        for triangle in near {
+        self.tree.visit(p, square, |triangle| {
             let (found, own) = self.found(triangle, p);
             if own <= square {
                 show(found);
             }
-        }
+            square
+        });
     }
 
     /// A triangle's point nearest to `p`, and the square of the distance.
@@ -216,49 +197,6 @@ impl TriangleTree {
             distance: square.sqrt(),
         };
         (found, square)
-    }
-}
-
-/// Boxes around triangles and parts of them.
-struct Boxes {
-    /// What is no longer stands in one box.
-    long: f64,
-    boxes: Vec<Aabb>,
-    owners: Vec<u32>,
-    /// How many may still be added to one for each triangle.
-    more: usize,
-}
-
-impl Boxes {
-    /// Adds a part of a triangle.
-    fn add(&mut self, owner: u32, part: [DVec3; 3], halvings: u32) {
-        let bounds = Aabb::around(part);
-        let size = bounds.size();
-        let [a, b, c] = part;
-        let hollow = size.x * size.y + size.y * size.z + size.z * size.x;
-        let area = 0.5 * (b - a).cross(c - a).length();
-        let is_whole = hollow <= HOLLOW * area || size.max_element() <= self.long;
-        if halvings == 0 || self.more == 0 || is_whole {
-            self.boxes.push(bounds);
-            self.owners.push(owner);
-            return;
-        }
-        self.more -= 1;
-        // Its longest side first.
-        let squares = [
-            a.distance_squared(b),
-            b.distance_squared(c),
-            c.distance_squared(a),
-        ];
-        let longest = (0..3).max_by(|&i, &j| squares[i].total_cmp(&squares[j]));
-        let [a, b, c] = match longest {
-            Some(0) => [a, b, c],
-            Some(1) => [b, c, a],
-            _ => [c, a, b],
-        };
-        let middle = a.midpoint(b);
-        self.add(owner, [a, middle, c], halvings - 1);
-        self.add(owner, [middle, b, c], halvings - 1);
     }
 }
 
@@ -330,12 +268,10 @@ mod tests {
     fn the_tree_finds_what_a_search_through_all_finds() {
         let mut next = numbers();
         let mut point = || DVec3::new(next(), next(), next());
-        // Small ones, and long ones in many boxes.
         let corners: Vec<[DVec3; 3]> = (0..300)
-            .map(|k| {
-                let (a, along) = (point(), if k % 3 == 0 { 1.0 } else { 0.1 });
-                let b = a + point() * along;
-                [a, b, a.midpoint(b) + point() * 0.1 * 0.01 / along]
+            .map(|_| {
+                let a = point();
+                [a, a + point() * 0.1, a + point() * 0.1]
             })
             .collect();
         let tree = TriangleTree::new(corners.clone());
@@ -345,6 +281,8 @@ mod tests {
             let least = all().fold(f64::INFINITY, f64::min);
             let found = tree.nearest(p).unwrap();
             assert!((found.distance - least).abs() < 1e-14);
+            let from = tree.nearest_from(p, 7);
+            assert!((from.distance - least).abs() < 1e-14);
             let mut near = 0;
             tree.within(p, 0.3, |_| near += 1);
             assert_eq!(near, all().filter(|&d| d <= 0.3).count());

@@ -299,7 +299,8 @@ fn heat(stage: &Stage<'_>, soup: &Soup, largest: f64) -> (Picture, Vec<f32>) {
     )]
     let distance = |d: &crate::film::PixelData| {
         let point = DVec3::from(d.position.map(f64::from));
-        let found = soup.tree.nearest(point).filter(|_| d.shape >= 0.0);
+        let is_seen = d.shape >= 0.0;
+        let found = is_seen.then(|| soup.tree.nearest(point)).flatten();
         found.map_or(-1.0, |found| found.distance as f32)
     };
     let distances: Vec<f32> = data.par_iter().map(distance).collect();
