@@ -17,6 +17,10 @@ const ON_AXIS: f64 = 1e-9;
 /// A turn that lacks no more than this share is whole.
 const WHOLE: f64 = 1e-9;
 
+fn unsupported(text: &str) -> Problem {
+    Problem::Unsupported(text.to_owned())
+}
+
 impl Translator<'_> {
     /// What a solid by construction becomes; `None` if that was told already.
     pub(super) fn constructed(
@@ -36,13 +40,12 @@ impl Translator<'_> {
             "BOOLEAN_RESULT" | "BOOLEAN_CLIPPING_RESULT" => {
                 if !matches!(at.get(1), Some(Value::Word(b"UNION"))) {
                     let text = "intersections and differences of solids are not read yet";
-                    return Err(Problem::Unsupported(text.to_owned()));
+                    return Err(unsupported(text));
                 }
                 let bodies = [at.reference(2)?, at.reference(3)?];
                 let bodies = bodies.map(|body| self.item(body, depth + 1));
                 let [Some(first), Some(second)] = bodies else {
-                    let text = "one of the solids that it unites is not read";
-                    return Err(Problem::Unsupported(text.to_owned()));
+                    return Err(unsupported("one of the solids that it unites is not read"));
                 };
                 Fields::new(180).integers([3, -first, -second, 1])
             }
@@ -102,10 +105,7 @@ impl Translator<'_> {
                 let members = self.swept(id, at.reference(1)?, sweep)?;
                 return Ok(self.group(members, id, at.text(0)));
             }
-            _ => {
-                let text = "it is of a type that is not read";
-                return Err(Problem::Unsupported(text.to_owned()));
-            }
+            _ => return Err(unsupported("it is of a type that is not read")),
         };
         Ok(Some(self.add_named(0, &fields, id, at.text(0))))
     }

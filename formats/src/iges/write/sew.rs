@@ -38,6 +38,9 @@ const PACE: f64 = 1e-6;
 /// Curves are compared at the ends of so many parts.
 const PLACES: u8 = 8;
 
+/// More curves than these between two vertices, or points of one, are not sorted out.
+const MANY: usize = 1000;
+
 /// A face: a surface with an outer loop and holes, all with the face on their left.
 #[derive(Clone, Debug)]
 pub(super) struct Face<'a> {
@@ -204,6 +207,9 @@ fn joined(sides: &[Side], sizes: &[f64], near: f64) -> Option<Joined> {
     let (mut pairs, mut open, mut has_slits) = (Vec::new(), Vec::new(), false);
     for key in order {
         let mut left = between.remove(&key).unwrap_or_default();
+        if left.len() > MANY {
+            open.append(&mut left);
+        }
         left.reverse();
         while let Some(one) = left.pop() {
             let gap = |other: usize| {
@@ -331,7 +337,13 @@ fn vertices(sides: &[Side], near: f64) -> Option<(Vec<[usize; 2]>, Vec<DVec3>)> 
                 }
             }
         }
-        cells.entry(key(own)).or_default().push(index);
+        let inside = cells.entry(key(own)).or_default();
+        if inside.iter().all(|&other| points[other] != point) {
+            inside.push(index);
+        }
+        if inside.len() > MANY {
+            return None;
+        }
     }
     let (mut numbers, mut places) = (HashMap::new(), Vec::new());
     let mut ends = Vec::new();

@@ -265,6 +265,7 @@ fn closed<'a>(name: &'a str, parts: Vec<Part<'a>>, is_void: bool) -> Result<Clos
         })
         .collect();
     let shell = sew::shell(&faces).map_err(|flaw| match flaw {
+        Flaw::Open(1) => "a curve around its faces has no partner".to_owned(),
         Flaw::Open(count) => format!("{count} curves around its faces have no partner"),
         Flaw::Slit => "one of its faces has a slit".to_owned(),
         Flaw::OneSided => "its faces have no common outside".to_owned(),
