@@ -7,6 +7,7 @@
 //! control points. Every number is written with the digits that give it back.
 
 mod cards;
+mod cubic;
 mod geometry;
 mod model;
 mod pace;

@@ -61,17 +61,16 @@ pub fn open(path: &Path, limits: &Limits) -> Result<MeshFile, OpenError> {
 
 /// The polygons of a file that may have surfaces, too.
 fn with_surfaces(path: &Path, limits: &Limits) -> Result<MeshFile, OpenError> {
-    let import = formats::open(path, limits).map_err(|error| match error {
-        OpenError::Format(Error {
+    let import = formats::open(path, limits).map_err(|mut error| {
+        if let OpenError::Format(Error {
             format: "",
-            place,
             problem: Problem::Unsupported(text),
-        }) => OpenError::Format(Error {
-            format: "",
-            place,
-            problem: Problem::Unsupported(format!("{text}, and meshes of glTF, STL and PLY")),
-        }),
-        other => other,
+            ..
+        }) = &mut error
+        {
+            *text += ", and meshes of glTF, STL and PLY";
+        }
+        error
     })?;
     let mut warnings = import.warnings;
     for patch in import.scene.patches() {

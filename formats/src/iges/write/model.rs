@@ -10,6 +10,8 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use kernel::{Curve, Error, KnotVector, Surface};
 
+use super::cubic::{self, End};
+
 /// How far curves may be from their surface, as a share of its size.
 const TOLERANCE: f64 = 1e-7;
 
@@ -41,14 +43,6 @@ pub(super) struct Carrier<'a> {
     /// Whether it comes back to its start along u, and along v.
     closed: [bool; 2],
     tolerance: f64,
-}
-
-/// Place and direction at one end of a piece.
-#[derive(Clone, Copy, Debug)]
-struct End {
-    t: f64,
-    point: DVec3,
-    tangent: DVec3,
 }
 
 impl<'a> Carrier<'a> {
@@ -109,7 +103,7 @@ impl<'a> Carrier<'a> {
     fn approximate(&self, curve: &Curve<DVec2>) -> Result<Curve<DVec3>, Error> {
         let mut knots = Vec::new();
         let mut points: Vec<DVec3> = Vec::new();
-        let mut before: Option<End> = None;
+        let mut before: Option<End<DVec3>> = None;
         for (piece, range) in curve.bezier_pieces().iter().flat_map(|p| self.parts(p)) {
             let ends = self.ends(piece, range);
             if let (Some(before), Some(first)) = (before, ends.first()) {
@@ -126,9 +120,7 @@ impl<'a> Carrier<'a> {
                 if index > 0 {
                     knots.extend([pair[0].t; 2]);
                 }
-                let third = (pair[1].t - pair[0].t) / 3.0;
-                points.push(pair[0].point + pair[0].tangent * third);
-                points.push(pair[1].point - pair[1].tangent * third);
+                points.extend(cubic::inner(pair[0], pair[1]));
             }
             before = ends.last().copied();
         }
@@ -179,39 +171,27 @@ impl<'a> Carrier<'a> {
     }
 
     /// The ends of the cubic pieces along a part of a Bézier piece.
-    fn ends(&self, piece: &Curve<DVec2>, Range { start, end }: Range<f64>) -> Vec<End> {
+    fn ends(&self, piece: &Curve<DVec2>, Range { start, end }: Range<f64>) -> Vec<End<DVec3>> {
         let aside = (end - start) * ASIDE;
         let at = |t: f64, beside: f64| End {
             tangent: self.end(piece, beside).tangent,
             ..self.end(piece, t)
         };
-        let mut ends = vec![at(start, start + aside)];
-        let mut waiting = vec![(at(end, end - aside), 0)];
-        while let (Some(&first), Some(&(last, level))) = (ends.last(), waiting.last()) {
-            if level >= HALVINGS || self.fits(piece, first, last) {
-                ends.push(last);
-                waiting.pop();
-            } else {
-                let middle = self.end(piece, first.t.midpoint(last.t));
-                if let Some(last) = waiting.last_mut() {
-                    last.1 = level + 1;
-                }
-                waiting.push((middle, level + 1));
-            }
-        }
-        ends
+        cubic::ends(
+            at(start, start + aside),
+            std::iter::once(at(end, end - aside)),
+            HALVINGS,
+            |t| self.end(piece, t),
+            |first, last| self.fits(piece, first, last),
+        )
     }
 
     /// Whether the cubic between two ends stays by the surface.
-    fn fits(&self, piece: &Curve<DVec2>, first: End, last: End) -> bool {
+    fn fits(&self, piece: &Curve<DVec2>, first: End<DVec3>, last: End<DVec3>) -> bool {
         let span = last.t - first.t;
-        LOOKS.iter().all(|&s| {
-            let (r, q) = (1.0 - s, s * s);
-            let cubic = first.point * (r * r * (1.0 + 2.0 * s))
-                + first.tangent * (span * s * r * r)
-                + last.tangent * (-span * q * r)
-                + last.point * (q * (1.0 + 2.0 * r));
-            let exact = self.end(piece, first.t + span * s).point;
+        LOOKS.iter().all(|&share| {
+            let cubic = cubic::between(first, last, share);
+            let exact = self.end(piece, first.t + span * share).point;
             cubic.distance(exact) <= self.tolerance
         })
     }
@@ -224,7 +204,7 @@ impl<'a> Carrier<'a> {
     }
 
     /// Point and tangent at a parameter of a curve.
-    fn end(&self, curve: &Curve<DVec2>, t: f64) -> End {
+    fn end(&self, curve: &Curve<DVec2>, t: f64) -> End<DVec3> {
         let flat = curve.derivatives(t);
         let (mut uv, mut along) = (flat.point, flat.first);
         for axis in 0..2 {

@@ -7,6 +7,7 @@
 use glam::{DVec2, DVec3};
 use kernel::{Curve, Error, KnotVector, Surface};
 
+use super::cubic::{self, End};
 use super::pieces::Pieces;
 use crate::iges::sheets;
 
@@ -72,31 +73,19 @@ pub(super) fn paced(
         near,
     };
     let breaks = edge.knots().breaks();
-    let mut ends = vec![pacer.end(breaks[0])];
-    let mut waiting: Vec<_> = breaks[1..]
-        .iter()
-        .rev()
-        .map(|&t| (pacer.end(t), 0))
-        .collect();
-    while let (Some(&first), Some(&(last, level))) = (ends.last(), waiting.last()) {
-        if level >= HALVINGS || pacer.fits(first, last) {
-            ends.push(last);
-            waiting.pop();
-        } else {
-            if let Some(last) = waiting.last_mut() {
-                last.1 = level + 1;
-            }
-            waiting.push((pacer.end(first.t.midpoint(last.t)), level + 1));
-        }
-    }
+    let ends = cubic::ends(
+        pacer.end(breaks[0]),
+        breaks[1..].iter().map(|&t| pacer.end(t)),
+        HALVINGS,
+        |t| pacer.end(t),
+        |first, last| pacer.fits(first, last),
+    );
     let (mut knots, mut points) = (vec![ends[0].t; 4], vec![ends[0].point]);
     for (k, pair) in ends.windows(2).enumerate() {
         if k > 0 {
             knots.extend([pair[0].t; 2]);
         }
-        let third = (pair[1].t - pair[0].t) / 3.0;
-        points.push(pair[0].point + pair[0].tangent * third);
-        points.push(pair[1].point - pair[1].tangent * third);
+        points.extend(cubic::inner(pair[0], pair[1]));
     }
     points.push(flat.end());
     knots.extend([breaks[breaks.len() - 1]; 4]);
@@ -110,14 +99,6 @@ struct Pacer<'a> {
     pieces: Pieces,
     edge: &'a Curve<DVec3>,
     near: f64,
-}
-
-/// Place and direction at one end of a piece.
-#[derive(Clone, Copy, Debug)]
-struct End {
-    t: f64,
-    point: DVec2,
-    tangent: DVec2,
 }
 
 impl Pacer<'_> {
@@ -145,7 +126,7 @@ impl Pacer<'_> {
         s
     }
 
-    fn end(&self, t: f64) -> End {
+    fn end(&self, t: f64) -> End<DVec2> {
         let s = self.parameter(t);
         let (flat, own) = (self.flat.derivatives(s), self.own.derivatives(s));
         let pace = self.edge.derivatives(t).first.dot(own.first) / own.first.length_squared();
@@ -158,14 +139,10 @@ impl Pacer<'_> {
     }
 
     /// Whether the cubic between two ends keeps the pace.
-    fn fits(&self, first: End, last: End) -> bool {
+    fn fits(&self, first: End<DVec2>, last: End<DVec2>) -> bool {
         let span = last.t - first.t;
         LOOKS.iter().all(|&share| {
-            let (r, q) = (1.0 - share, share * share);
-            let cubic = first.point * (r * r * (1.0 + 2.0 * share))
-                + first.tangent * (span * share * r * r)
-                + last.tangent * (-span * q * r)
-                + last.point * (q * (1.0 + 2.0 * r));
+            let cubic = cubic::between(first, last, share);
             let s = self.parameter(first.t + span * share);
             let (flat, own) = (self.flat.derivatives(s), self.own.derivatives(s));
             let scale = own.first.length() / flat.first.length();

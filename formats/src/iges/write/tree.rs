@@ -85,17 +85,19 @@ impl<'a> Tree<'a> {
     /// Adds all that is shown; `world` takes the scene to the coordinates of the file.
     pub(super) fn add_all(&mut self, world: DMat3) -> Result<(), Problem> {
         let (scene, status) = (self.scene, Status::Independent);
-        let found = outermost(scene, world, |id| self.is_solid(id));
-        let Some((mut node, mut id, mut place)) = found else {
-            return Ok(());
-        };
-        if self.is_solid(id) && place == DAffine3::IDENTITY {
+        let (node, id, place) = loop {
+            let found = outermost(scene, world, |id| self.is_solid(id));
+            let Some((node, id, place)) = found else {
+                return Ok(());
+            };
+            if !self.is_solid(id) || place != DAffine3::IDENTITY {
+                break (node, id, place);
+            }
+            // What cannot be written as a solid counts as none from then on.
             if self.solid(id, DMat3::IDENTITY, status)?.is_some() {
                 return Ok(());
             }
-            (node, id, place) =
-                outermost(scene, world, |id| self.is_solid(id)).unwrap_or((node, id, place));
-        }
+        };
         if node.name.is_empty() && !self.is_solid(id) && place == DAffine3::IDENTITY {
             self.members(node, &node.children, place.matrix3, status, 0)?;
         } else {
