@@ -76,7 +76,6 @@ mod polygons;
 mod random;
 mod render;
 mod segment;
-mod sets;
 mod simd;
 mod tessellate;
 mod volume;

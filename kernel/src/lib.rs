@@ -33,6 +33,7 @@ mod normal;
 mod patch;
 mod ray;
 mod scene;
+mod sets;
 mod sky;
 mod spline;
 mod surface;
@@ -60,6 +61,7 @@ pub use scene::{
     Child, Item, MaterialId, MeshId, Node, NodeId, PatchId, Placement, Scene, Seam, SeamSide,
     Shape, UpAxis, Wire, WireId, WirePlacement, WireShape,
 };
+pub use sets::Sets;
 pub use sky::Sky;
 pub use spline::{Linear, Point};
 pub use surface::{Surface, SurfaceDerivatives};

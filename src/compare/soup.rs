@@ -3,11 +3,10 @@
 use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
-use kernel::{Aabb, Mesh, Scene, Shape};
+use kernel::{Aabb, Mesh, Scene, Sets, Shape};
 use rayon::prelude::*;
 
 use super::triangles::TriangleTree;
-use crate::sets::Sets;
 
 /// Triangles in the coordinates of the exact scene.
 #[derive(Debug)]

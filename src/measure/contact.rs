@@ -5,14 +5,13 @@
 //! other than curves are from their chords.
 
 use glam::{DVec2, DVec3};
-use kernel::{Aabb, Curve, Surface};
+use kernel::{Aabb, Curve, Sets, Surface};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::Face;
 use crate::box_tree::BoxTree;
 use crate::segment;
-use crate::sets::Sets;
 
 /// Fewest and most chords of each piece of a trim; there are as many as the surface has pieces along
 /// a side. Sides have the fewest together, but one for each piece.

@@ -1,12 +1,11 @@
 //! What hangs together: faces turned to the same side, open and closed shells.
 
 use glam::DVec3;
-use kernel::PatchId;
+use kernel::{PatchId, Sets};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::face::Triangles;
-use crate::sets::Sets;
 
 /// Faces that hang together along edges.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,12 +3,12 @@
 use std::collections::HashSet;
 
 use glam::DVec2;
+use kernel::Sets;
 
 use super::pieces::Rect;
 use super::rim::Face;
 use super::sew::Edge;
 use super::shell::Part;
-use crate::sets::Sets;
 
 /// What has as many triangles is not made finer for that.
 const SMALL: usize = 2000;

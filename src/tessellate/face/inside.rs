@@ -1,11 +1,11 @@
 //! Which triangles of the plane belong to a face.
 
 use glam::DVec2;
+use kernel::Sets;
 use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, InnerTag};
 use spade::{CdtEdge, Triangulation as _};
 
 use super::{Inner, Mesher, Spot, pair};
-use crate::sets::Sets;
 
 /// Counting boundaries and looking at the middles of triangles may differ in this share of the
 /// face's parameters: where its boundaries are chords.

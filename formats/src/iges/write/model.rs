@@ -72,14 +72,7 @@ impl<'a> Carrier<'a> {
     /// The curve of a straight segment along which u or v stays the same.
     fn iso_curve(&self, curve: &Curve<DVec2>) -> Option<Result<Curve<DVec3>, Error>> {
         let (start, end) = (curve.start(), curve.end());
-        if curve.degree() != 1 || curve.knots().count() != 2 || curve.is_rational() {
-            return None;
-        }
-        let axis = match (end - start).to_array() {
-            [0.0, along] if along != 0.0 => 1,
-            [along, 0.0] if along != 0.0 => 0,
-            _ => return None,
-        };
+        let axis = axis_along(curve)?;
         // What is outside by rounding is on the border.
         let inside = |place: DVec2| {
             let at = |axis: usize| self.inside(axis, place[axis]);
@@ -224,6 +217,18 @@ impl<'a> Carrier<'a> {
             point: d.point,
             tangent: d.du * along.x + d.dv * along.y,
         }
+    }
+}
+
+/// The axis of the domain along which a straight curve runs, if it does.
+pub(super) fn axis_along(curve: &Curve<DVec2>) -> Option<usize> {
+    if curve.degree() != 1 || curve.knots().count() != 2 || curve.is_rational() {
+        return None;
+    }
+    match (curve.end() - curve.start()).to_array() {
+        [0.0, along] if along != 0.0 => Some(1),
+        [along, 0.0] if along != 0.0 => Some(0),
+        _ => None,
     }
 }
 

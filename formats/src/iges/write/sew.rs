@@ -9,7 +9,7 @@ use std::cell::OnceCell;
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
-use kernel::{Aabb, Curve, Error, Surface, TrimLoop};
+use kernel::{Aabb, Curve, Error, Sets, Surface, TrimLoop};
 
 use super::model::Carrier;
 use super::pace;
@@ -307,7 +307,7 @@ fn vertices(sides: &[Side], near: f64) -> Option<(Vec<[usize; 2]>, Vec<DVec3>)> 
         .iter()
         .flat_map(|side| [side.curve.start(), side.curve.end()])
         .collect();
-    let mut groups = Groups::new(points.len());
+    let mut sets = Sets::new(points.len());
     // A loop goes on where it was.
     let mut first = 0;
     for index in 0..sides.len() {
@@ -315,7 +315,7 @@ fn vertices(sides: &[Side], near: f64) -> Option<(Vec<[usize; 2]>, Vec<DVec3>)> 
             .get(index + 1)
             .is_none_or(|next| next.place != sides[index].place);
         let next = if is_last { first } else { index + 1 };
-        groups.unite(2 * index + 1, 2 * next);
+        sets.join(2 * index + 1, 2 * next);
         if is_last {
             first = index + 1;
         }
@@ -333,7 +333,7 @@ fn vertices(sides: &[Side], near: f64) -> Option<(Vec<[usize; 2]>, Vec<DVec3>)> 
                 .flatten()
             {
                 if points[other].distance(point) <= near {
-                    groups.unite(other, index);
+                    sets.join(other, index);
                 }
             }
         }
@@ -348,7 +348,7 @@ fn vertices(sides: &[Side], near: f64) -> Option<(Vec<[usize; 2]>, Vec<DVec3>)> 
     let (mut numbers, mut places) = (HashMap::new(), Vec::new());
     let mut ends = Vec::new();
     for (index, &point) in points.iter().enumerate() {
-        let number = *numbers.entry(groups.root(index)).or_insert_with(|| {
+        let number = *numbers.entry(sets.root(index)).or_insert_with(|| {
             places.push(point);
             places.len() - 1
         });
@@ -521,31 +521,4 @@ fn turned(sides: &[Side], pairs: &[Pair], count: usize) -> Option<Vec<(usize, bo
         }
     }
     turned.into_iter().collect()
-}
-
-/// Things that are united step by step.
-#[derive(Clone, Debug)]
-struct Groups {
-    above: Vec<usize>,
-}
-
-impl Groups {
-    fn new(count: usize) -> Self {
-        Self {
-            above: (0..count).collect(),
-        }
-    }
-
-    fn root(&mut self, mut one: usize) -> usize {
-        while self.above[one] != one {
-            self.above[one] = self.above[self.above[one]];
-            one = self.above[one];
-        }
-        one
-    }
-
-    fn unite(&mut self, one: usize, other: usize) {
-        let [a, b] = [one, other].map(|k| self.root(k));
-        self.above[a.max(b)] = a.min(b);
-    }
 }

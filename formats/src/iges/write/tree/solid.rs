@@ -5,12 +5,13 @@
 
 use std::borrow::Cow;
 
-use glam::{DAffine3, DMat3, DVec2, DVec3};
-use kernel::{Child, Curve, Integrals, Item, Node, NodeId, Patch, Shape, TrimLoop};
+use glam::{DAffine3, DMat3, DVec3};
+use kernel::{Child, Integrals, Item, Node, NodeId, Patch, Shape, TrimLoop};
 
 use super::{Tree, distorted};
 use crate::iges::write::cards::{Entity, Record, Status};
 use crate::iges::write::geometry;
+use crate::iges::write::model::axis_along;
 use crate::iges::write::sew::{self, Along, Face, Flaw, Shell, Stretch};
 use crate::write::tell_lost;
 use crate::{Place, Problem};
@@ -216,7 +217,7 @@ impl<'a> Tree<'a> {
                 Along::Vertex(number) => record.integers([1, vertices, number + 1, 1]),
             }
             let curve = geometry::flat_curve(&mut self.deck, flat);
-            record.integers([1, usize::from(is_along_axis(flat)), curve]);
+            record.integers([1, usize::from(axis_along(flat).is_some()), curve]);
         }
         self.list(508, 1, record)
     }
@@ -248,12 +249,6 @@ fn outlines(patch: &Patch) -> Option<Vec<Vec<TrimLoop>>> {
         }
     }
     Some(groups)
-}
-
-/// Whether a curve of the parameter domain is a line of constant u or v.
-fn is_along_axis(flat: &Curve<DVec2>) -> bool {
-    let way = flat.end() - flat.start();
-    flat.degree() == 1 && flat.knots().count() == 2 && (way.x == 0.0 || way.y == 0.0)
 }
 
 /// Faces as a closed shell; or why they are none.
