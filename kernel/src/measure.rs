@@ -29,8 +29,8 @@ const ACCURACY: f64 = 1e-12;
 /// Roundings of a coordinate, or of a parameter, on the way to an integral.
 const ROUNDINGS: f64 = 4.0;
 
-/// Steps of a strip in which the places are counted where loops cross the borders of pieces.
-const STEPS: f64 = (1_u64 << 40) as f64;
+/// Ends of parts of loops whose heights differ by less than this share of a strip are on one line.
+const LEVEL: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// Segments of loops that cross each other in all ranges of rows in which no segment ends, before no
 /// more is looked at.
@@ -126,6 +126,23 @@ impl Integrals {
     }
 }
 
+/// What is added up of a face.
+#[derive(Default)]
+struct Total {
+    sums: Sums,
+    errors: Sums,
+    /// The sizes of all that was added, which may be much more than what is left.
+    sizes: Sums,
+}
+
+impl Total {
+    fn add(&mut self, (sums, errors): (Sums, Sums), sign: f64) {
+        self.sums += sums * sign;
+        self.errors += errors;
+        self.sizes += sums.abs();
+    }
+}
+
 /// A face that is being integrated.
 struct Face<'a> {
     patch: &'a Patch,
@@ -163,9 +180,15 @@ impl<'a> Face<'a> {
     }
 
     fn integrals(&self) -> Integrals {
-        let mut total = self.quadrature();
-        total.errors += total.sums.abs() * self.rounding();
-        total
+        let mut total = Total::default();
+        self.quadrature(&mut total);
+        let Total {
+            sums,
+            mut errors,
+            sizes,
+        } = total;
+        errors += sizes * self.rounding();
+        Integrals { sums, errors }
     }
 
     /// What rounding leaves open of an integral, as a share of it: the farther a face is from the origin of
@@ -182,28 +205,22 @@ impl<'a> Face<'a> {
         if share.is_finite() { share } else { 0.0 }
     }
 
-    fn quadrature(&self) -> Integrals {
+    fn quadrature(&self, total: &mut Total) {
         let [columns, strips] = [0, 1].map(|axis| self.breaks[axis].len() - 1);
-        let mut total = Integrals::default();
-        let mut add = |(sums, errors): (Sums, Sums), sign: f64| {
-            total.sums += sums * sign;
-            total.errors += errors;
-        };
         if self.patch.region().is_none() {
             for (i, j) in (0..columns).flat_map(|i| (0..strips).map(move |j| (i, j))) {
-                add(self.piece(i, j).over([0.0, 1.0], [0.0, 1.0]), 1.0);
+                total.add(self.piece(i, j).over([0.0, 1.0], [0.0, 1.0]), 1.0);
             }
-            return total;
+            return;
         }
         let loops = oriented(&self.patch.loops, self.patch.surface.periods());
         let closed = self.patch.surface.closed();
         let rows = Rows::new(&loops, self.domain(), closed, &self.breaks[1]);
         if !rows.are_apart() {
-            return self.by_rows(&rows);
+            return self.by_rows(&rows, total);
         }
         let mut chords = self.chords(&loops);
         chords.sort_by_key(|chord| (chord.column, chord.strip));
-        let ends = counted(&chords, columns);
         for group in chords.chunk_by(|a, b| (a.column, a.strip) == (b.column, b.strip)) {
             let [first, ..] = group else { continue };
             if first.column >= columns {
@@ -211,20 +228,44 @@ impl<'a> Face<'a> {
             }
             let piece = self.piece(first.column, first.strip);
             for chord in group {
-                add(piece.left_of(&chord.curve, chord.range), 1.0);
+                total.add(piece.left_of(&chord.curve, chord.range), 1.0);
             }
         }
-        for ((column, strip, height), count) in ends {
-            let top = height as f64 / STEPS;
-            let part = self.piece(column, strip).over([0.0, 1.0], [0.0, top]);
-            add(part, f64::from(count));
+        let mut levels: Vec<_> = chords.iter().flat_map(Chord::levels).collect();
+        levels.sort_by(|a, b| a.strip.cmp(&b.strip).then(a.height.total_cmp(&b.height)));
+        for strip in levels.chunk_by(|a, b| a.strip == b.strip) {
+            self.add_below(strip, columns, total);
         }
-        total
+    }
+
+    /// Adds what is to the left of chords and below their ends, less what is below where they begin, from the levels
+    /// of a strip, in order.
+    fn add_below(&self, levels: &[Level], columns: usize, total: &mut Total) {
+        // As often as what is below one level counts that above another does not: nothing is below the first.
+        let bottom = levels[0].height;
+        for line in levels.chunk_by(|a, b| b.height - a.height <= LEVEL) {
+            let Level { strip, height, .. } = line[0];
+            let mut rises: BTreeMap<usize, i32> = BTreeMap::new();
+            for level in line {
+                *rises.entry(level.column.min(columns)).or_default() += level.count;
+            }
+            let off: f64 = line.iter().map(|level| level.height - height).sum();
+            total.errors += self.tolerance * (off / ACCURACY);
+            let (mut count, mut right) = (0, columns);
+            for (column, rise) in rises.into_iter().rev().chain([(0, 0)]) {
+                if count != 0 && height > bottom {
+                    for column in column..right {
+                        let part = self.piece(column, strip).over([0.0, 1.0], [bottom, height]);
+                        total.add(part, f64::from(count));
+                    }
+                }
+                (count, right) = (count + rise, column);
+            }
+        }
     }
 
     /// The integrals over what is inside an odd number of loops that cross each other or themselves.
-    fn by_rows(&self, rows: &Rows) -> Integrals {
-        let mut total = Integrals::default();
+    fn by_rows(&self, rows: &Rows, total: &mut Total) {
         let [columns, strips] = &self.breaks;
         let mut left = PASSES;
         let mut pieces: (usize, Vec<Piece>) = (0, Vec::new());
@@ -238,7 +279,7 @@ impl<'a> Face<'a> {
             if left == 0 {
                 // What is not looked at may be all of it.
                 total.errors = self.tolerance * ACCURACY.recip();
-                return total;
+                return;
             }
             if pieces.0 != strip {
                 let of = |column| self.piece(column, strip - 1);
@@ -253,12 +294,9 @@ impl<'a> Face<'a> {
                     inside.filter(|[from, to]| from < to).collect()
                 };
                 let range = range.map(|v| (v - low) / (high - low));
-                let (sums, errors) = piece.inside(intervals, range);
-                total.sums += sums;
-                total.errors += errors;
+                total.add(piece.inside(intervals, range), 1.0);
             }
         }
-        total
     }
 
     /// The loops, outer ones to the left and holes to the right, cut at the knots.
@@ -290,12 +328,7 @@ impl<'a> Face<'a> {
             let Some(&[low, high]) = self.breaks[1].get(strip..strip + 2) else {
                 continue;
             };
-            let height = |t: f64| {
-                let share = (curve.evaluate(t).y - low) / (high - low);
-                #[expect(clippy::cast_possible_truncation, reason = "from 0 to 2^40")]
-                let step = (share.clamp(0.0, 1.0) * STEPS).round() as i64;
-                step
-            };
+            let height = |t: f64| ((curve.evaluate(t).y - low) / (high - low)).clamp(0.0, 1.0);
             let (left, right) = match self.breaks[0].get(column..column + 2) {
                 Some(&[left, right]) => (left, right),
                 // Beyond the last knot only what lies to the left counts.
@@ -334,36 +367,31 @@ fn cuts(breaks: &[Vec<f64>; 2], curve: &Curve<DVec2>, shift: DVec2) -> Vec<f64> 
 struct Chord {
     column: usize,
     strip: usize,
-    /// Where it begins and ends in its strip, in [`STEPS`].
-    heights: [i64; 2],
+    /// Where it begins and ends in its strip, as shares of that.
+    heights: [f64; 2],
     /// The curve in the local parameters of the piece, of which it is a part.
     curve: Curve<DVec2>,
     range: [f64; 2],
 }
 
-/// How often the lower part of each piece is counted, by column, strip and height of that part:
-/// all pieces to the left of a chord are, up to where it ends, less up to where it begins.
-fn counted(chords: &[Chord], columns: usize) -> BTreeMap<(usize, usize, i64), i32> {
-    // By how much the count rises from a column to the one on its left.
-    let mut rises: BTreeMap<(usize, i64), BTreeMap<usize, i32>> = BTreeMap::new();
-    for chord in chords {
-        let column = chord.column.min(columns);
-        for (height, count) in chord.heights.into_iter().zip([-1, 1]) {
-            let there = rises.entry((chord.strip, height)).or_default();
-            *there.entry(column).or_default() += count;
-        }
+impl Chord {
+    /// Both ends: all pieces to the left count up to where it ends, less up to where it begins.
+    fn levels(&self) -> [Level; 2] {
+        [(self.heights[0], -1), (self.heights[1], 1)].map(|(height, count)| Level {
+            strip: self.strip,
+            height,
+            column: self.column,
+            count,
+        })
     }
-    let mut ends = BTreeMap::new();
-    for ((strip, height), rises) in rises {
-        let (mut count, mut right) = (0, columns);
-        for (column, rise) in rises.into_iter().rev().chain([(0, 0)]) {
-            if count != 0 && height != 0 {
-                ends.extend((column..right).map(|k| ((k, strip, height), count)));
-            }
-            (count, right) = (count + rise, column);
-        }
-    }
-    ends
+}
+
+/// An end of a chord: what is to its left, in its strip and below a height, counts so many times more.
+struct Level {
+    strip: usize,
+    height: f64,
+    column: usize,
+    count: i32,
 }
 
 #[cfg(test)]

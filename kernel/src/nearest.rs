@@ -1,4 +1,4 @@
-//! The points of a surface nearest to given points.
+//! The points of a surface next to given points.
 
 use std::sync::OnceLock;
 
@@ -141,7 +141,8 @@ impl<'a> Nearby<'a> {
         }
     }
 
-    /// The point nearest to `target`.
+    /// The nearest to `target` of the points that are found: next to a surface that is the nearest there is, but from
+    /// farther away than it bends another may be nearer.
     ///
     /// With a `guess` the point near it, found by Newton's iteration \[Piegl 97, section
     /// 6.1\], is taken if its distance is below a thousandth of the surface's size; else the best of the samples are

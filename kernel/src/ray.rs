@@ -4,7 +4,8 @@ use glam::{DAffine3, DVec3};
 
 /// A half line `origin + t direction`, `t >= 0`.
 ///
-/// The direction need not have length one; `t` counts in its lengths.
+/// The direction need not have length one; `t` counts in its lengths. These have to be between 1e-150 and 1e150, so that
+/// their squares are numbers: other rays meet nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Where `t` is zero.

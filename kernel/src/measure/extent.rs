@@ -98,9 +98,12 @@ fn along_loops(patch: &Patch, region: &TrimRegion, bounds: &mut Aabb) {
                 };
                 let near = size.length() * NEAR;
                 for (from, step) in parts(&breaks, &curve, shift, (&ends, near)) {
+                    let mut reached = *bounds;
+                    along(&on, [from, from + step], &mut reached);
+                    // What is beside a part is asked only where it would count.
                     let mut looks = [0.01, 0.5, 0.99].iter().map(|share| from + step * share);
-                    if is_thin || looks.any(divides) {
-                        along(&on, [from, from + step], bounds);
+                    if reached != *bounds && (is_thin || looks.any(divides)) {
+                        *bounds = reached;
                     }
                 }
             }

@@ -1,7 +1,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::*;
-use crate::modelling::{Frame, sphere};
+use crate::modelling::{self, Frame, sphere};
 use crate::{FARTHEST, KnotVector, Surface, TrimLoop};
 
 fn integrals(surface: &Surface) -> Integrals {
@@ -139,7 +139,7 @@ fn thin_faces_and_tips_are_in_the_box() {
 fn parameters_may_be_far_from_their_origin() {
     let at = 7e7;
     let (low, high) = (at - 8.0, at + 8.0);
-    let square = crate::modelling::plane(
+    let square = modelling::plane(
         DVec3::ZERO,
         DVec3::X * 16.0,
         DVec3::Y * 16.0,
@@ -290,7 +290,7 @@ fn window(from: DVec2, to: DVec2) -> TrimLoop {
 fn boxes_hold_what_is_extreme_between_pieces_and_on_seams() {
     // A part of a ring with a hole: its largest circle is farthest out on the seam and on borders of pieces.
     let (u, v) = (0.0..TAU, -1.3..0.9);
-    let ring = crate::modelling::torus(&Frame::WORLD, 3.0, 1.0, u.clone(), v.clone()).unwrap();
+    let ring = modelling::torus(&Frame::WORLD, 3.0, 1.0, u.clone(), v.clone()).unwrap();
     let mut ring = Patch::from(ring);
     ring.loops = vec![
         TrimLoop::border(&u, &v).unwrap(),
@@ -345,4 +345,44 @@ fn heavy_weights_cost_no_digits() {
     let found = heavy(1e6);
     assert!((found.area() - 6.0).abs() < 1e-9, "{}", found.area());
     assert!(found.area_error() < 1e-9, "{}", found.area_error());
+}
+
+#[test]
+fn thin_bands_are_as_large_as_they_are() {
+    let cylinder = modelling::cylinder(&Frame::WORLD, 1.0, 0.0..TAU, 0.0..1000.0).unwrap();
+    for width in [1.0, 1e-3, 1e-6] {
+        let (low, high) = (333.3, 333.3 + width);
+        let mut band = Patch::from(cylinder.clone());
+        band.loops = vec![TrimLoop::border(&(0.0..TAU), &(low..high)).unwrap()];
+        let found = Integrals::of(&band, DVec3::ZERO);
+        let off = (found.area() - TAU * (high - low)).abs();
+        assert!(
+            off <= found.area_error(),
+            "{width} {off} {}",
+            found.area_error()
+        );
+        assert!(found.area_error() < 1e-9, "{width} {}", found.area_error());
+    }
+}
+
+#[test]
+fn errors_of_what_is_cut_off_along_parameters_hold() {
+    let torus = modelling::torus(&Frame::WORLD, 3.0, 1.0, 0.0..TAU, 0.0..TAU).unwrap();
+    for degrees in 1..90 {
+        let v = modelling::arc_parameter(torus.knots_v(), f64::from(degrees).to_radians());
+        let end = torus.evaluate(DVec2::new(0.0, v));
+        let angle = end.z.atan2(end.x - 3.0);
+        let mut part = Patch::from(torus.clone());
+        part.loops = vec![TrimLoop::border(&(0.0..TAU), &(0.0..v)).unwrap()];
+        let found = Integrals::of(&part, DVec3::ZERO);
+        let area = TAU * (3.0 * angle + angle.sin());
+        let off = (found.area() - area).abs();
+        let rounding = 4.0 * f64::EPSILON * area;
+        assert!(
+            off <= found.area_error() + rounding,
+            "{degrees} {off} {}",
+            found.area_error()
+        );
+        assert!(off < 1e-14 * 60.0, "{degrees} {off}");
+    }
 }
