@@ -307,8 +307,13 @@ impl Parts {
         // Into the units of the piece.
         let (scale, weight) = ((radius * heaviest).recip(), heaviest.recip());
         let own = |h: &DVec4| {
-            let numerator = (h.truncate() - center * h.w) * scale;
-            numerator.extend(h.w * weight).to_array()
+            let place = if (h.w - 1.0).abs() <= 0.0 {
+                h.truncate() - center
+            } else {
+                // Rounded once: neighbours have other centers, and their common border must not differ.
+                (-center).mul_add(DVec3::splat(h.w), h.truncate())
+            };
+            (place * scale).extend(h.w * weight).to_array()
         };
         let first = self.pieces.nets.len();
         self.pieces.nets.extend(piece.net.iter().map(own));

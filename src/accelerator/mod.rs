@@ -309,4 +309,6 @@ impl ItemShape<'_> {
 #[cfg(test)]
 mod along_tests;
 #[cfg(test)]
+mod seam_tests;
+#[cfg(test)]
 mod tests;
