@@ -212,7 +212,7 @@ impl Part {
         }
         let Aabb { min, max } = Aabb::around(self.sides.iter().flatten().copied());
         let beside = |k: usize| min[k] > margin || max[k] < -margin;
-        if beside(0) || beside(1) {
+        if beside(0) || beside(1) || self.is_passed(margin) {
             return;
         }
         if depth > 0 && !self.is_flat(margin) {
@@ -247,6 +247,23 @@ impl Part {
             );
             return;
         }
+    }
+
+    /// Whether the ray is before the part along its strip, or behind it. Of a strip that is wide and runs aslant
+    /// the boxes of very many parts are around the ray.
+    fn is_passed(&self, margin: f64) -> bool {
+        let [[a, .., b], [c, .., d]] = self.sides;
+        let across = ((c - a) + (d - b)).truncate();
+        let places = self
+            .sides
+            .iter()
+            .flatten()
+            .map(|p| across.perp_dot(p.truncate()));
+        let (min, max) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), place| {
+            (place.min(min), place.max(max))
+        });
+        let margin = margin * across.length();
+        min > margin || max < -margin
     }
 
     /// Whether both sides are straight.
@@ -416,6 +433,26 @@ mod tests {
         for k in 0..=20 {
             let t = f64::from(k) / 20.0;
             assert!((bernstein(&coefficients, t) - of(t)).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn of_a_wide_strip_few_parts_are_looked_into() {
+        let mut strip = strip(0.0);
+        strip.sides[1] = strip.sides[0].map(|p| p + DVec3::new(0.5, 0.8, 0.1));
+        for direction in [DVec3::NEG_Z, DVec3::new(0.3, 0.7, -1.0)] {
+            let target = bernstein(&strip.sides[0], 0.4).lerp(bernstein(&strip.sides[1], 0.4), 0.3);
+            let ray = Ray {
+                origin: target - direction,
+                direction,
+            };
+            let part = strip.whole(|p| Across::new(&ray, DVec3::ZERO).place(p));
+            let mut parts = vec![part];
+            for _ in 0..16 {
+                let halves = parts.iter().flat_map(Part::halves);
+                parts = halves.filter(|half| !half.is_passed(1e-10)).collect();
+                assert!((1..=4).contains(&parts.len()), "{}", parts.len());
+            }
         }
     }
 
