@@ -47,9 +47,10 @@
 //! `Cargo.toml` of a program optimises what it uses, and leaves the program itself to be debugged.
 //!
 //! `kernel` says what a scene *is*, `formats` how it is *stored*, this crate what we *do*
-//! with it.
+//! with it. Vectors and maps are those of [`glam`], here in the version that is needed.
 
 pub use formats;
+pub use glam;
 pub use kernel;
 
 mod accelerator;
