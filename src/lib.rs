@@ -94,7 +94,7 @@ pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
 pub use tessellate::{
-    FaceMesh, Screen, Shell, Strip, TessellateOptions, Tessellation, Tolerance, TooManyPoints,
+    FaceMesh, Screen, Shell, Strip, TessellateError, TessellateOptions, Tessellation, Tolerance,
     tessellate,
 };
 pub use volume::{SliceRule, Unsuitable, VolumeMethod, volumes};
