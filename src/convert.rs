@@ -104,7 +104,8 @@ impl MeshWriter {
     /// The content of a file; `stem` is its name without its ending.
     ///
     /// # Errors
-    /// If there is nothing to write, or more than the format can hold.
+    /// If there is nothing to write, or more than the format can hold, or the triangles are not
+    /// those of the scene as it is.
     pub fn write(
         &self,
         scene: &Scene,
@@ -113,6 +114,7 @@ impl MeshWriter {
         packing: Packing,
         stem: &str,
     ) -> io::Result<Export> {
+        triangles.check(scene)?;
         let mut export = (self.write)(scene, triangles, source, packing, stem)?;
         losses::tell(self.lacks, scene, &mut export.warnings);
         Ok(export)

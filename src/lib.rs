@@ -47,9 +47,10 @@
 //! `Cargo.toml` of a program optimises what it uses, and leaves the program itself to be debugged.
 //!
 //! `kernel` says what a scene *is*, `formats` how it is *stored*, this crate what we *do*
-//! with it.
+//! with it. Vectors and maps are those of [`glam`], here in the version that is needed.
 
 pub use formats;
+pub use glam;
 pub use kernel;
 
 mod accelerator;
@@ -93,7 +94,7 @@ pub use output::OutputOptions;
 pub use render::{RenderOptions, RenderStats, over_sky, render};
 pub use simd::Instructions;
 pub use tessellate::{
-    FaceMesh, Screen, Shell, Strip, TessellateOptions, Tessellation, Tolerance, TooManyPoints,
+    FaceMesh, Screen, Shell, Strip, TessellateError, TessellateOptions, Tessellation, Tolerance,
     tessellate,
 };
 pub use volume::{SliceRule, Unsuitable, VolumeMethod, volumes};

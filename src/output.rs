@@ -13,7 +13,7 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::image::write::layers::{LayersWriter, WritableLayers};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
-    LayerAttributes, LineOrder, SmallVec, f16,
+    LayerAttributes, LineOrder, SmallVec, Text, f16,
 };
 use glam::Vec3;
 use png::{BitDepth, ColorType};
@@ -152,15 +152,27 @@ pub fn picture_format(path: &Path) -> Option<&'static PictureFormat> {
 /// Writes a picture; the file appears under its name only when it is complete.
 ///
 /// # Errors
-/// If the ending of the name is not known or the file cannot be written; nothing is left
-/// behind then.
+/// If the ending of the name is not known, the film has no pixels or the file cannot be written;
+/// nothing is left behind then.
 pub fn write(film: &Film, path: &Path, options: &OutputOptions) -> io::Result<()> {
     let format = picture_format(path).ok_or_else(|| {
         let known: Vec<_> = PICTURE_FORMATS.iter().map(|f| f.extension).collect();
-        let text = format!("pictures end in .{}", known.join(" or ."));
-        io::Error::new(io::ErrorKind::InvalidInput, text)
+        invalid(format!("pictures end in .{}", known.join(" or .")))
     })?;
+    check_size([film.width(), film.height()])?;
     replace_file(path, |file| (format.write)(film, options, file))
+}
+
+fn invalid(text: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, text)
+}
+
+/// Refuses pictures without pixels.
+fn check_size([width, height]: [u32; 2]) -> io::Result<()> {
+    if width == 0 || height == 0 {
+        return Err(invalid(format!("{width} x {height} are no pixels")));
+    }
+    Ok(())
 }
 
 /// The folder of a file.
@@ -299,8 +311,17 @@ pub(crate) fn pack_png(
 /// Writes one number per pixel as the only channel of an EXR file; `size` is width and height.
 ///
 /// # Errors
-/// If the file cannot be written; nothing is left behind then.
+/// If there are no pixels, or not as many values, the name has letters beyond Latin-1, or the file
+/// cannot be written; nothing is left behind then.
 pub fn write_channel(path: &Path, size: [u32; 2], name: &str, values: &[f32]) -> io::Result<()> {
+    check_size(size)?;
+    let ([width, height], count) = (size, values.len());
+    if u64::from(width) * u64::from(height) != count as u64 {
+        let text = format!("{count} values for {width} x {height} pixels");
+        return Err(invalid(text));
+    }
+    let name = Text::new_or_none(name)
+        .ok_or_else(|| invalid(format!("the channel '{name}' has letters beyond Latin-1")))?;
     let mut channels = SmallVec::new();
     channels.push(AnyChannel::new(name, FlatSamples::F32(values.to_vec())));
     replace_file(path, |file| write_channels(channels, size, file))

@@ -39,7 +39,11 @@ pub struct Amount {
 impl Amount {
     /// All that a scene shows: each mesh once, and once for each place; with the points of lines if
     /// `lines` are shown.
+    ///
+    /// # Panics
+    /// If the triangles are not those of the scene as it is.
     pub fn of(scene: &Scene, triangles: &Tessellation, lines: bool) -> [Self; 2] {
+        assert!(triangles.is_of(scene), "{}", Tessellation::FOREIGN);
         let placed = placed(scene, triangles);
         let mut known = HashSet::new();
         let stored = placed.iter().filter(|(shape, ..)| known.insert(*shape));

@@ -79,6 +79,9 @@ pub struct RenderStats {
 ///
 /// Every pixel depends on its place alone, so that the film does not depend on the number
 /// of threads. `progress` is told each time another number of pixels is done.
+///
+/// What is behind the shapes, and wires, are not on the film. [`draw_curves`](crate::draw_curves) draws
+/// wires; then [`Film::over`] puts the background of the scene behind all, or [`over_sky`] its sky.
 pub fn render(
     accelerator: &Accelerator<'_>,
     camera: &Camera,

@@ -5,7 +5,7 @@ use std::fmt;
 use glam::{DAffine3, DMat3, DVec3};
 use kernel::{Patch, Scene, Shape, UpAxis, VolumeRule};
 
-use crate::{Body, TessellateOptions, Tolerance, TooManyPoints, tessellate};
+use crate::{Body, TessellateError, TessellateOptions, Tolerance, tessellate};
 
 /// How far triangles are from the surfaces for sections, as a share of the size of the scene.
 const TOLERANCE: f64 = 2e-5;
@@ -35,14 +35,14 @@ pub enum SliceRule {
 }
 
 /// Why a method does not suit a face.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Unsuitable {
     /// It is trimmed, and not level.
     Trimmed(String),
     /// It is rational.
     Rational(String),
     /// Triangles for sections have too many points.
-    Large(TooManyPoints),
+    Large(TessellateError),
 }
 
 impl fmt::Display for Unsuitable {

@@ -42,6 +42,7 @@ mod write;
 mod x3d;
 
 pub use error::{Error, Place, Problem, Warning, Warnings};
+pub use glam;
 pub use limits::{Limits, NoFiles, ReadOptions, Resolver};
 pub use nodes::{Animation, decoded};
 pub use points::{

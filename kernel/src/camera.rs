@@ -1,5 +1,7 @@
 //! Cameras: from a place on the film to a ray.
 
+use std::f64::consts::PI;
+
 use glam::{DVec2, DVec3};
 
 use crate::{Aabb, Ray};
@@ -10,24 +12,38 @@ pub enum Projection {
     /// Rays through one point; the angle between the upper and lower edge of the picture,
     /// in radians.
     Perspective {
-        /// Full opening angle across the height.
+        /// Full opening angle across the height, above 0 and below pi.
         vertical_fov: f64,
     },
     /// As [`Projection::Perspective`], across the shorter side of the picture.
     PerspectiveShorter {
-        /// Full opening angle across the shorter side.
+        /// Full opening angle across the shorter side, above 0 and below pi.
         fov: f64,
     },
     /// Parallel rays; the extent across the shorter side of the picture, in scene units.
     Orthographic {
-        /// Extent across the shorter side.
+        /// Extent across the shorter side, above 0 and finite.
         extent: f64,
     },
     /// Parallel rays; pictures of every shape show all of a window.
     OrthographicWindow {
-        /// Width and height of the window, in scene units.
+        /// Width and height of the window, in scene units, above 0 and finite.
         size: DVec2,
     },
+}
+
+impl Projection {
+    /// Whether its numbers are in their ranges.
+    fn is_valid(&self) -> bool {
+        let is_positive = |x: f64| x > 0.0 && x.is_finite();
+        match *self {
+            Self::Perspective { vertical_fov: fov } | Self::PerspectiveShorter { fov } => {
+                fov > 0.0 && fov < PI
+            }
+            Self::Orthographic { extent } => is_positive(extent),
+            Self::OrthographicWindow { size } => is_positive(size.x) && is_positive(size.y),
+        }
+    }
 }
 
 /// A camera in world coordinates.
@@ -45,7 +61,7 @@ pub struct Camera {
 }
 
 /// Opening angle of the cameras we place ourselves.
-const FRAMING_FOV: f64 = 35.0 * std::f64::consts::PI / 180.0;
+const FRAMING_FOV: f64 = 35.0 * PI / 180.0;
 
 /// How often two points are looked for that are to lie as far on both sides of a picture.
 const CENTRING_STEPS: usize = 32;
@@ -80,7 +96,8 @@ impl Camera {
     /// A camera at `eye` that looks at `target` with `up` upwards in the picture.
     ///
     /// If `up` is parallel to the view, another direction is chosen. `None` if `eye` and
-    /// `target` coincide, `up` has no length or a number is not finite.
+    /// `target` coincide, `up` has no length, a number is not finite or one of `projection` is
+    /// out of its range.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, projection: Projection) -> Option<Self> {
         let forward = (target - eye).try_normalize()?;
         let right = forward
@@ -89,7 +106,7 @@ impl Camera {
             .filter(|_| forward.cross(up.normalize()).length() > 1e-9)
             .unwrap_or_else(|| forward.any_orthonormal_vector());
         let up = right.cross(forward);
-        eye.is_finite().then_some(Self {
+        (eye.is_finite() && projection.is_valid()).then_some(Self {
             name: String::new(),
             alias: String::new(),
             eye,
@@ -171,7 +188,8 @@ impl Camera {
         camera
     }
 
-    /// The same camera with parallel rays, showing about the same extent at `distance`.
+    /// The same camera with parallel rays, showing about the same extent at `distance`, which is
+    /// above 0 and finite.
     #[must_use]
     pub fn into_orthographic(mut self, distance: f64) -> Self {
         if let Projection::Perspective { vertical_fov: fov }
@@ -371,6 +389,25 @@ mod tests {
         assert_eq!(Camera::look_at(eye, DVec3::ZERO, DVec3::ZERO, VIEW), None);
         assert_eq!(Camera::look_at(far, eye, DVec3::Y, VIEW), None);
         assert_eq!(Camera::look_at(eye, DVec3::NAN, DVec3::Y, VIEW), None);
+    }
+
+    #[test]
+    fn a_projection_out_of_range_is_no_camera() {
+        let camera = |view| Camera::look_at(DVec3::ONE, DVec3::ZERO, DVec3::Y, view);
+        let window = |x, y| Projection::OrthographicWindow {
+            size: DVec2::new(x, y),
+        };
+        for fov in [f64::NAN, f64::INFINITY, -1.0, 0.0, PI, 4.0] {
+            assert_eq!(camera(Projection::PerspectiveShorter { fov }), None);
+            let vertical_fov = fov;
+            assert_eq!(camera(Projection::Perspective { vertical_fov }), None);
+        }
+        for extent in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
+            assert_eq!(camera(Projection::Orthographic { extent }), None);
+            assert_eq!(camera(window(extent, 1.0)), None);
+            assert_eq!(camera(window(1.0, extent)), None);
+        }
+        assert!(camera(window(1e-300, 1e300)).is_some());
     }
 
     #[test]

@@ -143,14 +143,7 @@ impl<P: Point> Curve<P> {
     /// # Errors
     /// If the knot lies outside the open domain.
     pub fn with_knot(&self, knot: f64, multiplicity: usize) -> Result<Self, Error> {
-        let Range { start, end } = self.domain();
-        if !(start < knot && knot < end) {
-            return Err(Error::Parameter {
-                found: knot,
-                start,
-                end,
-            });
-        }
+        check_inside(knot, &self.domain())?;
         Ok(Self::trusted(spline::insert(
             &self.knots,
             &self.points,
@@ -179,9 +172,7 @@ impl<P: Point> Curve<P> {
     /// # Errors
     /// If `t` is not inside the domain.
     pub fn split(&self, t: f64) -> Result<[Self; 2], Error> {
-        let Range { start, end } = self.domain();
-        check_range(&(start..t), &self.domain())?;
-        check_range(&(t..end), &self.domain())?;
+        check_inside(t, &self.domain())?;
         Ok(spline::split(&self.knots, &self.points, t).map(Self::trusted))
     }
 
@@ -251,9 +242,7 @@ impl<P: Point> Curve<P> {
     /// # Errors
     /// If `degree` is below the present degree or above [`crate::MAX_DEGREE`].
     pub fn elevated(&self, degree: usize) -> Result<Self, Error> {
-        if degree < self.degree() || degree > crate::MAX_DEGREE {
-            return Err(Error::Degree { found: degree });
-        }
+        check_raised(degree, self.degree())?;
         let mut curve = self.clone();
         for _ in self.degree()..degree {
             curve = Self::trusted(spline::elevate_once(&curve.knots, &curve.points));
@@ -306,7 +295,11 @@ impl Curve<DVec2> {
     /// coordinate `axis` (0 or 1) has this value, ascending.
     ///
     /// Touching contacts may be missing; the curve at each is within `near` of the line.
+    ///
+    /// # Panics
+    /// If `axis` is neither 0 nor 1.
     pub fn crossings(&self, axis: usize, value: f64, near: f64) -> Vec<f64> {
+        assert!(axis < 2, "the plane has axes 0 and 1, not {axis}");
         let Range { start, end } = self.domain();
         let mut found: Vec<f64> = Vec::new();
         for piece in self.bezier_pieces() {
@@ -442,6 +435,36 @@ pub(crate) fn are_rational<H: spline::Linear>(points: &[H]) -> bool {
         .any(|pair| pair[0].weight() != pair[1].weight())
 }
 
+/// Refuses numbers that make no point, also where they come from products of valid ones.
+pub(crate) fn check_homogeneous(points: &[DVec4]) -> Result<(), Error> {
+    let mut weights = points.iter().map(|h| h.w);
+    if let Some(index) = weights.position(|w| !(w > 0.0 && w.is_finite())) {
+        let found = points[index].w;
+        return Err(Error::Weight { index, found });
+    }
+    check_points(points.iter().map(|&h| DVec3::project(h)))?;
+    check_points(points.iter().map(|h| h.truncate()))
+}
+
+/// Refuses a degree to which nothing of degree `present` can be raised.
+pub(crate) fn check_raised(degree: usize, present: usize) -> Result<(), Error> {
+    match degree {
+        found if found < present => Err(Error::DegreeBelow { found, present }),
+        found if found > crate::MAX_DEGREE => Err(Error::Degree { found }),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses what is not inside the domain; its ends are not.
+pub(crate) fn check_inside(found: f64, domain: &Range<f64>) -> Result<(), Error> {
+    let Range { start, end } = *domain;
+    if start < found && found < end {
+        Ok(())
+    } else {
+        Err(Error::NotInside { found, start, end })
+    }
+}
+
 /// Refuses a range that is empty or leaves the domain.
 pub(crate) fn check_range(range: &Range<f64>, domain: &Range<f64>) -> Result<(), Error> {
     let Range { start, end } = *domain;
@@ -457,5 +480,41 @@ pub(crate) fn check_range(range: &Range<f64>, domain: &Range<f64>) -> Result<(),
             start: range.start,
             end: range.end,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Surface;
+
+    #[test]
+    fn what_cannot_be_split_or_raised_is_told_why() {
+        let line = Curve::line(DVec3::ZERO, DVec3::X, 0.0..1.0).unwrap();
+        let cubic = line.elevated(3).unwrap();
+        let knots = cubic.knots().clone();
+        let points: Vec<_> = (0..16).map(|k| DVec3::X * f64::from(k)).collect();
+        let surface = Surface::new(knots.clone(), knots, &points, None).unwrap();
+        for t in [0.0, 1.0, 2.0, f64::NAN] {
+            let message = format!("parameter {t} is not inside the domain from 0 to 1");
+            assert_eq!(cubic.split(t).unwrap_err().to_string(), message);
+            assert_eq!(cubic.with_knot(t, 1).unwrap_err().to_string(), message);
+            assert_eq!(cubic.refined(&[t]).unwrap_err().to_string(), message);
+            assert_eq!(surface.split_u(t).unwrap_err().to_string(), message);
+            assert_eq!(surface.split_v(t).unwrap_err().to_string(), message);
+        }
+        let message = "degree 2 is below the present degree 3";
+        assert_eq!(cubic.elevated(2).unwrap_err().to_string(), message);
+        assert_eq!(surface.elevated_u(2).unwrap_err().to_string(), message);
+        assert_eq!(surface.elevated_v(2).unwrap_err().to_string(), message);
+        let found = crate::MAX_DEGREE + 1;
+        assert_eq!(cubic.elevated(found), Err(Error::Degree { found }));
+    }
+
+    #[test]
+    #[should_panic(expected = "axes 0 and 1, not 2")]
+    fn the_plane_has_two_axes() {
+        let line = Curve::line(DVec2::ZERO, DVec2::X, 0.0..1.0).unwrap();
+        line.crossings(2, 0.5, 1e-3);
     }
 }

@@ -13,6 +13,13 @@ pub enum Error {
         /// The degree asked for.
         found: usize,
     },
+    /// The degree is below the one that is to be raised.
+    DegreeBelow {
+        /// The degree asked for.
+        found: usize,
+        /// The present degree.
+        present: usize,
+    },
     /// The knot vector has the wrong number of knots for its points.
     KnotCount {
         /// Knots given.
@@ -57,6 +64,11 @@ pub enum Error {
         /// Points needed.
         expected: usize,
     },
+    /// There are more control points than memory holds.
+    TooManyPoints {
+        /// Points asked for.
+        found: usize,
+    },
     /// The number of weights differs from the number of control points.
     WeightCount {
         /// Weights given.
@@ -82,6 +94,15 @@ pub enum Error {
     },
     /// A parameter lies outside the domain.
     Parameter {
+        /// The parameter asked for.
+        found: f64,
+        /// Start of the domain.
+        start: f64,
+        /// End of the domain.
+        end: f64,
+    },
+    /// A parameter is not inside the domain, to which its ends do not belong.
+    NotInside {
         /// The parameter asked for.
         found: f64,
         /// Start of the domain.
@@ -135,6 +156,41 @@ pub enum Error {
 }
 
 impl Error {
+    /// What is wrong with degrees, domains and parameters.
+    fn fmt_domain(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Degree { found } => {
+                write!(
+                    f,
+                    "degree {found}; degrees go from 1 to {}",
+                    crate::MAX_DEGREE
+                )
+            }
+            Self::DegreeBelow { found, present } => {
+                write!(f, "degree {found} is below the present degree {present}")
+            }
+            Self::EmptyDomain { start, end } => {
+                write!(
+                    f,
+                    "the domain from {start} to {end} is empty; it must have a length"
+                )
+            }
+            Self::Parameter { found, start, end } => {
+                write!(
+                    f,
+                    "parameter {found} lies outside the domain from {start} to {end}"
+                )
+            }
+            Self::NotInside { found, start, end } => {
+                write!(
+                    f,
+                    "parameter {found} is not inside the domain from {start} to {end}"
+                )
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// What is wrong with loops.
     fn fmt_loop(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -162,13 +218,11 @@ impl Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::Degree { found } => {
-                write!(
-                    f,
-                    "degree {found}; degrees go from 1 to {}",
-                    crate::MAX_DEGREE
-                )
-            }
+            Self::Degree { .. }
+            | Self::DegreeBelow { .. }
+            | Self::EmptyDomain { .. }
+            | Self::Parameter { .. }
+            | Self::NotInside { .. } => self.fmt_domain(f),
             Self::KnotCount { found, expected } => {
                 write!(
                     f,
@@ -196,14 +250,11 @@ impl fmt::Display for Error {
                     "knot {knot} stands {found} times; at most {allowed} are possible"
                 )
             }
-            Self::EmptyDomain { start, end } => {
-                write!(
-                    f,
-                    "the domain from {start} to {end} is empty; it must have a length"
-                )
-            }
             Self::PointCount { found, expected } => {
                 write!(f, "{found} control points; {expected} are needed")
+            }
+            Self::TooManyPoints { found } => {
+                write!(f, "{found} control points are more than memory holds")
             }
             Self::WeightCount { found, expected } => {
                 write!(f, "{found} weights for {expected} control points")
@@ -217,12 +268,6 @@ impl fmt::Display for Error {
             Self::TooFar => write!(f, "transformations put it beyond {FARTHEST:e}"),
             Self::Weight { index, found } => {
                 write!(f, "weight {index} is {found}; weights must be positive")
-            }
-            Self::Parameter { found, start, end } => {
-                write!(
-                    f,
-                    "parameter {found} lies outside the domain from {start} to {end}"
-                )
             }
             Self::NotPositive { found } => write!(f, "{found} must be positive and finite"),
             Self::Coincide { index } => {

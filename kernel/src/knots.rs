@@ -95,7 +95,8 @@ impl KnotVector {
     /// Clamped knots with equal steps over `domain` for `count` control points.
     ///
     /// # Errors
-    /// If there are fewer than `degree + 1` points, or as for [`KnotVector::new`].
+    /// If there are fewer than `degree + 1` points or more than memory holds, or as for
+    /// [`KnotVector::new`].
     pub fn clamped_uniform(degree: usize, count: usize, domain: Range<f64>) -> Result<Self, Error> {
         if degree == 0 || degree > MAX_DEGREE {
             return Err(Error::Degree { found: degree });
@@ -107,10 +108,15 @@ impl KnotVector {
             });
         }
         let spans = count - degree;
-        let mut knots = vec![domain.start; degree + 1];
+        let mut knots = Vec::new();
+        let total = count.checked_add(degree + 1);
+        if total.is_none_or(|total| knots.try_reserve_exact(total).is_err()) {
+            return Err(Error::TooManyPoints { found: count });
+        }
+        knots.resize(degree + 1, domain.start);
         let step = (domain.end - domain.start) / spans as f64;
         knots.extend((1..spans).map(|i| domain.start + step * i as f64));
-        knots.extend(vec![domain.end; degree + 1]);
+        knots.resize(knots.len() + degree + 1, domain.end);
         Self::new(degree, knots)
     }
 
@@ -440,6 +446,16 @@ mod tests {
             allowed: 1,
         };
         assert_eq!(err(1, &[0., 0., 1., 1., 2., 2.]), torn);
+    }
+
+    #[test]
+    fn more_points_than_memory_holds_are_an_error() {
+        for found in [usize::MAX, usize::MAX / 2, isize::MAX.unsigned_abs() / 8] {
+            let knots = KnotVector::clamped_uniform(3, found, 0.0..1.0);
+            assert_eq!(knots, Err(Error::TooManyPoints { found }));
+        }
+        let knots = KnotVector::clamped_uniform(1, 3, 0.0..1.0).unwrap();
+        assert_eq!(knots.as_slice(), [0.0, 0.0, 0.5, 1.0, 1.0]);
     }
 
     #[test]

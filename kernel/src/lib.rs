@@ -2,10 +2,10 @@
 //! tree of nodes, materials, lights and cameras around them.
 //!
 //! No input or output, no threads, no logging. Whatever exists is valid: constructors check,
-//! and fields that could break an invariant are private.
+//! and fields that could break an invariant are private. Vectors and maps are those of [`glam`].
 //!
 //! ```
-//! use glam::{DVec2, DVec3};
+//! use nurbray_kernel::glam::{DVec2, DVec3};
 //! use nurbray_kernel::{KnotVector, Surface};
 //!
 //! let knots = KnotVector::bezier(1, 0.0..1.0)?;
@@ -47,6 +47,7 @@ pub use bounds::Aabb;
 pub use camera::{Camera, Lens, Projection};
 pub use curve::{Curve, CurveDerivatives, FARTHEST, check_points};
 pub use error::Error;
+pub use glam;
 pub use interval::Interval;
 pub use knots::{KnotVector, MAX_DEGREE};
 pub use material::{

@@ -60,6 +60,9 @@ pub fn closed(surface: &Surface) -> [bool; 2] {
 
 /// The point of space that a side of the domain is, up to `near`: the side at the start (0) or the
 /// end (1) of `axis`. `None` if it is none.
+///
+/// # Panics
+/// If `axis` is neither 0 nor 1.
 pub fn pole(surface: &Surface, axis: usize, side: usize, near: f64) -> Option<DVec3> {
     let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
     let (start, end) = (DVec2::new(u.start, v.start), DVec2::new(u.end, v.end));

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec2, DVec3};
 
 mod extent;
+mod places;
 
 use self::extent::Hull;
 use crate::{Aabb, Camera, Curve, Error, FARTHEST, Image, Light, Material, Mesh, Patch, Sky, Unit};
@@ -167,7 +168,8 @@ impl UpAxis {
 /// Patches, meshes and wires, stored once and placed by a tree of nodes, with all that is needed
 /// to look at them.
 ///
-/// Nodes are added children first, so that no node can contain itself.
+/// Nodes are added children first, so that no node can contain itself. Indices are those of the scene
+/// that gave them, and of its clones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     patches: Vec<Patch>,
@@ -418,26 +420,41 @@ impl Scene {
     }
 
     /// The patch with this index.
+    ///
+    /// # Panics
+    /// If the scene has none.
     pub fn patch(&self, id: PatchId) -> &Patch {
         &self.patches[id.0]
     }
 
     /// The mesh with this index.
+    ///
+    /// # Panics
+    /// If the scene has none.
     pub fn mesh(&self, id: MeshId) -> &Mesh {
         &self.meshes[id.0]
     }
 
     /// The material with this index.
+    ///
+    /// # Panics
+    /// If the scene has none.
     pub fn material(&self, id: MaterialId) -> &Material {
         &self.materials[id.0]
     }
 
     /// The wire with this index.
+    ///
+    /// # Panics
+    /// If the scene has none.
     pub fn wire(&self, id: WireId) -> &Wire {
         &self.wires[id.0]
     }
 
     /// The node with this index.
+    ///
+    /// # Panics
+    /// If the scene has none.
     pub fn node(&self, id: NodeId) -> &Node {
         &self.nodes[id.0]
     }
@@ -448,96 +465,14 @@ impl Scene {
     }
 
     /// The material an item is shown with.
+    ///
+    /// # Panics
+    /// If the scene has no such shape.
     pub fn item_material(&self, item: &Item) -> Option<MaterialId> {
         item.material.or(match item.shape {
             Shape::Patch(id) => self.patch(id).material,
             Shape::Mesh(id) => self.mesh(id).material,
         })
-    }
-
-    /// How many shapes the flattened tree shows, without flattening it.
-    pub fn placement_count(&self) -> u64 {
-        let is_item = |child: &&Child| matches!(child, Child::Item(_));
-        let counts = self.counts(|node| node.children.iter().filter(is_item).count());
-        self.root.map_or(0, |root| counts[root.0])
-    }
-
-    /// How many curves and sets of points the flattened tree has, without flattening it.
-    pub fn wire_placement_count(&self) -> u64 {
-        let counts = self.counts(|node| node.wires.len());
-        self.root.map_or(0, |root| counts[root.0])
-    }
-
-    /// For every node what `own` counts in it and below, once for each place.
-    fn counts(&self, own: impl Fn(&Node) -> usize) -> Vec<u64> {
-        let mut counts: Vec<u64> = Vec::new();
-        for node in &self.nodes {
-            let count = node.children.iter().fold(own(node) as u64, |sum, child| {
-                sum.saturating_add(match child {
-                    Child::Item(_) => 0,
-                    Child::Node(id) => counts[id.0],
-                })
-            });
-            counts.push(count);
-        }
-        counts
-    }
-
-    /// All curves and points that stand for themselves, once for each place, parents first.
-    pub fn wire_placements(&self) -> Vec<WirePlacement> {
-        let counts = self.counts(|node| node.wires.len());
-        let mut placements = Vec::new();
-        let mut stack: Vec<(NodeId, DAffine3, Vec<NodeId>)> = Vec::new();
-        stack.extend(self.root.map(|root| (root, DAffine3::IDENTITY, Vec::new())));
-        while let Some((id, world_from_parent, mut path)) = stack.pop() {
-            let node = self.node(id);
-            let world_from_object = world_from_parent * node.parent_from_node;
-            path.push(id);
-            placements.extend(node.wires.iter().map(|&wire| WirePlacement {
-                wire,
-                world_from_object,
-                path: path.clone(),
-            }));
-            stack.extend(node.children.iter().rev().filter_map(|child| match child {
-                Child::Node(id) if counts[id.0] > 0 => Some((*id, world_from_object, path.clone())),
-                _ => None,
-            }));
-        }
-        placements
-    }
-
-    /// Everything shown, in the order of the file; a shape stands there once for each place.
-    ///
-    /// Patches are numbered in this order from 0 on, meshes after them.
-    pub fn placements(&self) -> Vec<Placement> {
-        let mut placements = Vec::new();
-        // An explicit stack: files may nest deeper than ours reaches.
-        let mut stack: Vec<(Child, DAffine3, Vec<NodeId>)> = Vec::new();
-        stack.extend(
-            self.root
-                .map(|root| (Child::Node(root), DAffine3::IDENTITY, Vec::new())),
-        );
-        while let Some((child, world_from_object, mut path)) = stack.pop() {
-            match child {
-                Child::Item(item) => {
-                    let (shape, material) = (item.shape, self.item_material(&item));
-                    placements.push(Placement {
-                        shape,
-                        material,
-                        world_from_object,
-                        path,
-                    });
-                }
-                Child::Node(id) => {
-                    let node = self.node(id);
-                    let world_from_node = world_from_object * node.parent_from_node;
-                    path.push(id);
-                    let children = node.children.iter().rev();
-                    stack.extend(children.map(|&child| (child, world_from_node, path.clone())));
-                }
-            }
-        }
-        placements
     }
 }
 

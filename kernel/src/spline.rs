@@ -7,6 +7,7 @@ use std::ops::{Add, Div, Mul, Range, Sub};
 
 use glam::{DVec2, DVec3, DVec4};
 
+use crate::curve::check_inside;
 use crate::knots::{MOST_ROOM, USUAL_ROOM, WIDE_ROOM, runs};
 use crate::{Error, KnotVector};
 
@@ -142,9 +143,8 @@ pub(crate) fn refine<H: Linear>(knots: &KnotVector, points: &[H], extra: &[f64])
 
 /// The knots `extra` in order, if they may be inserted into `knots`.
 pub(crate) fn check_refinement(knots: &KnotVector, extra: &[f64]) -> Result<Vec<f64>, Error> {
-    let Range { start, end } = knots.domain();
-    if let Some(&found) = extra.iter().find(|&&t| !(start < t && t < end)) {
-        return Err(Error::Parameter { found, start, end });
+    for &knot in extra {
+        check_inside(knot, &knots.domain())?;
     }
     let mut extra = extra.to_vec();
     extra.sort_by(f64::total_cmp);

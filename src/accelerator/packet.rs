@@ -35,6 +35,9 @@ impl Accelerator<'_> {
     ///
     /// Rays of common origin or direction, in the order of small squares of pixels, take a
     /// small part of the time that each alone would; any others still take less.
+    ///
+    /// # Panics
+    /// If there are not as many `ranges` as rays.
     pub fn nearest_many(
         &self,
         rays: &[Ray],
@@ -47,6 +50,9 @@ impl Accelerator<'_> {
 
     /// As [`Self::nearest_many`], of rays that leave surfaces, each from where `starts` says, or none of them if it
     /// is empty: they take less time. No range may begin before its ray does, at a parameter below zero.
+    ///
+    /// # Panics
+    /// If there are not as many `ranges` as rays, or `starts`, unless there are none.
     pub fn nearest_leaving(
         &self,
         rays: &[Ray],
@@ -55,6 +61,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         hits: &mut Vec<Option<Hit>>,
     ) {
+        check_counts(rays, ranges, starts);
         workspace.serve(self);
         hits.clear();
         hits.reserve(rays.len());
@@ -85,6 +92,9 @@ impl Accelerator<'_> {
     }
 
     /// As [`Self::any`] for many rays, which should run side by side: `blocked` is replaced.
+    ///
+    /// # Panics
+    /// As [`Self::nearest_many`].
     pub fn any_many(
         &self,
         rays: &[Ray],
@@ -96,6 +106,9 @@ impl Accelerator<'_> {
     }
 
     /// As [`Self::any_many`], for rays as those of [`Self::nearest_leaving`].
+    ///
+    /// # Panics
+    /// As [`Self::nearest_leaving`].
     pub fn any_leaving(
         &self,
         rays: &[Ray],
@@ -104,6 +117,7 @@ impl Accelerator<'_> {
         workspace: &mut Workspace,
         blocked: &mut Vec<bool>,
     ) {
+        check_counts(rays, ranges, starts);
         workspace.serve(self);
         blocked.clear();
         blocked.reserve(rays.len());
@@ -129,6 +143,13 @@ impl Accelerator<'_> {
             }
         }
     }
+}
+
+/// Panics unless there is a range for each ray, and a start or none at all.
+fn check_counts(rays: &[Ray], ranges: &[Range<f64>], starts: &[Start]) {
+    assert_eq!(ranges.len(), rays.len(), "one range for each ray");
+    let count = if starts.is_empty() { 0 } else { rays.len() };
+    assert_eq!(starts.len(), count, "one start for each ray, or none");
 }
 
 /// One packet of rays, for each set of instructions.

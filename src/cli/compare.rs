@@ -207,7 +207,9 @@ fn subject<'a>(
 fn of_exact(scene: &Scene, candidates: &[Candidate]) -> f64 {
     let foreign = Tolerance::Relative(FOREIGN).length(scene.extent().diagonal());
     let made = candidates.iter().filter_map(|c| Some(c.made?.tolerance));
-    made.reduce(f64::min).map_or(foreign, |made| FINER * made)
+    let finer = made.reduce(f64::min).map(|made| FINER * made);
+    // Without an extent there is no share of it.
+    finer.unwrap_or(foreign).max(f64::MIN_POSITIVE)
 }
 
 /// Our own glTF at every tolerance, read back from the file.

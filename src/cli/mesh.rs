@@ -180,10 +180,10 @@ impl MeshArgs {
             );
         }
         Ok(TessellateOptions {
-            // What is left when points have been moved.
-            tolerance: Tolerance::Length(most - rounding),
+            // What is left when points have been moved; nothing matters without an extent.
+            tolerance: Tolerance::Length((most - rounding).max(f64::MIN_POSITIVE)),
             angle: self.angle.map_or(defaults.angle, f64::to_radians),
-            max_edge,
+            max_edge: max_edge.map(|most| most.max(f64::MIN_POSITIVE)),
             screen,
             most_points: self.most_points,
         })

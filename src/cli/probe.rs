@@ -6,8 +6,8 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
-use glam::{DAffine3, DVec2, DVec3};
-use nurbray::kernel::{Patch, Placement, Ray, Scene, Shape};
+use glam::{DVec2, DVec3};
+use nurbray::kernel::{Placement, Ray, Scene, Shape};
 use nurbray::{Accelerator, Certificate, Certifier, Hit, METHODS, Workspace};
 use rayon::prelude::*;
 use serde_json::json;
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
     let loaded = args.read.load(&args.file)?;
     input::report_warnings(&args.file, loaded.import.format, &loaded.import.warnings);
     let scene = &loaded.import.scene;
-    let names = Names::of(scene);
+    let shapes = scene.numbered_placements();
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build()?;
@@ -98,7 +98,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
             let accelerator = Accelerator::build(scene, &METHODS[0]);
             let prober = Prober {
                 accelerator: &accelerator,
-                names: &names,
+                shapes: &shapes,
                 args,
             };
             let out = (&mut out, heading(Prober::HEADER));
@@ -110,7 +110,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<usize> {
         (None, Some(uv)) => {
             let evaluator = Evaluator {
                 scene,
-                names: &names,
+                shapes: &shapes,
                 json: args.json,
             };
             let out = (&mut out, heading(Evaluator::HEADER));
@@ -242,51 +242,10 @@ fn fields<const N: usize>(line: &str) -> anyhow::Result<[f64; N]> {
     Ok(fields)
 }
 
-/// Names and places of the shapes, by number.
-struct Names {
-    patches: Vec<Placement>,
-    meshes: Vec<Placement>,
-}
-
-impl Names {
-    fn of(scene: &Scene) -> Self {
-        let is_patch = |p: &Placement| matches!(p.shape, Shape::Patch(_));
-        let (patches, meshes) = scene.placements().into_iter().partition(is_patch);
-        Self { patches, meshes }
-    }
-
-    /// The name of a shape, or of the nearest node above it that has one.
-    fn name<'a>(&self, scene: &'a Scene, number: usize) -> &'a str {
-        let placement = match number.checked_sub(self.patches.len()) {
-            Some(mesh) => self.meshes.get(mesh),
-            None => self.patches.get(number),
-        };
-        let Some(placement) = placement else {
-            return "";
-        };
-        let own = match placement.shape {
-            Shape::Patch(id) => &scene.patch(id).name,
-            Shape::Mesh(id) => &scene.mesh(id).name,
-        };
-        let above = placement.path.iter().rev().map(|&id| &scene.node(id).name);
-        std::iter::once(own)
-            .chain(above)
-            .find(|name| !name.is_empty())
-            .map_or("", |name| name)
-    }
-
-    fn patch<'a>(&self, scene: &'a Scene, number: usize) -> Option<(&'a Patch, DAffine3)> {
-        let placement = self.patches.get(number)?;
-        match placement.shape {
-            Shape::Patch(id) => Some((scene.patch(id), placement.world_from_object)),
-            Shape::Mesh(_) => None,
-        }
-    }
-}
-
 struct Prober<'a> {
     accelerator: &'a Accelerator<'a>,
-    names: &'a Names,
+    /// What stands at the number of a shape.
+    shapes: &'a [Placement],
     args: &'a Args,
 }
 
@@ -308,9 +267,8 @@ impl Prober<'_> {
     }
 
     fn format(&self, row: u64, hit: &Hit, scale: f64) -> String {
-        let name = self
-            .names
-            .name(self.accelerator.scene(), hit.shape as usize);
+        let at = &self.shapes[hit.shape as usize];
+        let name = self.accelerator.scene().name_at(at);
         let (t, p, n, uv) = (hit.t.max(0.0) * scale, hit.point, hit.normal, hit.uv);
         if self.args.json {
             let hit = json!({
@@ -328,7 +286,8 @@ impl Prober<'_> {
 
 struct Evaluator<'a> {
     scene: &'a Scene,
-    names: &'a Names,
+    /// What stands at the number of a shape.
+    shapes: &'a [Placement],
     json: bool,
 }
 
@@ -342,19 +301,20 @@ impl Evaluator<'_> {
         reason = "checked above"
     )]
     fn evaluate(&self, [number, u, v]: [f64; 3]) -> anyhow::Result<String> {
-        let count = self.names.patches.len();
+        let is_patch = |at: &Placement| matches!(at.shape, Shape::Patch(_));
+        let count = self.shapes.partition_point(is_patch);
         let number = if number >= 0.0 && number.fract() == 0.0 {
             number as usize
         } else {
             count
         };
-        let Some((patch, world)) = self.names.patch(self.scene, number) else {
+        let Some((at, Shape::Patch(id))) = self.shapes.get(number).map(|at| (at, at.shape)) else {
             match count.checked_sub(1) {
                 Some(last) => bail!("no such patch; they are numbered from 0 to {last}"),
                 None => bail!("no such patch; the file has none"),
             }
         };
-        let surface = &patch.surface;
+        let (surface, world) = (&self.scene.patch(id).surface, at.world_from_object);
         for (name, x, domain) in [
             ("u", u, surface.knots_u().domain()),
             ("v", v, surface.knots_v().domain()),
@@ -378,7 +338,7 @@ impl Evaluator<'_> {
             .unwrap_or(DVec3::ZERO);
         if self.json {
             let row = json!({
-                "patch": number, "u": u, "v": v, "name": self.names.name(self.scene, number),
+                "patch": number, "u": u, "v": v, "name": self.scene.name_at(at),
                 "point": point.to_array(), "du": du.to_array(), "dv": dv.to_array(),
                 "duu": duu.to_array(), "duv": duv.to_array(), "dvv": dvv.to_array(),
                 "normal": normal.to_array(),

@@ -163,7 +163,8 @@ impl From<ShadingArg> for Shading {
 }
 
 fn degrees(text: &str) -> Result<f64, String> {
-    let angle = text.parse().ok().filter(|a: &f64| *a > 0.0 && *a < 180.0);
+    let angle: Option<f64> = text.parse().ok();
+    let angle = angle.filter(|a| a.to_radians() > 0.0 && *a < 180.0);
     angle.ok_or_else(|| format!("'{text}' is not an angle between 0 and 180 degrees"))
 }
 

@@ -54,6 +54,9 @@ pub struct Deviation {
 impl Deviation {
     /// The Hausdorff distance that is proven: no point of either side is farther away from
     /// the other.
+    ///
+    /// No more than some hundred thousand cells are divided for the proof. Where there are many
+    /// triangles this may end far above what is [found](Self::found), a hundred times or more.
     pub fn bound(&self) -> f64 {
         self.surface_to_mesh.bound.max(self.mesh_to_surface.bound)
     }
@@ -149,7 +152,11 @@ impl<'a> Subject<'a> {
     ///
     /// Meshes tell no groups: where pictures are compared, lights should have no
     /// [`scope`](kernel::Light::scope), which only the exact picture heeds.
+    ///
+    /// # Panics
+    /// If the triangles are not those of the scene as it is.
     pub fn new(scene: &'a Scene, triangles: Tessellation) -> Self {
+        assert!(triangles.is_of(scene), "{}", Tessellation::FOREIGN);
         let patches = exact::placed_patches(scene);
         Self {
             scene,

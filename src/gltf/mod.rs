@@ -59,7 +59,8 @@ pub struct Source {
 /// The content of a glTF file; `stem` names the file beside it.
 ///
 /// # Errors
-/// If there is nothing to write, more than a binary file can hold, or compression fails.
+/// If there is nothing to write, more than a binary file can hold, compression fails, or the
+/// triangles are not those of the scene as it is.
 pub fn write(
     scene: &Scene,
     triangles: &Tessellation,
@@ -67,6 +68,7 @@ pub fn write(
     (container, packing): (Container, Packing),
     stem: &str,
 ) -> std::io::Result<Export> {
+    triangles.check(scene)?;
     let mut root = gltf::json::Root::default();
     root.asset.generator = Some(format!("nurbray {}", env!("CARGO_PKG_VERSION")));
     let metres = scene.unit.as_ref().map_or(1.0, |unit| unit.metres);

@@ -32,7 +32,8 @@ pub struct Hit {
     pub point: DVec3,
     /// Unit normal along `du x dv`, not turned towards the ray; zero where there is none.
     pub normal: DVec3,
-    /// Number of the shape: patches from 0 on in file order after instancing, then meshes.
+    /// Number of the shape: patches from 0 on in file order after instancing, then meshes. What it is
+    /// stands there in [`Scene::numbered_placements`](kernel::Scene::numbered_placements).
     pub shape: u32,
     /// Whether the ray only touches, runs along the surface, or meets a singular point, so
     /// that the root could not be proven to be a simple crossing.

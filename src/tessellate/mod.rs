@@ -31,7 +31,7 @@ mod tests;
 mod trail;
 mod vanish;
 
-use std::fmt;
+use std::{fmt, io};
 
 use glam::{DAffine3, DVec2, DVec3};
 use kernel::{Camera, Child, Mesh, Projection, Scene, Shape, WireId, WireShape};
@@ -67,12 +67,12 @@ impl Tolerance {
 /// What triangles have to keep to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TessellateOptions {
-    /// Largest distance between triangles and surface.
+    /// Largest distance between triangles and surface, above 0 and finite.
     pub tolerance: Tolerance,
-    /// Largest angle between the normals at the ends of a side, in radians; over less than the
-    /// tolerance they may turn by any.
+    /// Largest angle between the normals at the ends of a side, in radians, above 0 and finite;
+    /// over less than the tolerance they may turn by any.
     pub angle: f64,
-    /// Longest side, in units of the scene.
+    /// Longest side, in units of the scene, above 0 and finite.
     pub max_edge: Option<f64>,
     /// A view for which the tolerance of each face is at least what is seen of it.
     pub screen: Option<Screen>,
@@ -80,34 +80,70 @@ pub struct TessellateOptions {
     pub most_points: usize,
 }
 
-/// The error that limits ask for more points than are allowed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TooManyPoints {
-    /// How many are allowed.
-    pub most: usize,
-}
-
-impl fmt::Display for TooManyPoints {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "triangles this fine have more than {} points; allow a larger tolerance, angle or side, \
-             or more points",
-            self.most
-        )
+impl TessellateOptions {
+    /// Refuses limits that are out of their range.
+    fn check(&self) -> Result<(), TessellateError> {
+        let (Tolerance::Length(tolerance) | Tolerance::Relative(tolerance)) = self.tolerance;
+        let screen = self.screen.as_ref();
+        let limits = [
+            ("tolerance", Some(tolerance)),
+            ("angle", Some(self.angle)),
+            ("longest side", self.max_edge),
+            ("tolerance in pixels", screen.map(|s| s.pixels)),
+            ("number of rows", screen.map(|s| s.height.into())),
+        ];
+        let is_out = |found: f64| !(found > 0.0 && found.is_finite());
+        let mut limits = limits.into_iter().filter_map(|(name, x)| Some((name, x?)));
+        match limits.find(|&(_, found)| is_out(found)) {
+            Some((name, found)) => Err(TessellateError::OutOfRange { name, found }),
+            None => Ok(()),
+        }
     }
 }
 
-impl std::error::Error for TooManyPoints {}
+/// Why there are no triangles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum TessellateError {
+    /// Limits ask for more points than are allowed.
+    TooManyPoints {
+        /// How many are allowed.
+        most: usize,
+    },
+    /// A limit is not above 0 and finite.
+    OutOfRange {
+        /// Which one.
+        name: &'static str,
+        /// Its value.
+        found: f64,
+    },
+}
+
+impl fmt::Display for TessellateError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooManyPoints { most } => write!(
+                f,
+                "triangles this fine have more than {most} points; allow a larger tolerance, angle \
+                 or side, or more points"
+            ),
+            Self::OutOfRange { name, found } => {
+                write!(f, "the {name} is {found}; it must be positive and finite")
+            }
+        }
+    }
+}
+
+impl std::error::Error for TessellateError {}
 
 /// A view that needs no more detail than it shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Screen {
     /// The camera.
     pub camera: Camera,
-    /// Tolerance in pixels.
+    /// Tolerance in pixels, above 0 and finite.
     pub pixels: f64,
-    /// Rows of the picture.
+    /// Rows of the picture, at least one.
     pub height: u32,
 }
 
@@ -145,6 +181,21 @@ pub struct Tessellation {
 }
 
 impl Tessellation {
+    pub(crate) const FOREIGN: &str = "the triangles are not those of the scene";
+
+    /// Whether there is a face for each patch of the scene, and a strip for each wire.
+    pub(crate) fn is_of(&self, scene: &Scene) -> bool {
+        self.faces.len() == scene.patches().len() && self.strips.len() == scene.wires().len()
+    }
+
+    /// Refuses a scene that the triangles are not of.
+    pub(crate) fn check(&self, scene: &Scene) -> io::Result<()> {
+        if self.is_of(scene) {
+            return Ok(());
+        }
+        Err(io::Error::new(io::ErrorKind::InvalidInput, Self::FOREIGN))
+    }
+
     /// The points of a wire of the scene, and whether lines run through them; `None` if there are none.
     pub(crate) fn thread<'s>(
         &'s self,
@@ -201,17 +252,18 @@ struct Limits<'a> {
 /// threads.
 ///
 /// # Errors
-/// If more points would be needed than are allowed.
+/// If more points would be needed than are allowed, or a limit is out of its range.
 pub fn tessellate(
     scene: &Scene,
     options: &TessellateOptions,
-) -> Result<Tessellation, TooManyPoints> {
+) -> Result<Tessellation, TessellateError> {
+    options.check()?;
     // Once among the threads of the pool, instead of at each step.
     rayon::scope(|_| inside(scene, options))
 }
 
 /// [`tessellate`] within a thread of the pool.
-fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, TooManyPoints> {
+fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, TessellateError> {
     let diagonal = scene.extent().diagonal();
     let tolerance = options.tolerance.length(diagonal);
     // Of a scene without extent nothing is left whatever the tolerance.
@@ -230,15 +282,12 @@ fn inside(scene: &Scene, options: &TessellateOptions) -> Result<Tessellation, To
         .par_iter()
         .map(|group| group.tessellate(scene, &tolerances, options, &room))
         .collect();
-    let done = done.ok_or(TooManyPoints {
-        most: options.most_points,
-    })?;
+    let most = options.most_points;
+    let done = done.ok_or(TessellateError::TooManyPoints { most })?;
     let strips = strips(scene, tolerance, options.angle, &room);
     let mut result = Tessellation {
         faces: vec![None; scene.patches().len()],
-        strips: strips.ok_or(TooManyPoints {
-            most: options.most_points,
-        })?,
+        strips: strips.ok_or(TessellateError::TooManyPoints { most })?,
         shells: Vec::new(),
         tolerance,
         crossings: 0,

@@ -551,7 +551,7 @@ fn more_points_than_there_is_room_for_are_an_error() {
     assert!((100..5000).contains(&count(&enough)), "{}", count(&enough));
     for (length, most) in [(1e-2, 50), (1e-4, 1000), (1e-9, 2000), (1e-300, 2000)] {
         let found = tessellate(&scene, &options(length, most));
-        assert_eq!(found.err(), Some(TooManyPoints { most }));
+        assert_eq!(found.err(), Some(TessellateError::TooManyPoints { most }));
     }
 }
 

@@ -258,7 +258,7 @@ impl Converter<'_> {
                 self.scene.cameras.push(camera);
             }
             None => {
-                let text = "a viewpoint without a direction; it is left out";
+                let text = "a viewpoint without a direction or an extent; it is left out";
                 self.warnings.invalid(node.place(), text);
             }
         }

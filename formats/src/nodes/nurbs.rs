@@ -129,7 +129,7 @@ impl<'a> Converter<'a> {
         };
         self.count_net(profile.knots(), trajectory.knots(), node)?;
         let surface = modelling::swung(&profile, &trajectory);
-        Ok(self.faced(node, vec![surface]))
+        Ok(surface.and_then(|surface| self.faced(node, vec![surface])))
     }
 
     /// Counts the control points of a surface that these curves make.

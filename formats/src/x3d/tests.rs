@@ -178,6 +178,16 @@ fn viewpoints_and_lights_stand_in_the_world() {
 }
 
 #[test]
+fn a_window_beyond_all_numbers_is_no_viewpoint() {
+    let import = read_scene("<OrthoViewpoint fieldOfView='-1e308 -1 1e308 1'/>");
+    assert!(import.scene.cameras.is_empty());
+    let [message] = &messages(&import)[..] else {
+        panic!("one message");
+    };
+    assert!(message.ends_with("a viewpoint without a direction or an extent; it is left out"));
+}
+
+#[test]
 fn units_reach_lengths_and_angles() {
     let text = "<X3D><head><unit category='length' name='inch' conversionFactor='0.0254'/>\
         <unit category='angle' name='degree' conversionFactor='0.017453292519943295'/></head>\

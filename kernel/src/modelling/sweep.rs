@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3, DVec4};
 use super::arc::UnitArc;
 use super::{check_point, direction};
 use crate::bernstein::product;
+use crate::curve::check_homogeneous;
 use crate::knots::runs;
 use crate::{Curve, Error, KnotVector, Surface};
 
@@ -101,8 +102,8 @@ pub fn ruled(a: &Curve<DVec3>, b: &Curve<DVec3>) -> Result<Surface, Error> {
 /// their degrees.
 ///
 /// # Errors
-/// If the sum of their degrees is too large, or the knots of `b` cannot be told apart in the domain of
-/// `a`.
+/// If the sum of their degrees is too large, the knots of `b` cannot be told apart in the domain of `a`,
+/// or a product is too large or too small to be computed with.
 pub fn with_equal_weights(a: &Curve<DVec3>, b: &Curve<DVec3>) -> Result<[Curve<DVec3>; 2], Error> {
     let clamped = |curve: &Curve<DVec3>| curve.restricted(curve.domain());
     let a = clamped(a)?;
@@ -142,6 +143,9 @@ pub fn with_equal_weights(a: &Curve<DVec3>, b: &Curve<DVec3>) -> Result<[Curve<D
             points.extend(product(own.homogeneous(), &weights(other)));
         }
     }
+    for points in &products {
+        check_homogeneous(points)?;
+    }
     Ok(products.map(|points| Curve::trusted((knots.clone(), points))))
 }
 
@@ -162,15 +166,19 @@ fn piecewise(degree: usize, breaks: &[f64]) -> Result<KnotVector, Error> {
 ///
 /// Exact: the control points are products of those of the curves, and so are the weights
 /// (Piegl and Tiller, chapter 8, swung surfaces).
-pub fn swung(profile: &Curve<DVec2>, trajectory: &Curve<DVec2>) -> Surface {
+///
+/// # Errors
+/// If a product is too large or too small to be computed with.
+pub fn swung(profile: &Curve<DVec2>, trajectory: &Curve<DVec2>) -> Result<Surface, Error> {
     let product = |p: &DVec3, t: &DVec3| DVec4::new(p.x * t.x, p.y * t.z, p.x * t.y, p.z * t.z);
-    let net = profile
+    let net: Vec<_> = profile
         .homogeneous()
         .iter()
         .flat_map(|p| trajectory.homogeneous().iter().map(move |t| product(p, t)))
         .collect();
+    check_homogeneous(&net)?;
     let [knots_u, knots_v] = [profile, trajectory].map(|curve| curve.knots().clone());
-    Surface::trusted(knots_u, knots_v, net)
+    Ok(Surface::trusted(knots_u, knots_v, net))
 }
 
 /// The curve with those of its inner knots that rounding has moved away from knots of

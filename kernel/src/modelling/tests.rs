@@ -342,6 +342,29 @@ fn swept_surfaces_are_what_their_definition_says() {
 }
 
 #[test]
+fn swung_surfaces_are_products_that_can_be_computed_with() {
+    let line = |scale: f64| Curve::polyline(&[DVec2::ONE * scale, DVec2::new(2.0, 1.0) * scale]);
+    let of = |a: f64, b: f64| swung(&line(a).unwrap(), &line(b).unwrap());
+    let middle = of(1.0, 3.0).unwrap().evaluate(DVec2::splat(0.5));
+    assert!(middle.distance(DVec3::new(6.75, 1.0, 4.5)) < 1e-14);
+    assert_eq!(of(1e90, 1e90), Err(Error::NotFinite { index: 0 }));
+    assert!(of(1e90, 1e-90).is_ok());
+    let weights = [1e-200, 1e-200];
+    let points = [DVec2::ONE, DVec2::X];
+    let light = Curve::new(
+        KnotVector::bezier(1, 0.0..1.0).unwrap(),
+        &points,
+        Some(&weights),
+    );
+    let light = light.unwrap();
+    let product = Error::Weight {
+        index: 0,
+        found: 0.0,
+    };
+    assert_eq!(swung(&light, &light), Err(product));
+}
+
+#[test]
 fn bad_input_is_named() {
     let f = Frame::WORLD;
     assert_eq!(

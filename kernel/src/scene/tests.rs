@@ -50,6 +50,9 @@ fn instances_are_counted_and_placed_in_the_order_of_the_file() {
     assert_eq!(scene.placement_count(), 7);
     let shapes: Vec<_> = placements.iter().map(|p| p.shape).collect();
     assert_eq!(shapes, [patch, mesh, patch, patch, mesh, patch, mesh]);
+    let numbered = scene.numbered_placements();
+    let order = [0, 2, 3, 5, 1, 4, 6].map(|k| placements[k].clone());
+    assert_eq!(numbered, order);
     let places: Vec<_> = placements
         .iter()
         .map(|p| p.world_from_object.translation)

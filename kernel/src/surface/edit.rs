@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DAffine3, DVec4};
 
 use super::{Surface, transposed};
-use crate::curve::{check_range, transform_all};
+use crate::curve::{check_inside, check_raised, check_range, transform_all};
 use crate::spline::{self, Spline};
 use crate::{BezierSurface, Error, KnotVector};
 
@@ -15,14 +15,7 @@ impl Surface {
     /// # Errors
     /// If the knot lies outside the open domain.
     pub fn with_knot_u(&self, knot: f64, multiplicity: usize) -> Result<Self, Error> {
-        let Range { start, end } = self.knots_u.domain();
-        if !(start < knot && knot < end) {
-            return Err(Error::Parameter {
-                found: knot,
-                start,
-                end,
-            });
-        }
+        check_inside(knot, &self.knots_u.domain())?;
         Ok(self.along_u(|knots, column| spline::insert(knots, column, knot, multiplicity)))
     }
 
@@ -61,9 +54,7 @@ impl Surface {
     /// # Errors
     /// If `u` is not inside the domain.
     pub fn split_u(&self, u: f64) -> Result<[Self; 2], Error> {
-        let Range { start, end } = self.knots_u.domain();
-        check_range(&(start..u), &self.knots_u.domain())?;
-        check_range(&(u..end), &self.knots_u.domain())?;
+        check_inside(u, &self.knots_u.domain())?;
         let part = |side: usize| {
             self.along_u(|knots, column| {
                 let [before, after] = spline::split(knots, column, u);
@@ -104,9 +95,7 @@ impl Surface {
     /// # Errors
     /// If `degree` is below the present degree or above [`crate::MAX_DEGREE`].
     pub fn elevated_u(&self, degree: usize) -> Result<Self, Error> {
-        if degree < self.knots_u.degree() || degree > crate::MAX_DEGREE {
-            return Err(Error::Degree { found: degree });
-        }
+        check_raised(degree, self.knots_u.degree())?;
         let mut surface = self.clone();
         for _ in self.knots_u.degree()..degree {
             surface = surface.along_u(spline::elevate_once);
