@@ -99,7 +99,7 @@ fn cartesian<P: Copy>(
         None => (order().map(|i| points[i]).collect(), None),
         Some(w) => {
             let points = order().map(|i| divided(points[i], w[i])).collect();
-            (points, Some(order().map(|i| w[i]).collect()))
+            (points, Some(order().map(|i| w[i].abs()).collect()))
         }
     }
 }

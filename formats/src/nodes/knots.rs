@@ -208,7 +208,7 @@ fn settle(knots: &mut [f64]) {
     }
 }
 
-/// The weights of `count` control points; `None` if all are one.
+/// The weights of `count` control points, all positive or all negative; `None` if all are one.
 pub(super) fn weights(node: &Node, count: usize, warnings: &mut Warnings) -> Option<Vec<f64>> {
     // The interpolator of VRML 97 has another name for them.
     let field = ["weight", "keyWeight"]
@@ -226,6 +226,11 @@ pub(super) fn weights(node: &Node, count: usize, warnings: &mut Warnings) -> Opt
         );
         warnings.invalid(place(), text);
         return None;
+    }
+    if weights.iter().all(|w| *w < 0.0) {
+        // Only their ratios count, and those to the points, which are multiplied by them.
+        warnings.invalid(place(), "all weights are negative");
+        return Some(weights);
     }
     if let Some((i, w)) = weights.iter().enumerate().find(|&(_, &w)| w <= 0.0) {
         let text =

@@ -342,7 +342,7 @@ impl Net<'_> {
     }
 
     fn cartesian(&self, i: usize) -> (DVec3, f64) {
-        (self.points[i] / self.weight(i), self.weight(i))
+        (self.points[i] / self.weight(i), self.weight(i).abs())
     }
 }
 

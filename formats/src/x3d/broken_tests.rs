@@ -50,6 +50,13 @@ fn weights_that_do_not_fit_are_one() {
     let import = read_scene(&format!("<Shape>{}</Shape>", square("weight='1 1 1 2'")));
     let corner = only_surface(&import).evaluate(DVec2::ONE);
     assert_eq!(corner, DVec3::new(0.5, 0.5, 0.0));
+    // Points are multiplied by their weights: by negative ones, too.
+    let shape = format!("<Shape>{}</Shape>", square("weight='-1 -1 -1 -2'"));
+    let import = read_scene(&shape);
+    let corner = only_surface(&import).evaluate(DVec2::ONE);
+    assert_eq!(corner, DVec3::new(-0.5, -0.5, 0.0));
+    let expected = "line 2, NurbsPatchSurface, weight: all weights are negative";
+    assert_eq!(messages(&import), [expected]);
 }
 
 #[test]
