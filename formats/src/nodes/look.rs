@@ -227,7 +227,12 @@ impl Converter<'_> {
         let mut eye = world.transform_point3(position);
         let projection = if &*node.kind == "OrthoViewpoint" {
             let window = node.tuple("fieldOfView", &mut self.warnings);
-            let window = window.filter(|[l, b, r, t]| l < r && b < t);
+            let is_open = |[l, b, r, t]: &[f64; 4]| l < r && b < t;
+            if window.is_some_and(|window| !is_open(&window)) {
+                let text = "a window ends where it begins, or before; the default is used";
+                self.warnings.invalid(node.field_place("fieldOfView"), text);
+            }
+            let window = window.filter(is_open);
             let [left, bottom, r, t] = window.unwrap_or([-1.0, -1.0, 1.0, 1.0]);
             eye += right * ((left + r) * 0.5) + up * ((bottom + t) * 0.5);
             let size = DVec2::new(r - left, t - bottom) * scale(&world);

@@ -178,7 +178,11 @@ fn viewpoints_and_lights_stand_in_the_world() {
 }
 
 #[test]
-fn a_window_beyond_all_numbers_is_no_viewpoint() {
+fn windows_of_viewpoints_are_open_and_have_an_extent() {
+    let import = read_scene("<OrthoViewpoint fieldOfView='1 -1 -1 1'/>");
+    let text = "line 2, OrthoViewpoint, fieldOfView: a window ends where it begins, or before; the default is used";
+    assert_eq!(messages(&import), [text]);
+    assert_eq!(import.scene.cameras.len(), 1);
     let import = read_scene("<OrthoViewpoint fieldOfView='-1e308 -1 1e308 1'/>");
     assert!(import.scene.cameras.is_empty());
     let [message] = &messages(&import)[..] else {
