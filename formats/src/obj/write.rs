@@ -122,11 +122,8 @@ fn tell_losses(scene: &Scene, placements: &[Placement], warnings: &mut Warnings)
     tell_clear_vertices(scene, warnings);
     let mut shown = HashSet::new();
     for placement in placements.iter().filter(|p| !shown.insert(p.shape)) {
-        let name = match placement.shape {
-            Shape::Patch(id) => &scene.patch(id).name,
-            Shape::Mesh(id) => &scene.mesh(id).name,
-        };
         let text = "OBJ files hold no instances; it is written again for every further place";
+        let name = scene.name_at(placement);
         warnings.unsupported(Place::item(0, format!("\"{name}\"")), text);
     }
 }
