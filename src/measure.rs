@@ -162,11 +162,7 @@ impl Face {
         patch: &Patch,
         number: u32,
     ) -> Self {
-        let surface = patch.surface.transformed(&placement.world_from_object);
-        let patch = Patch {
-            surface,
-            ..patch.clone()
-        };
+        let patch = patch.transformed(&placement.world_from_object);
         // A node with one face in it is its place, not a group.
         let is_place = |id: &&NodeId| matches!(scene.node(**id).children[..], [Child::Item(_)]);
         let group = placement

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DAffine2, DVec2};
+use glam::{DAffine2, DAffine3, DVec2};
 
 use crate::trim::{Rows, oriented, shifts};
 use crate::{Aabb, Curve, KnotVector, MaterialId, Surface, TrimLoop, TrimRegion};
@@ -31,6 +31,19 @@ pub struct Patch {
 }
 
 impl Patch {
+    /// The same face in other coordinates.
+    #[must_use]
+    pub fn transformed(&self, target_from_source: &DAffine3) -> Self {
+        Self {
+            name: self.name.clone(),
+            source: self.source.clone(),
+            surface: self.surface.transformed(target_from_source),
+            loops: self.loops.clone(),
+            material: self.material,
+            texture: self.texture.clone(),
+        }
+    }
+
     /// The part of the domain that belongs to the face; `None` means all of it.
     pub fn region(&self) -> Option<TrimRegion> {
         let trimmed = !self.loops.is_empty();

@@ -60,13 +60,7 @@ pub(crate) struct Foot {
 pub(crate) fn placed_patches(scene: &Scene) -> Vec<Patch> {
     let placements = scene.placements();
     let patches = placements.par_iter().filter_map(|at| match at.shape {
-        Shape::Patch(id) => {
-            let patch = scene.patch(id);
-            Some(Patch {
-                surface: patch.surface.transformed(&at.world_from_object),
-                ..patch.clone()
-            })
-        }
+        Shape::Patch(id) => Some(scene.patch(id).transformed(&at.world_from_object)),
         Shape::Mesh(_) => None,
     });
     patches.collect()

@@ -88,10 +88,7 @@ fn placed<'a>(patch: &'a Patch, map: &DAffine3) -> Cow<'a, Patch> {
     if *map == DAffine3::IDENTITY {
         return Cow::Borrowed(patch);
     }
-    Cow::Owned(Patch {
-        surface: patch.surface.transformed(map),
-        ..patch.clone()
-    })
+    Cow::Owned(patch.transformed(map))
 }
 
 /// The surface of a face that ends at the borders of its domain.

@@ -513,10 +513,7 @@ fn distorted(patch: &Patch, outer: DMat3) -> Cow<'_, Patch> {
     if outer == DMat3::IDENTITY {
         return Cow::Borrowed(patch);
     }
-    Cow::Owned(Patch {
-        surface: patch.surface.transformed(&DAffine3::from_mat3(outer)),
-        ..patch.clone()
-    })
+    Cow::Owned(patch.transformed(&DAffine3::from_mat3(outer)))
 }
 
 /// Whether a node shows several faces, which are those of a body.
