@@ -226,14 +226,14 @@ impl Converter<'_> {
         let position = node.vector("position", position, &mut self.warnings);
         let mut eye = world.transform_point3(position);
         let projection = if &*node.kind == "OrthoViewpoint" {
+            let usual = [-1.0, -1.0, 1.0, 1.0];
             let window = node.tuple("fieldOfView", &mut self.warnings);
-            let is_open = |[l, b, r, t]: &[f64; 4]| l < r && b < t;
-            if window.is_some_and(|window| !is_open(&window)) {
+            let [mut left, mut bottom, mut r, mut t] = window.unwrap_or(usual);
+            if !(left < r && bottom < t) {
                 let text = "a window ends where it begins, or before; the default is used";
                 self.warnings.invalid(node.field_place("fieldOfView"), text);
+                [left, bottom, r, t] = usual;
             }
-            let window = window.filter(is_open);
-            let [left, bottom, r, t] = window.unwrap_or([-1.0, -1.0, 1.0, 1.0]);
             eye += right * ((left + r) * 0.5) + up * ((bottom + t) * 0.5);
             let size = DVec2::new(r - left, t - bottom) * scale(&world);
             if (size.x - size.y).abs() > 0.0 {
