@@ -137,6 +137,8 @@ pub enum Error {
         /// The lower corner of the domain, and its upper one.
         domain: [[f64; 2]; 2],
     },
+    /// A loop runs around a surface along both parameters, or loops run around it along different ones.
+    LoopsWind,
     /// Two neighbouring curves of a loop do not meet.
     LoopGap {
         /// Position of the curve before the gap.
@@ -280,6 +282,10 @@ impl fmt::Display for Error {
             Self::NoDirection => write!(f, "a direction has no length"),
             Self::EmptyLoop => write!(f, "a trim loop without curves"),
             Self::NothingInside => write!(f, "nothing is inside its trim loops"),
+            Self::LoopsWind => {
+                let text = "its trim loops run around the surface along u and v; what those bound is not read";
+                write!(f, "{text}")
+            }
             Self::LoopsOutside { .. } | Self::LoopGap { .. } => self.fmt_loop(f),
             Self::Reference { index, count } => {
                 write!(f, "index {index} of a list with {count} entries")

@@ -9,6 +9,15 @@ use glam::{DAffine2, DAffine3, DVec2};
 use crate::trim::{Rows, oriented, shifts};
 use crate::{Aabb, Curve, KnotVector, MaterialId, Surface, TrimLoop, TrimRegion};
 
+/// A surface with a weight that is so many times another one is halved before its points tell where it is.
+const UNEVEN: f64 = 8.0;
+
+/// How often it is halved, at most.
+const HALVINGS: usize = 4;
+
+/// Surfaces with more points are not halved.
+const MANY: usize = 10_000;
+
 /// A face: a surface, the loops that trim it, and a material.
 ///
 /// A point of the surface belongs to the face if it lies inside an odd number of loops;
@@ -66,8 +75,31 @@ impl Patch {
         self.where_loops_are().hull_bounds()
     }
 
-    /// That part of the surface.
+    /// That part of the surface, in halves where weights are far apart: its points may be far from it then.
     pub(crate) fn where_loops_are(&self) -> Cow<'_, Surface> {
+        let mut part = self.cut_to_loops();
+        for _ in 0..HALVINGS {
+            if !is_uneven(&part) {
+                break;
+            }
+            let middles = |knots: &KnotVector| -> Vec<f64> {
+                let breaks = knots.breaks();
+                breaks
+                    .windows(2)
+                    .map(|span| span[0].midpoint(span[1]))
+                    .collect()
+            };
+            let halves = part.refined_u(&middles(part.knots_u()));
+            let Ok(halves) = halves.and_then(|half| half.refined_v(&middles(part.knots_v())))
+            else {
+                break;
+            };
+            part = Cow::Owned(halves);
+        }
+        part
+    }
+
+    fn cut_to_loops(&self) -> Cow<'_, Surface> {
         let (mut min, mut max) = (DVec2::MAX, DVec2::MIN);
         for [least, most] in self.hulls() {
             (min, max) = (min.min(least), max.max(most));
@@ -167,6 +199,38 @@ impl From<Surface> for Patch {
             loops: Vec::new(),
             material: None,
             texture: None,
+        }
+    }
+}
+
+/// Whether weights of a surface that is not large are far apart.
+fn is_uneven(surface: &Surface) -> bool {
+    let weights = || surface.homogeneous().iter().map(|h| h.w);
+    let least = weights().fold(f64::INFINITY, f64::min);
+    let most = weights().fold(0.0, f64::max);
+    most > UNEVEN * least && surface.homogeneous().len() <= MANY
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::modelling;
+
+    #[test]
+    fn a_box_does_not_reach_for_points_far_from_an_arc() {
+        for short in [0.1_f64, 1e-3, 1e-6] {
+            // As one piece, whose middle point is about `1 / short` away.
+            let knots = KnotVector::bezier(2, 0.0..1.0).unwrap();
+            let [sine, cosine] = [short.cos(), short.sin()];
+            let ends = [-1.0, 1.0].map(|side| DVec3::new(side * sine, cosine, 0.0));
+            let points = [ends[0], DVec3::Y / cosine, ends[1]];
+            let arc = Curve::new(knots, &points, Some(&[1.0, cosine, 1.0])).unwrap();
+            let patch = Patch::from(modelling::extrude(&arc, DVec3::Z).unwrap());
+            let bounds = patch.hull_bounds();
+            assert!(bounds.min.y >= 0.0 && bounds.max.y >= 1.0, "{bounds:?}");
+            assert!(bounds.max.y < 1.5, "{short}: {bounds:?}");
         }
     }
 }

@@ -169,6 +169,51 @@ fn a_lune_without_its_edge_at_the_pole_is_what_its_parameters_say() {
 }
 
 #[test]
+fn a_lune_across_the_seam_is_what_its_parameters_say_either_way_round() {
+    let sphere = sphere();
+    for (start, turn) in [(4.0, 4.0), (-3.0, 4.0), (2.0, 5.0), (8.0, 2.0), (4.0, 3.0)] {
+        let end = start + turn;
+        let corners = [
+            [[start, 0.0], [start, FRAC_PI_2]],
+            [[end, FRAC_PI_2], [end, 0.0]],
+            [[end, 0.0], [start, 0.0]],
+        ];
+        for first in 0..3 {
+            for is_turned in [false, true] {
+                let mut sides = corners;
+                if is_turned {
+                    sides.reverse();
+                    sides.iter_mut().for_each(|side| side.reverse());
+                }
+                sides.rotate_left(first);
+                let chain = sides.map(|side| path(&side)).concat();
+                let loops = close(&sphere, &[chain], Orientation::Literal).unwrap();
+                let region = TrimRegion::of(&Patch {
+                    loops: loops.loops,
+                    ..Patch::from(sphere.clone())
+                });
+                for (along, v, is_in) in [
+                    (0.01, 1.5, true),
+                    (0.3, 0.1, true),
+                    (0.7, 1.5, true),
+                    (0.99, 0.1, true),
+                    (0.5, -0.1, false),
+                ] {
+                    let u = (start + along * turn).rem_euclid(TAU);
+                    assert_eq!(
+                        contains(&region, u, v),
+                        is_in,
+                        "{start} {turn} {first} {u} {v}"
+                    );
+                }
+                let beside = (end + 0.5 * (TAU - turn)).rem_euclid(TAU);
+                assert!(!contains(&region, beside, 1.5), "{start} {turn} {first}");
+            }
+        }
+    }
+}
+
+#[test]
 fn loops_across_the_seam_come_in_on_the_other_side() {
     let cylinder = cylinder();
     let square = [[6.0, 1.0], [6.6, 1.0], [6.6, 3.0], [6.0, 3.0], [6.0, 1.0]];

@@ -456,23 +456,37 @@ impl<'a> Trimmer<'a> {
             let chain = self.chain(reader, face, one, source(one), accuracy)?;
             let is_laid =
                 source(one) == Source::Space || one.uses.iter().all(|u| u.flat.is_empty());
-            chains.push((chain, is_laid && !one.is_oriented));
+            chains.push((chain, is_laid));
         }
-        let orientation = if loops.iter().all(|l| l.is_oriented) {
+        let are_told = loops.iter().all(|l| l.is_oriented);
+        let orientation = if are_told {
             Orientation::Left
         } else if loops.iter().all(|l| source(l) != Source::Space) {
             Orientation::Literal
         } else {
             Orientation::Unknown
         };
-        let made = self.unslit(&chains, accuracy).map_or_else(
-            || {
-                let chains = chains.into_iter().map(|(chain, _)| chain).collect();
-                kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation)
-            },
-            Ok,
-        );
-        let made = made.map_err(Problem::Geometry)?;
+        let slit = if are_told {
+            None
+        } else {
+            let untold = chains.iter().zip(loops);
+            let untold =
+                untold.map(|((chain, is_laid), one)| (chain.clone(), *is_laid && !one.is_oriented));
+            self.unslit(&untold.collect::<Vec<_>>(), accuracy)
+        };
+        let mut made = if let Some(made) = slit {
+            made
+        } else {
+            let chains = chains.iter().map(|(chain, _)| chain.clone()).collect();
+            let made =
+                kernel::close_loops(self.surface, self.closed, chains, accuracy, orientation);
+            made.map_err(Problem::Geometry)?
+        };
+        if are_told && let Some(turned) = self.turned(&chains, &made.loops, accuracy) {
+            let text = "its loops run the other way round than the seam of its surface tells; they are turned";
+            reader.repaired(face, text);
+            made = turned;
+        }
         let text = "the curves of a trim loop do not quite meet; the gaps are bridged";
         if made.wide_gaps > 0 && loops.iter().any(|l| source(l) == Source::FlatAlong) {
             return Err(Problem::Invalid(text.to_owned()));

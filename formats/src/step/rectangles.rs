@@ -6,35 +6,91 @@ use glam::{DAffine3, DVec3};
 use kernel::{Curve, Surface, modelling};
 
 use super::arcs::{Basis, Conic, End, between};
+use super::curves::NESTING;
 use super::nets::{of_surface, spline};
-use super::surfaces::{Elementary, elementary};
+use super::surfaces::{Elementary, Sheet, elementary, is_reversed};
 use super::translator::Translator;
+use super::values::Record;
 use crate::Problem;
+
+/// What of a surface is left: from one parameter to another along u and along v, and whether each is run through as
+/// it is along the surface.
+#[derive(Clone, Copy)]
+struct Part {
+    u: [f64; 2],
+    v: [f64; 2],
+    senses: [bool; 2],
+}
 
 impl Translator<'_> {
     /// A part of a surface that is trimmed by parameters only, as a surface of its own.
-    pub(super) fn rectangle(&mut self, id: u64) -> Result<i64, Problem> {
-        let made = self.rectangular(id);
-        let surface = made.map_err(|problem| self.geometry().within(id, problem))?;
-        let fields = of_surface(&surface);
-        let name = self.exchange.get(id)?.attributes().text(0);
-        Ok(self.add_named(0, &fields, id, name))
+    pub(super) fn rectangle(&mut self, id: u64) -> Result<Sheet, Problem> {
+        let made = self.rectangle_of(id);
+        made.map_err(|problem| self.geometry().within(id, problem))
     }
 
-    fn rectangular(&self, id: u64) -> Result<Surface, Problem> {
-        let geometry = self.geometry();
-        let record = geometry.get(id)?;
+    fn rectangle_of(&mut self, id: u64) -> Result<Sheet, Problem> {
+        let record = self.exchange.get(id)?;
         let at = record.attributes();
-        let basis = geometry.get(at.reference(1)?)?;
-        let of = basis.attributes();
         let range = |first: usize| -> Result<[f64; 2], Problem> {
             Ok([at.number(first)?, at.number(first + 1)?])
         };
-        let ([mut u, mut v], senses) = (
-            [range(2)?, range(4)?],
-            [at.is_true(6, true), at.is_true(7, true)],
-        );
-        if let Some(fields) = spline(geometry, &basis)? {
+        let part = Part {
+            u: range(2)?,
+            v: range(4)?,
+            senses: [at.is_true(6, true), at.is_true(7, true)],
+        };
+        let sheet = self.part(id, at.reference(1)?, part, 0)?;
+        Ok(sheet.turned(is_reversed(at)))
+    }
+
+    /// A part of a surface with a number, in the name of `id`: what is offset or moved is that part of what is below.
+    fn part(&mut self, id: u64, surface: u64, part: Part, depth: usize) -> Result<Sheet, Problem> {
+        if depth > NESTING {
+            let text = format!("surfaces are nested more than {NESTING} deep");
+            return Err(Problem::Unsupported(text));
+        }
+        let record = self.geometry().get(surface)?;
+        let at = record.attributes();
+        let name = self.exchange.get(id)?.attributes().text(0);
+        match record.name() {
+            // Its parameters are those of what it is a part of.
+            "RECTANGULAR_TRIMMED_SURFACE" => {
+                self.count(surface);
+                let sheet = self.part(id, at.reference(1)?, part, depth + 1)?;
+                Ok(sheet.turned(is_reversed(at)))
+            }
+            "SURFACE_REPLICA" => {
+                self.count(surface);
+                let map = self.geometry().map(at.reference(2)?)?;
+                let parent = at.reference(1)?;
+                self.moved(&map, id, |own| own.part(id, parent, part, depth + 1))
+            }
+            "OFFSET_SURFACE" => {
+                let (base, distance) = self.offset_base(&record)?;
+                let moved = std::mem::take(&mut self.transform);
+                let base = self.part(id, base, part, depth + 1);
+                self.transform = moved;
+                let base = base?;
+                let pointer = self.add_named(0, &base.offset(distance), id, name);
+                Ok(Sheet { pointer, ..base })
+            }
+            _ => {
+                let fields = of_surface(&self.rectangular(&record, part)?);
+                Ok(Sheet::from(self.add_named(0, &fields, id, name)))
+            }
+        }
+    }
+
+    fn rectangular(&self, basis: &Record<'_>, part: Part) -> Result<Surface, Problem> {
+        let geometry = self.geometry();
+        let of = basis.attributes();
+        let Part {
+            mut u,
+            mut v,
+            senses,
+        } = part;
+        if let Some(fields) = spline(geometry, basis)? {
             let surface = crate::iges::surface(&fields)?;
             let [u, v] = [u, v].map(|[a, b]| a.min(b)..a.max(b));
             let part = surface

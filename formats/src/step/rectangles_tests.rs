@@ -13,7 +13,9 @@ fn corners(surface: &str) -> ([DVec3; 4], DVec3) {
 #11=CIRCLE('',#10,3.);{surface}"
     );
     let (scene, warnings) = read(&product("#20", &data));
-    assert_eq!(warnings, [""; 0], "{surface}");
+    // What is offset is another surface, which is told.
+    let is_told = |text: &String| surface.contains("OFFSET") && text.contains("fitted to 1e-6");
+    assert!(warnings.iter().all(is_told), "{warnings:?} {surface}");
     let [patch] = scene.patches() else {
         panic!("one patch: {surface}")
     };
@@ -77,6 +79,80 @@ fn swept_surfaces_are_trimmed_by_parameters() {
         normal.distance(DVec3::new(1.0, 1.0, 0.0).normalize()) < 1e-9,
         "{normal}"
     );
+}
+
+#[test]
+fn what_is_offset_or_moved_is_trimmed_by_the_parameters_below() {
+    let part = |number: u32, of: u32| {
+        format!("#{number}=RECTANGULAR_TRIMMED_SURFACE('',#{of},0.,{FRAC_PI_2:?},-1.,4.,.T.,.T.);")
+    };
+    let base = "#30=CYLINDRICAL_SURFACE('',#10,3.);#31=OFFSET_SURFACE('',#30,0.5,.F.);\
+#32=CARTESIAN_TRANSFORMATION_OPERATOR_3D('','','',$,$,#1,2.,$);#33=SURFACE_REPLICA('',#30,#32);\
+#34=SURFACE_REPLICA('',#31,#32);";
+    let wider = "#35=RECTANGULAR_TRIMMED_SURFACE('',#30,-1.,3.,-2.,9.,.T.,.T.);";
+    let against = "#37=RECTANGULAR_TRIMMED_SURFACE('',#30,3.,-1.,-2.,9.,.F.,.T.);";
+    let cases = [
+        (part(20, 31), 3.5, [-1.0, 4.0]),
+        (part(20, 33), 6.0, [-2.0, 8.0]),
+        (part(20, 34), 7.0, [-2.0, 8.0]),
+        (format!("{wider}{}", part(20, 35)), 3.0, [-1.0, 4.0]),
+        (
+            format!("{}#20=OFFSET_SURFACE('',#36,-0.5,.F.);", part(36, 30)),
+            2.5,
+            [-1.0, 4.0],
+        ),
+        (
+            format!("{}#20=SURFACE_REPLICA('',#36,#32);", part(36, 31)),
+            7.0,
+            [-2.0, 8.0],
+        ),
+        // Turned round, it is offset to the other side, whatever it is a part of.
+        (
+            format!(
+                "{against}#36=OFFSET_SURFACE('',#37,0.5,.F.);{}",
+                part(20, 36)
+            ),
+            2.5,
+            [-1.0, 4.0],
+        ),
+        (
+            format!(
+                "{against}{}#20=OFFSET_SURFACE('',#36,0.5,.F.);",
+                part(36, 37)
+            ),
+            2.5,
+            [-1.0, 4.0],
+        ),
+        (
+            format!("#36=OFFSET_SURFACE('',#31,-0.25,.F.);{}", part(20, 36)),
+            3.25,
+            [-1.0, 4.0],
+        ),
+    ];
+    for (surface, radius, [low, high]) in cases {
+        let (found, normal) = corners(&format!("{base}{surface}"));
+        let wanted = [
+            [radius, 0.0, low],
+            [0.0, radius, low],
+            [radius, 0.0, high],
+            [0.0, radius, high],
+        ];
+        for (found, wanted) in found.into_iter().zip(wanted) {
+            assert!(found.distance(wanted.into()) < 1e-6, "{found} {surface}");
+        }
+        let out = DVec3::new(1.0, 1.0, 0.0).normalize();
+        assert!(normal.distance(out) < 1e-3, "{normal} {surface}");
+    }
+}
+
+#[test]
+fn a_surface_of_revolution_is_bounded_by_its_curve() {
+    let curve = "#30=BEZIER_CURVE('',2,(#7,#31,#32),.UNSPECIFIED.,.F.,.F.);\
+#31=CARTESIAN_POINT('',(3.,0.,1.));#32=CARTESIAN_POINT('',(2.,0.,2.));";
+    let (found, _) = corners(&format!("{curve}#20=SURFACE_OF_REVOLUTION('',#30,#9);"));
+    for (found, wanted) in found.iter().zip([[3.0, 0.0, 0.0]; 1]) {
+        assert!(found.distance(wanted.into()) < 1e-12, "{found}");
+    }
 }
 
 #[test]

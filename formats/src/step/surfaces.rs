@@ -41,6 +41,28 @@ impl From<i64> for Sheet {
     }
 }
 
+impl Sheet {
+    /// The same, turned round or not.
+    pub(super) fn turned(self, is_turned: bool) -> Self {
+        Self {
+            is_turned: self.is_turned != is_turned,
+            ..self
+        }
+    }
+
+    /// The surface at a distance from it, on the side of the normal of the file.
+    pub(super) fn offset(self, distance: f64) -> Fields {
+        let side = if self.is_turned { -1.0 } else { 1.0 };
+        let fields = Fields::new(140).reals([0.0, 0.0, 0.0, side * distance]);
+        fields.integers([self.pointer])
+    }
+}
+
+/// Whether what is trimmed by parameters has its normal against that of what it is a part of.
+pub(super) fn is_reversed(at: Attributes<'_, '_>) -> bool {
+    at.is_true(6, true) != at.is_true(7, true)
+}
+
 impl Translator<'_> {
     /// A surface. Where it has no end, it is large enough for what is around its face.
     pub(super) fn surface(
@@ -103,21 +125,25 @@ impl Translator<'_> {
             "SURFACE_OF_LINEAR_EXTRUSION" => self.extrusion(id, at, around).map(Sheet::from),
             "SURFACE_OF_REVOLUTION" => self.revolution(id, at, around),
             "OFFSET_SURFACE" => {
+                let (base, distance) = self.offset_base(record)?;
                 let moved = std::mem::take(&mut self.transform);
-                let base = self.surface(at.reference(1)?, around, depth + 1);
+                let base = self.surface(base, around, depth + 1);
                 self.transform = moved;
                 let base = base?;
-                let distance = at.number(2)? * if base.is_turned { -1.0 } else { 1.0 };
-                // On the side of its own normal.
-                let fields = Fields::new(140).reals([0.0, 0.0, 0.0, distance]);
                 Ok(Sheet {
-                    pointer: self.add_surface(0, &fields.integers([base.pointer]), id),
+                    pointer: self.add_surface(0, &base.offset(distance), id),
                     ..base
                 })
             }
+            // Without edges its own ends are what bounds it.
+            "RECTANGULAR_TRIMMED_SURFACE" if around.is_empty() => {
+                self.count(id);
+                self.rectangle(id)
+            }
             "RECTANGULAR_TRIMMED_SURFACE" => {
                 self.count(id);
-                self.surface(at.reference(1)?, around, depth + 1)
+                let sheet = self.surface(at.reference(1)?, around, depth + 1)?;
+                Ok(sheet.turned(is_reversed(at)))
             }
             "SURFACE_REPLICA" => {
                 let map = self.geometry().map(at.reference(2)?)?;
@@ -132,6 +158,24 @@ impl Translator<'_> {
                 Ok(Sheet::from(self.add_surface(0, &fields, id)))
             }
         }
+    }
+
+    /// What a surface is offset from, and how far: the sum of those that are offset from each other.
+    pub(super) fn offset_base(&mut self, record: &Record<'_>) -> Result<(u64, f64), Problem> {
+        let (mut base, mut distance) = (
+            record.attributes().reference(1)?,
+            record.attributes().number(2)?,
+        );
+        for _ in 0..NESTING {
+            let below = self.geometry().get(base)?;
+            if below.name() != "OFFSET_SURFACE" {
+                break;
+            }
+            self.count(base);
+            distance += below.attributes().number(2)?;
+            base = below.attributes().reference(1)?;
+        }
+        Ok((base, distance))
     }
 
     /// Adds a plane, cylinder, cone, sphere or torus.

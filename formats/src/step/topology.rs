@@ -124,7 +124,7 @@ impl Translator<'_> {
                 let fields = Fields::new(116).reals(point.to_array());
                 Some(self.add_named(0, &fields, id, name))
             }
-            "RECTANGULAR_TRIMMED_SURFACE" => Some(self.rectangle(id)?),
+            "RECTANGULAR_TRIMMED_SURFACE" => Some(self.rectangle(id)?.pointer),
             "CURVE_BOUNDED_SURFACE" => Some(self.curve_bounded(id, record)?),
             "MAPPED_ITEM" => self.mapped(id, record, depth)?,
             "SOLID_REPLICA" => {
@@ -510,7 +510,10 @@ fn is_curve(kind: &str) -> bool {
 
 /// As [`is_curve`], of surfaces.
 fn is_surface(kind: &str) -> bool {
-    kind.ends_with("SURFACE") || kind.ends_with("SURFACE_WITH_KNOTS") || kind == "SURFACE_REPLICA"
+    kind.ends_with("SURFACE")
+        || kind.ends_with("SURFACE_WITH_KNOTS")
+        || kind.starts_with("SURFACE_OF_")
+        || kind == "SURFACE_REPLICA"
 }
 
 /// Whether an item is there for the sake of others, and shows nothing.

@@ -213,12 +213,13 @@ impl<'a> Translator<'a> {
         self.draft.add(form, fields, &look)
     }
 
-    /// Adds an entity that has a name, a colour of its own, or is hidden.
+    /// Adds an entity that has a name, a colour of its own, or is hidden; moved as surfaces are.
     pub(super) fn add_named(&mut self, form: i64, fields: &Fields, id: u64, name: String) -> i64 {
         let look = Look {
             name,
             color: self.color(self.styles.of_surfaces(id)),
             blanked: self.styles.is_hidden(id),
+            transform: self.transform,
             ..self.look(id)
         };
         self.draft.add(form, fields, &look)
@@ -255,13 +256,7 @@ impl<'a> Translator<'a> {
 
     /// Adds a surface.
     pub(super) fn add_surface(&mut self, form: i64, fields: &Fields, id: u64) -> i64 {
-        let look = Look {
-            color: self.color(self.styles.of_surfaces(id)),
-            blanked: self.styles.is_hidden(id),
-            transform: self.transform,
-            ..self.look(id)
-        };
-        self.draft.add(form, fields, &look)
+        self.add_named(form, fields, id, String::new())
     }
 
     /// What `make` makes of surfaces, moved by a map.

@@ -10,7 +10,7 @@ use super::sums::Sums;
 use crate::curve::are_rational;
 use crate::{BezierSurface, Curve, MAX_DEGREE};
 
-/// How often an interval or rectangle is halved at most.
+/// How often an interval or rectangle is halved at most, where weights are the same.
 const HALVINGS: u32 = 14;
 
 /// Intervals to which the rule is applied in one piece, before no more is halved: what then still differs is
@@ -76,6 +76,8 @@ pub(super) struct Piece {
     rules: [&'static Rule; 2],
     /// Errors that are small enough for one rectangle.
     tolerance: Sums,
+    /// How often an interval or rectangle is halved at most: what weights make narrow is seen then, too.
+    halvings: u32,
     /// How many more intervals there may be.
     left: Cell<u32>,
     /// Whether the rule is good for rows as a whole, so that parts of rows need no second answer.
@@ -102,6 +104,7 @@ impl Piece {
             points: piece.homogeneous().iter().map(moved).collect(),
             rules: degrees.map(|p| &RULES[count(p) - NODES.start]),
             tolerance,
+            halvings: HALVINGS + unevenness(piece.homogeneous()),
             left: Cell::new(INTERVALS),
             is_plain: OnceCell::new(),
         }
@@ -169,7 +172,7 @@ impl Piece {
 
     /// Whether halving makes an integral better; what is not a number stays so.
     fn is_halved(&self, level: u32, error: &Sums) -> bool {
-        let has_room = level < HALVINGS && self.left.get() > 0;
+        let has_room = level < self.halvings && self.left.get() > 0;
         has_room && error.is_finite() && !error.is_within(&self.tolerance)
     }
 
@@ -315,6 +318,18 @@ impl Piece {
         }
         total
     }
+}
+
+/// How often the largest weight of points can be halved before it is less than the least one.
+fn unevenness(points: &[DVec4]) -> u32 {
+    let least = points.iter().map(|h| h.w).fold(f64::INFINITY, f64::min);
+    let mut most = points.iter().map(|h| h.w).fold(0.0, f64::max);
+    let mut count = 0;
+    while most > least && count < f64::MANTISSA_DIGITS {
+        most *= 0.5;
+        count += 1;
+    }
+    count
 }
 
 /// The Bernstein polynomials of a degree at some place, and their derivatives.

@@ -348,6 +348,28 @@ fn heavy_weights_cost_no_digits() {
 }
 
 #[test]
+fn weights_far_apart_leave_a_rectangle_as_large_as_it_is() {
+    let (light, heavy) = (4e-4, 2500.0);
+    for weights in [
+        [light, heavy, heavy, light, heavy, light],
+        [light, light, heavy, heavy, heavy, light],
+        [light, heavy, light, light, light, heavy],
+    ] {
+        let [u, v] = [2, 1].map(|degree| KnotVector::bezier(degree, 0.0..1.0).unwrap());
+        let points = [0.0, 1.0, 2.0]
+            .map(|x| [0.0, 1.0].map(|y| DVec3::new(x, y, 0.0)))
+            .concat();
+        let found = integrals(&Surface::new(u, v, &points, Some(&weights)).unwrap());
+        let off = (found.normal().z - 2.0).abs();
+        assert!(
+            off < 1e-9 && found.area_error() < 1e-6,
+            "{weights:?}: {off:e}"
+        );
+        assert!(found.area() > 2.0 - 1e-9, "{weights:?}: {}", found.area());
+    }
+}
+
+#[test]
 fn thin_bands_are_as_large_as_they_are() {
     let cylinder = modelling::cylinder(&Frame::WORLD, 1.0, 0.0..TAU, 0.0..1000.0).unwrap();
     for width in [1.0, 1e-3, 1e-6] {

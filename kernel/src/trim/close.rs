@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use glam::DVec2;
+use glam::{BVec2, DVec2};
 
 use super::clip::clipped;
 use super::parts::{ended, moved};
@@ -81,7 +81,7 @@ pub struct ClosedLoops {
 /// poles), or, counted, up to a hundredth of the domain.
 ///
 /// # Errors
-/// If a chain is empty, a gap is wider, loops run around in both directions, or one is more than a
+/// If a chain is empty, a gap is wider, loops run around along both parameters, or one is more than a
 /// million periods away or lies on more than eight.
 pub fn close(
     surface: &Surface,
@@ -107,14 +107,13 @@ pub fn close(
             (false, false) => simple.push(path),
             (true, false) => open[0].push(path),
             (false, true) => open[1].push(path),
-            (true, true) => return Err(closer.gap(&path)),
+            (true, true) => return Err(Error::LoopsWind),
         }
     }
-    let [around_u, around_v] = &open;
-    if let (Some(path), Some(_)) = (around_u.first(), around_v.first()) {
-        return Err(closer.gap(path));
+    if open.iter().all(|around| !around.is_empty()) {
+        return Err(Error::LoopsWind);
     }
-    let has_rings = !around_u.is_empty() || !around_v.is_empty();
+    let has_rings = open.iter().any(|around| !around.is_empty());
     for (axis, rings) in open.iter().enumerate() {
         closer.add_bands(rings, axis, &mut simple)?;
     }
@@ -158,10 +157,13 @@ impl Closer<'_> {
     ) -> Result<(Vec<Curve<DVec2>>, DVec2), Error> {
         let opening = chain.first().ok_or(Error::EmptyLoop)?.clone();
         let first = opening.start();
+        let (least, most) = hull(&chain);
+        let is_short = ((most - least) / self.size).cmple(DVec2::splat(1.0 + NEAR));
         let mut path: Vec<Curve<DVec2>> = Vec::new();
-        let mut end = first;
+        let (mut end, mut last) = (first, DVec2::ZERO);
         for (index, curve) in chain.into_iter().enumerate() {
-            let mut shift = self.shift(end, curve.start());
+            let mut shift = self.shift(end, curve.start(), (is_short, last));
+            last = shift;
             if let Some(before) = path.last() {
                 shift += self.around_pole(before, &curve, shift);
             }
@@ -173,7 +175,7 @@ impl Closer<'_> {
             end = curve.end();
             path.push(curve);
         }
-        let mut turn = self.shift(end, first);
+        let mut turn = self.shift(end, first, (is_short, last));
         if let Some(before) = path.last() {
             turn += self.around_pole(before, &opening, turn);
         }
@@ -268,8 +270,9 @@ impl Closer<'_> {
         (is_there && self.is_point(axis, side)).then_some(side)
     }
 
-    /// By how much what begins at `next` is moved to continue a path that arrives at `end`.
-    fn shift(&self, end: DVec2, next: DVec2) -> DVec2 {
+    /// By how much what begins at `next` is moved to continue a path that arrives at `end`, of which the curve
+    /// before was moved by `last`; along which axes all curves lie within a period tells `is_short`.
+    fn shift(&self, end: DVec2, next: DVec2, (is_short, last): (BVec2, DVec2)) -> DVec2 {
         let mut shift = self.periods(end - next);
         if self.orientation != Orientation::Literal {
             return shift;
@@ -279,10 +282,12 @@ impl Closer<'_> {
                 let share = (uv[axis] - self.start[axis]) / self.size[axis];
                 (-NEAR..=1.0 + NEAR).contains(&share)
             };
-            if shift[axis] != 0.0 && is_inside(end) && is_inside(next) {
+            let literal = if is_short.test(axis) { last[axis] } else { 0.0 };
+            let is_literal = is_short.test(axis) || is_inside(end) && is_inside(next);
+            if (shift[axis] - literal).abs() > 0.0 && is_literal {
                 let [from, to] = [end, next].map(|uv| self.pole(uv, 1 - axis));
                 if from.is_some() && from == to {
-                    shift[axis] = 0.0;
+                    shift[axis] = literal;
                 }
             }
         }
@@ -384,16 +389,6 @@ impl Closer<'_> {
         let end = self.start + self.size;
         let uv = DVec2::new(pick(0), pick(1)).clamp(self.start, end);
         self.surface.evaluate(uv)
-    }
-
-    /// The error that a path does not end where it began.
-    fn gap(&self, path: &[Curve<DVec2>]) -> Error {
-        let ends = path.first().zip(path.last());
-        Error::LoopGap {
-            index: path.len().saturating_sub(1),
-            gap: ends.map_or(0.0, |(a, b)| a.start().distance(b.end())),
-            allowed: self.size.length() * WIDE_GAP,
-        }
     }
 
     /// Whether the surface has no border, up to poles.

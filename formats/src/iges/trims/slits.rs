@@ -42,6 +42,33 @@ impl Trimmer<'_> {
     /// The loops of chains of which some, laid onto the surface, run along its seams both ways; `None`
     /// if none do, or if that does not tell the face. The flags are for those laid onto it.
     pub(super) fn unslit(&self, chains: &[(Chain, bool)], accuracy: f64) -> Option<ClosedLoops> {
+        let (rest, seam) = self.slit(chains)?;
+        if rest.is_empty() {
+            return self.is_boundless().then(ClosedLoops::default);
+        }
+        let orientation = Orientation::Unknown;
+        let made = kernel::close_loops(self.surface, self.closed, rest, accuracy, orientation);
+        let mut made = made.ok()?;
+        let is_inside = self.holds(&made.loops, &seam)?;
+        made.loops = self.cleared(&made.loops, is_inside)?;
+        Some(made)
+    }
+
+    /// The same of chains that say which side of them the face is on, and have made `loops`, if the seam that
+    /// they run along both ways has nothing of the face beside it: then they run the wrong way round.
+    pub(super) fn turned(
+        &self,
+        chains: &[(Chain, bool)],
+        loops: &[TrimLoop],
+        accuracy: f64,
+    ) -> Option<ClosedLoops> {
+        let (rest, seam) = self.slit(chains)?;
+        let is_lost = !rest.is_empty() && self.holds(loops, &seam) == Some(false);
+        is_lost.then(|| self.unslit(chains, accuracy)).flatten()
+    }
+
+    /// What is left of chains without what runs along seams both ways, and the longest part of that.
+    fn slit(&self, chains: &[(Chain, bool)]) -> Option<(Vec<Chain>, Stretch)> {
         if self.closed == [false; 2] || self.closed != [true; 2] && self.poles.is_empty() {
             return None;
         }
@@ -59,28 +86,22 @@ impl Trimmer<'_> {
                 rest.extend(walked(left, |uv| self.point(uv), self.accuracy)?);
             }
         }
-        let longest = |a: &&Stretch, b: &&Stretch| a.length().total_cmp(&b.length());
-        let seam = sewn.iter().max_by(longest)?;
-        if seam.length() < SHARED {
-            return None;
-        }
-        if rest.is_empty() {
-            return self.is_boundless().then(ClosedLoops::default);
-        }
-        let orientation = Orientation::Unknown;
-        let made = kernel::close_loops(self.surface, self.closed, rest, accuracy, orientation);
-        let mut made = made.ok()?;
+        let longest = |a: &Stretch, b: &Stretch| a.length().total_cmp(&b.length());
+        let seam = sewn.into_iter().max_by(longest)?;
+        (seam.length() >= SHARED).then_some((rest, seam))
+    }
+
+    /// Whether what lies beside a part of a seam, on both sides of it, is inside of loops, or outside.
+    fn holds(&self, loops: &[TrimLoop], seam: &Stretch) -> Option<bool> {
         let [u, v] = &self.domain;
-        let region = TrimRegion::new(&made.loops, u.clone(), v.clone());
+        let region = TrimRegion::new(loops, u.clone(), v.clone());
         let middle = seam.from.midpoint(seam.to);
         let beside = |turns: f64| self.place(seam.axis, turns, middle);
-        let is_inside = match [ASIDE, 1.0 - ASIDE].map(|turns| region.contains(beside(turns))) {
-            [true, true] => true,
-            [false, false] => false,
-            _ => return None,
-        };
-        made.loops = self.cleared(&made.loops, is_inside)?;
-        Some(made)
+        match [ASIDE, 1.0 - ASIDE].map(|turns| region.contains(beside(turns))) {
+            [true, true] => Some(true),
+            [false, false] => Some(false),
+            _ => None,
+        }
     }
 
     /// The face to the left of its loops, which bound what is inside of some, or outside, and run along
