@@ -412,7 +412,7 @@ impl<'a> Face<'a> {
     /// How far the surface over a triangle of parameters is from the flat triangle with the
     /// same corners, at the parameters that belong to its points, at most.
     pub(crate) fn chord(&self, uvs: [DVec2; 3]) -> f64 {
-        self.pieces.off_flat(uvs, 0.0, || false)
+        self.pieces.off_flat(uvs, (0.0, 0.0), || false)
     }
 
     /// Whether two places are closer than a quarter of the domain.

@@ -476,9 +476,9 @@ mod tests {
                             seen.set(*spread);
                             1.0
                         };
-                        pieces.bound_until(&rect, bound, 0.0, || true);
+                        pieces.bound_until(&rect, bound, (0.0, 0.0), || true);
                         let rough = seen.get();
-                        pieces.bound_until(&rect, bound, 1.0, || false);
+                        pieces.bound_until(&rect, bound, (1.0, 2.0), || false);
                         let whole = seen.get();
                         for _ in 0..50 {
                             let place = DVec2::new(rng.f64(), rng.f64());

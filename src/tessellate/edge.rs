@@ -416,7 +416,8 @@ impl<'a> Walker<'a> {
                 .fold(0.0, f64::max);
             more + aside + spread.chord(b - a, size).max(least) + spread.chord(off, size)
         };
-        face.pieces.bound_until(&rect, bound, enough, || false)
+        face.pieces
+            .bound_until(&rect, bound, (enough, f64::INFINITY), || false)
     }
 
     /// Adds the points where a curve passes a line across which its surface has a crease.

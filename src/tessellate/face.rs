@@ -4,6 +4,7 @@
 mod inside;
 mod outline;
 mod plane;
+mod seed;
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -17,9 +18,9 @@ use spade::{
 };
 
 use self::plane::Plane;
+use self::seed::{Seed, seeds};
 use super::pieces::{LINE, Rect};
 use super::rim::Face;
-use super::seed::{Seed, seeds};
 use super::{Limits, deviation};
 
 pub(super) use self::outline::{Corner, Meeting, Step, Stretch};
@@ -32,6 +33,9 @@ const ALIKE: usize = 5;
 
 /// Triangles that are narrower than this share of the tolerance may be folded.
 const NARROW: f64 = 1e-3;
+
+/// Where coarse bounds are so many times too large better ones are seldom enough.
+const HOPELESS: f64 = 2.0;
 
 /// The part of the tolerance that is aimed at: the rest is for rounding on the way to files.
 const AIM: f64 = 0.99;
@@ -112,7 +116,7 @@ impl<'a> Mesher<'a> {
         }
         self.add_creases();
         self.divide_apexes();
-        let seeds = seeds(self.face, &self.bounds, self.limits);
+        let seeds = seeds(self.face, &self.stretched, &self.bounds, self.limits);
         let room = self.limits.room;
         if !room.is_left() {
             return Triangles::default();
@@ -413,7 +417,7 @@ impl<'a> Mesher<'a> {
             x.0.total_cmp(&y.0).then(x.1.total_cmp(&y.1))
         });
         let place = match side {
-            Some(side) => uvs[side].midpoint(uvs[(side + 1) % 3]),
+            Some(side) => self.stretched.middle(uvs[side], uvs[(side + 1) % 3]),
             None => (uvs[0] + uvs[1] + uvs[2]) / 3.0,
         };
         // Parameters too near to tell apart are not divided further.
@@ -462,7 +466,13 @@ impl<'a> Mesher<'a> {
         }
         // What is seen to be too far needs no better bound.
         let is_far = || deviation::triangle(&self.face.pieces, uvs, points) - gap > limit;
-        let off = |uvs| self.face.pieces.off_flat(uvs, limit, is_far);
+        // What is shared is not divided, so that beside it only better bounds can help.
+        let is_beside = corners.iter().any(|v| v.id.is_some()) || self.is_line(uvs);
+        let hopeless = if is_beside { f64::INFINITY } else { HOPELESS };
+        let off = |uvs| {
+            let enough = (limit, hopeless * limit);
+            self.face.pieces.off_flat(uvs, enough, is_far)
+        };
         let bound = if self.is_line(uvs) {
             // What lies between its sides is no farther away than they are. Those that are shared are proven
             // where they are made.

@@ -21,7 +21,6 @@ pub(crate) mod pieces;
 mod rim;
 mod room;
 mod round;
-mod seed;
 mod separable;
 mod sew;
 mod shell;

@@ -2,6 +2,7 @@
 
 mod belonging;
 mod spread;
+mod unevenness;
 
 use std::ops::Range;
 
@@ -16,9 +17,7 @@ use crate::simd::Instructions;
 
 pub(crate) use self::spread::Spread;
 pub(super) use self::spread::{Ball, highest};
-
-/// Where coarse bounds are so many times too large better ones are seldom enough.
-const HOPELESS: f64 = 2.0;
+pub(super) use self::unevenness::UNEVEN;
 
 /// A rectangle of parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,8 +60,8 @@ pub(crate) struct Pieces<'a> {
     pub(super) surface: &'a Surface,
     domain: Rect,
     /// Borders of the pieces along u and v.
-    breaks: [Vec<f64>; 2],
-    /// Breaks inside the domain at which a first derivative jumps.
+    pub(super) breaks: [Vec<f64>; 2],
+    /// Breaks inside the domain at which a first derivative jumps, or steps become much longer or shorter.
     pub(super) creases: [Vec<f64>; 2],
     list: Vec<Piece>,
     family: Family,
@@ -246,15 +245,15 @@ impl<'a> Pieces<'a> {
     }
 
     /// A `bound` that follows from those over a rectangle, or from coarser ones, which cost less,
-    /// where it is `enough` or a better one would be `futile`.
+    /// where it is `enough`, or so much that it is hopeless, or a better one would be `futile`.
     pub(super) fn bound_until(
         &self,
         rect: &Rect,
         bound: impl Fn(&Spread) -> f64,
-        enough: f64,
+        (enough, hopeless): (f64, f64),
         futile: impl Fn() -> bool,
     ) -> f64 {
-        let will_do = |rough: f64| rough <= enough || rough > HOPELESS * enough || futile();
+        let will_do = |rough: f64| rough <= enough || rough > hopeless || futile();
         let around = self.around(rect);
         let [rows, columns] = &around;
         if let ([i, j], 1, 1) = ([rows.start, columns.start], rows.len(), columns.len()) {
@@ -369,8 +368,11 @@ impl<'a> Pieces<'a> {
     fn find_creases(&self, axis: usize) -> Vec<f64> {
         let knots: &KnotVector = [self.surface.knots_u(), self.surface.knots_v()][axis];
         let breaks = &self.breaks[axis];
-        let inner = (1..breaks.len() - 1)
-            .filter(|&k| knots.multiplicity(breaks[k]) >= knots.degree() && self.jumps(axis, k));
+        let speeds = self.speeds(axis);
+        let jumps =
+            |k: usize| knots.multiplicity(breaks[k]) >= knots.degree() && self.jumps(axis, k);
+        let inner =
+            (1..breaks.len() - 1).filter(|&k| jumps(k) || self.parts_steps(axis, &speeds, k));
         inner.map(|k| breaks[k]).collect()
     }
 
@@ -449,7 +451,7 @@ mod tests {
         let pieces = Pieces::new(&surface);
         let off = |width: f64| {
             let middle = DVec2::new(width, 0.5);
-            pieces.off_flat([DVec2::ZERO, DVec2::Y, middle], 0.0, || false)
+            pieces.off_flat([DVec2::ZERO, DVec2::Y, middle], (0.0, 0.0), || false)
         };
         assert!(
             off(1e-16) <= off(0.0) * (1.0 + 1e-9),

@@ -6,6 +6,7 @@ use kernel::{Child, Item, Node, Patch, Shape, Surface, modelling};
 mod closing;
 mod round;
 mod sewing;
+mod uneven;
 
 use super::trail::Trail;
 use super::*;

@@ -4,15 +4,24 @@
 use glam::DVec2;
 
 use super::super::Limits;
-use super::super::pieces::Rect;
+use super::super::pieces::{Rect, UNEVEN};
 use super::super::rim::Face;
-use super::super::seed::{bends, steps, turns};
+use super::seed::{bends, steps, turns};
 
 /// Steps along a side without curvature, squared.
 const PLAIN: f64 = 16.0;
 
 /// Parts along which lines around an axis are stretched alike.
 const PARTS: usize = 64;
+
+/// Parts of a span become shorter by half towards its ends, so often at most.
+const HALVES: i32 = 20;
+
+/// Lines across at which a part is looked at, at most.
+const ACROSS: usize = 24;
+
+/// Steps are not shorter than this share of a face.
+const LEAST: f64 = 1e-9;
 
 /// At least so many steps lead around an axis, however near it is.
 const AROUND: f64 = 3.0;
@@ -31,18 +40,18 @@ pub(super) struct Plane {
     scale: DVec2,
     /// Where lines across it are that do not lean: borders and creases of the surface.
     upright: Vec<f64>,
-    /// Where a surface that turns about an axis has lines of very different length around it.
-    stretch: Option<Stretch>,
+    /// Where a surface that turns about an axis has lines of very different length around it, or steps are of very
+    /// different length along an axis, as weights are.
+    stretches: [Option<Stretch>; 2],
 }
 
 /// What an axis of parameters is stretched by from one part of it to the next.
 struct Stretch {
-    axis: usize,
-    /// How many parts there are in a unit of the parameter.
-    density: f64,
-    factors: [f64; PARTS],
-    /// Stretched lengths up to the start of each part.
-    sums: [f64; PARTS],
+    /// Where parts start, from the start of the first, and where the last one ends.
+    ends: Vec<f64>,
+    factors: Vec<f64>,
+    /// Stretched lengths up to each of the ends.
+    sums: Vec<f64>,
 }
 
 impl Plane {
@@ -52,17 +61,24 @@ impl Plane {
             min: bounds.min,
             scale: scale(face, bounds, limits),
             upright: Vec::new(),
-            stretch: None,
+            stretches: [None, None],
         };
         let size = bounds.size();
-        if let Some(round) = &face.pieces.round
-            && size.min_element() > 0.0
-        {
-            let (stretch, length) = Stretch::new(face, round.around(), bounds, limits);
-            let mut extent = size;
-            extent[stretch.axis] = length;
-            plane.scale = DVec2::splat(extent.max_element().recip());
-            plane.stretch = Some(stretch);
+        if size.min_element() > 0.0 {
+            if let Some(round) = &face.pieces.round {
+                let axis = 1 - round.around();
+                plane.stretches[axis] = Some(Stretch::around(face, axis, bounds, limits));
+            } else {
+                let unevenness = [0, 1].map(|axis| face.pieces.unevenness(axis));
+                if unevenness.iter().flatten().any(|&factor| factor > UNEVEN) {
+                    plane.stretches = uneven(face, bounds, limits, &unevenness).map(Some);
+                }
+            }
+            if plane.stretches.iter().any(Option::is_some) {
+                plane.scale = DVec2::ONE;
+                let extent = plane.unleaned(bounds.max);
+                plane.scale = DVec2::splat(extent.max_element().recip());
+            }
         }
         let inside = bounds.min.x..bounds.max.x;
         let creases = face.pieces.creases[0].iter();
@@ -90,65 +106,166 @@ impl Plane {
     /// The same before lines lean: straight lines of parameters are straight here, unless it is stretched.
     pub(super) fn unleaned(&self, uv: DVec2) -> DVec2 {
         let mut p = uv - self.min;
-        if let Some(stretch) = &self.stretch {
-            p[stretch.axis] = stretch.place(p[stretch.axis]);
+        for (axis, stretch) in self.stretches.iter().enumerate() {
+            if let Some(stretch) = stretch {
+                p[axis] = stretch.place(p[axis]);
+            }
         }
         p * self.scale
+    }
+
+    /// Whether parts of an axis have lengths of their own in it.
+    pub(super) fn is_stretched(&self, axis: usize) -> bool {
+        self.stretches[axis].is_some()
+    }
+
+    /// The parameters between two places: in the middle of the plane where weights stretch it.
+    pub(super) fn middle(&self, a: DVec2, b: DVec2) -> DVec2 {
+        let mut middle = a.midpoint(b);
+        if let [Some(u), Some(v)] = &self.stretches {
+            for (axis, stretch) in [u, v].into_iter().enumerate() {
+                let ends = [a[axis] - self.min[axis], b[axis] - self.min[axis]];
+                // What both have stays the same to the last digit.
+                if (ends[0] - ends[1]).abs() > 0.0 {
+                    let [a, b] = ends.map(|end| stretch.place(end));
+                    middle[axis] = self.min[axis] + stretch.back(a.midpoint(b));
+                }
+            }
+        }
+        middle
     }
 
     /// What steps from a place of the parameters on are multiplied with.
     pub(super) fn factors(&self, uv: DVec2) -> DVec2 {
         let mut factors = self.scale;
-        if let Some(stretch) = &self.stretch {
-            let part = stretch.part(uv[stretch.axis] - self.min[stretch.axis]);
-            factors[stretch.axis] *= stretch.factors[part];
+        for (axis, stretch) in self.stretches.iter().enumerate() {
+            if let Some(stretch) = stretch {
+                factors[axis] *= stretch.factors[stretch.part(uv[axis] - self.min[axis])];
+            }
         }
         factors
+    }
+
+    /// The parameters at a share of a rectangle as it lies in the plane, and how many of them there are to a unit
+    /// of the share.
+    pub(super) fn within(&self, rect: &Rect, share: DVec2) -> (DVec2, DVec2) {
+        let mut unit = rect.size();
+        let mut uv = rect.min + unit * share;
+        for (axis, stretch) in self.stretches.iter().enumerate() {
+            if let Some(stretch) = stretch {
+                let start = self.min[axis];
+                let ends = [rect.min[axis], rect.max[axis]].map(|end| stretch.place(end - start));
+                let length = ends[1] - ends[0];
+                let from_start = stretch.back(ends[0] + length * share[axis]);
+                uv[axis] = start + from_start;
+                unit[axis] = length / stretch.factors[stretch.part(from_start)];
+            }
+        }
+        (uv, unit)
     }
 }
 
 impl Stretch {
-    /// That of the parameter along the axis of a surface, and the stretched length of all of it.
-    fn new(face: &Face<'_>, around: usize, bounds: &Rect, limits: &Limits<'_>) -> (Self, f64) {
-        let axis = 1 - around;
+    fn new(ends: Vec<f64>, factors: Vec<f64>) -> Self {
+        let mut length = 0.0;
+        let parts = ends.windows(2).zip(&factors);
+        let lengths = parts.map(|(ends, factor)| {
+            length += factor * (ends[1] - ends[0]);
+            length
+        });
+        Self {
+            sums: [0.0].into_iter().chain(lengths).collect(),
+            ends,
+            factors,
+        }
+    }
+
+    /// That of the parameter along the axis of a surface that turns about one.
+    fn around(face: &Face<'_>, axis: usize, bounds: &Rect, limits: &Limits<'_>) -> Self {
+        let around = 1 - axis;
         let size = bounds.size();
         let mut uv = bounds.min.midpoint(bounds.max);
-        let factors = std::array::from_fn(|part| {
-            uv[axis] = bounds.min[axis] + size[axis] * (part as f64 + 0.5) / PARTS as f64;
+        let ends: Vec<f64> = (0..=PARTS)
+            .map(|part| size[axis] * part as f64 / PARTS as f64)
+            .collect();
+        let factors = ends.windows(2).map(|ends| {
+            uv[axis] = bounds.min[axis] + ends[0].midpoint(ends[1]);
             let step = steps(face, uv, limits, size);
             ROWS * step[around].min(size[around] / AROUND) / step[axis]
         });
-        let width = size[axis] / PARTS as f64;
-        let mut length = 0.0;
-        let sums = factors.map(|factor: f64| {
-            let start = length;
-            length += factor * width;
-            start
-        });
-        let density = width.recip();
-        let stretch = Self {
-            axis,
-            density,
-            factors,
-            sums,
-        };
-        (stretch, length)
+        let factors = factors.collect();
+        Self::new(ends, factors)
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "what is below zero is the first part"
-    )]
     fn part(&self, from_start: f64) -> usize {
-        ((from_start * self.density) as usize).min(PARTS - 1)
+        let inner = &self.ends[1..self.factors.len()];
+        inner.partition_point(|&end| end <= from_start)
     }
 
     fn place(&self, from_start: f64) -> f64 {
         let part = self.part(from_start);
-        let rest = from_start - part as f64 / self.density;
-        self.sums[part] + self.factors[part] * rest
+        self.sums[part] + self.factors[part] * (from_start - self.ends[part])
     }
+
+    /// What has this place.
+    fn back(&self, place: f64) -> f64 {
+        let inner = &self.sums[1..self.factors.len()];
+        let part = inner.partition_point(|&sum| sum <= place);
+        self.ends[part] + (place - self.sums[part]) / self.factors[part]
+    }
+}
+
+/// Stretches along both axes that make steps about as long everywhere, where weights make them long in one place
+/// and short in another.
+fn uneven(
+    face: &Face<'_>,
+    bounds: &Rect,
+    limits: &Limits<'_>,
+    unevenness: &[Vec<f64>; 2],
+) -> [Stretch; 2] {
+    let size = bounds.size();
+    let ends = [0, 1].map(|axis| graded(face, axis, bounds, &unevenness[axis]));
+    let middles = [0, 1].map(|axis| {
+        let pairs = ends[axis].windows(2);
+        pairs.map(|ends| ends[0].midpoint(ends[1])).collect()
+    });
+    let density = |axis: usize, along: f64| {
+        let others: &Vec<f64> = &middles[1 - axis];
+        let stride = others.len().div_ceil(ACROSS);
+        let most = others.iter().step_by(stride).map(|&across| {
+            let mut place = DVec2::splat(along);
+            place[1 - axis] = across;
+            let step = steps(face, bounds.min + place, limits, size)[axis] / size[axis];
+            step.max(LEAST).recip()
+        });
+        most.fold(0.0, f64::max)
+    };
+    [0, 1].map(|axis| {
+        let rows = if axis == 0 { 1.0 } else { ROWS };
+        let factors = middles[axis]
+            .iter()
+            .map(|&along| rows * density(axis, along) / size[axis]);
+        Stretch::new(ends[axis].clone(), factors.collect())
+    })
+}
+
+/// Ends of parts along an axis, from the start of a rectangle, that become shorter towards the ends of spans where
+/// steps do.
+fn graded(face: &Face<'_>, axis: usize, bounds: &Rect, unevenness: &[f64]) -> Vec<f64> {
+    let (from, to) = (bounds.min[axis], bounds.max[axis]);
+    let mut ends = vec![0.0];
+    for (span, factor) in face.pieces.breaks[axis].windows(2).zip(unevenness) {
+        let [start, end] = [span[0], span[1]].map(|stop| stop.clamp(from, to));
+        if start < end {
+            let halves = (1..HALVES).find(|&k| 0.5_f64.powi(k) * factor <= 1.0);
+            let halves = halves.unwrap_or(HALVES);
+            let before = (1..=halves).rev().map(|k| 0.5_f64.powi(k));
+            let after = (2..=halves).map(|k| 1.0 - 0.5_f64.powi(k));
+            let shares = before.chain(after).chain([1.0]);
+            ends.extend(shares.map(|share| start - from + (end - start) * share));
+        }
+    }
+    ends
 }
 
 /// Factors that make steps that use as much of the limits equally long in both directions, over a
@@ -157,7 +274,8 @@ fn scale(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> DVec2 {
     let (mut bend, mut turn, mut length) = (DVec2::ZERO, DVec2::ZERO, DVec2::ZERO);
     for i in 0..3 {
         for j in 0..3 {
-            let share = DVec2::new(f64::from(i), f64::from(j)) * 0.4 + 0.1;
+            // Not where knots are likely to be.
+            let share = DVec2::new(f64::from(i), f64::from(j)) * 0.37 + 0.11;
             let uv = bounds.min + bounds.size() * share;
             let d = face.pieces.surface.derivatives(uv);
             let turns = turns(&d) / limits.angle;

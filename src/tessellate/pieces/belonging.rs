@@ -8,8 +8,13 @@ use super::{Pieces, Rect, Spread};
 
 impl Pieces<'_> {
     /// How far a flat triangle is from the surface at the [parameters](Self::place) that belong to its
-    /// points; a coarser bound where it is `enough` or a better one would be `futile`.
-    pub(crate) fn off_flat(&self, uvs: [DVec2; 3], enough: f64, futile: impl Fn() -> bool) -> f64 {
+    /// points; a coarser bound where it is `enough`, or so much that it is hopeless, or a better one would be `futile`.
+    pub(crate) fn off_flat(
+        &self,
+        uvs: [DVec2; 3],
+        (enough, hopeless): (f64, f64),
+        futile: impl Fn() -> bool,
+    ) -> f64 {
         let rect = Rect::around(uvs);
         let is_creased = self.is_creased_inside(&rect);
         let Some(cone) = &self.cone else {
@@ -21,20 +26,21 @@ impl Pieces<'_> {
                     spread.triangle(uvs, size)
                 }
             };
-            return self.bound_until(&rect, bound, enough, futile);
+            return self.bound_until(&rect, bound, (enough, hopeless), futile);
         };
         if is_creased {
             let rect = cone.wide_end(&rect);
             return self.spread(&rect).bent(rect.size()) + cone.off;
         }
         let sides = [[uvs[0], uvs[1]], [uvs[1], uvs[2]], [uvs[2], uvs[0]]];
-        let off = |side: [DVec2; 2]| self.off_chord(cone, side, enough - cone.off);
+        let enough = (enough - cone.off, hopeless - cone.off);
+        let off = |side: [DVec2; 2]| self.off_chord(cone, side, enough);
         sides.map(off).into_iter().fold(0.0, f64::max) + cone.off
     }
 
     /// How far a chord of a cone is from it at the parameters that belong to its points, without what the cone
     /// is off.
-    fn off_chord(&self, cone: &Cone, ends: [DVec2; 2], enough: f64) -> f64 {
+    fn off_chord(&self, cone: &Cone, ends: [DVec2; 2], enough: (f64, f64)) -> f64 {
         let bend = cone.bend(ends);
         if bend <= 0.0 {
             return 0.0;

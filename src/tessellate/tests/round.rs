@@ -26,7 +26,7 @@ fn distance(face: &FaceMesh, p: DVec3) -> f64 {
 }
 
 /// Asserts that no point of a face, and of its triangles, is farther from the other than is proven.
-fn assert_near(face: &FaceMesh, patch: &Patch, tolerance: f64) {
+pub(super) fn assert_near(face: &FaceMesh, patch: &Patch, tolerance: f64) {
     assert!(face.proven <= tolerance && face.unproven == 0);
     assert!(face.sampled <= face.proven);
     let region = patch.region();
@@ -44,7 +44,7 @@ fn turned(from: DVec3, to: DVec3) -> Surface {
 }
 
 /// A face of one surface, and its number of triangles.
-fn made(patch: &Patch, tolerance: f64) -> (FaceMesh, usize) {
+pub(super) fn made(patch: &Patch, tolerance: f64) -> (FaceMesh, usize) {
     let mut result = with_tolerance_of(vec![patch.clone()], tolerance);
     let face = result.faces.remove(0).unwrap();
     let count = face.mesh.triangles().len();

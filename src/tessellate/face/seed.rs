@@ -8,10 +8,11 @@
 use glam::{DVec2, DVec3};
 use kernel::SurfaceDerivatives;
 
-use super::Limits;
-use super::pieces::Rect;
-use super::rim::Face;
-use super::round::Round;
+use super::super::Limits;
+use super::super::pieces::Rect;
+use super::super::rim::Face;
+use super::super::round::Round;
+use super::plane::Plane;
 
 /// A point to be, and the steps to its neighbours.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +23,9 @@ pub(super) struct Seed {
 
 /// Rows that are denser than needed by this factor on average are divided.
 const UNEVEN: f64 = 1.6;
+
+/// Places along an axis of a block that are looked at, at most.
+const MOST: usize = 48;
 
 /// Levels of division.
 const LEVELS: u32 = 8;
@@ -36,7 +40,12 @@ struct Block {
 
 /// The seeds of a face within `bounds`, block by block between its creases; not all of them if there is
 /// no room for them.
-pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> Vec<Seed> {
+pub(super) fn seeds(
+    face: &Face<'_>,
+    plane: &Plane,
+    bounds: &Rect,
+    limits: &Limits<'_>,
+) -> Vec<Seed> {
     // Rows along straight lines towards a point are of no use.
     let is_plain = face.pieces.are_straight() || face.pieces.cone.is_some();
     if is_plain && limits.max_edge.is_infinite() {
@@ -60,40 +69,58 @@ pub(super) fn seeds(face: &Face<'_>, bounds: &Rect, limits: &Limits<'_>) -> Vec<
                 rect,
                 hard: [true; 2],
             };
-            fill(face, block, limits, LEVELS, &mut seeds);
+            fill((face, plane), block, limits, LEVELS, &mut seeds);
         }
     }
     seeds
 }
 
 /// Appends the rows of a block, or of its halves.
-fn fill(face: &Face<'_>, block: Block, limits: &Limits<'_>, levels: u32, out: &mut Vec<Seed>) {
+fn fill(
+    (face, plane): (&Face<'_>, &Plane),
+    block: Block,
+    limits: &Limits<'_>,
+    levels: u32,
+    out: &mut Vec<Seed>,
+) {
     let Rect { min, max } = block.rect;
     let size = block.rect.size();
-    let [across, along] = [0, 1].map(|axis| samples(face, axis, min[axis], max[axis]));
-    let step = |u: f64, v: f64| steps(face, min + size * DVec2::new(u, v), limits, size);
+    let [across, along] = [0, 1].map(|axis| {
+        let pieces = face.pieces.count(axis, min[axis], max[axis]);
+        samples(if plane.is_stretched(axis) {
+            MOST
+        } else {
+            4 * pieces
+        })
+    });
+    let place = |u: f64, v: f64| plane.within(&block.rect, DVec2::new(u, v));
+    // Shares of the block as it lies in the plane.
+    let step = |u: f64, v: f64| {
+        let (uv, unit) = place(u, v);
+        steps(face, uv, limits, size) / unit
+    };
     let look = |&v: &f64| across.iter().map(|&u| step(u, v)).collect();
     let grid: Vec<Vec<DVec2>> = along.iter().map(look).collect();
     // Rows as dense as the place that needs it most.
     let (mut densities, mut mean) = (Vec::new(), 0.0);
     for steps in &grid {
-        let own = steps.iter().map(|step| size.y / step.y);
+        let own = steps.iter().map(|step| step.y.recip());
         densities.push(own.clone().fold(0.0, f64::max));
         mean += own.sum::<f64>() / across.len() as f64;
     }
     let rows = Density::new(&densities);
     let waste = densities.iter().sum::<f64>() / mean;
-    let middle = between(&grid, 0.5).map(|step| size.x / step);
+    let middle = between(&grid, 0.5).map(f64::recip);
     let columns = middle.sum::<f64>() / across.len() as f64;
     if levels > 0 && waste > UNEVEN && rows.total() > 3.0 && columns > 4.0 {
         let mut parts = [block; 2];
-        let middle = 0.5 * (min.x + max.x);
+        let middle = place(0.5, 0.5).0.x;
         parts[0].rect.max.x = middle;
         parts[0].hard[1] = false;
         parts[1].rect.min.x = middle;
         parts[1].hard[0] = false;
         for part in parts {
-            fill(face, part, limits, levels - 1, out);
+            fill((face, plane), part, limits, levels - 1, out);
         }
         return;
     }
@@ -102,14 +129,14 @@ fn fill(face: &Face<'_>, block: Block, limits: &Limits<'_>, levels: u32, out: &m
         return;
     }
     for (number, v) in rows.places([true; 2], false).into_iter().enumerate() {
-        let densities: Vec<f64> = between(&grid, v).map(|step| size.x / step).collect();
+        let densities: Vec<f64> = between(&grid, v).map(f64::recip).collect();
         let row = Density::new(&densities);
         if !limits.room.take(row.total()) {
             return;
         }
         for u in row.places(block.hard, number % 2 == 0) {
-            let uv = min + size * DVec2::new(u, v);
-            let step = size / DVec2::new(row.at(u), rows.at(v));
+            let (uv, unit) = place(u, v);
+            let step = unit / DVec2::new(row.at(u), rows.at(v));
             out.push(Seed { uv, step });
         }
     }
@@ -126,9 +153,9 @@ fn between(grid: &[Vec<DVec2>], v: f64) -> impl Iterator<Item = f64> {
     pairs.map(move |(a, b)| a.x + (b.x - a.x) * share)
 }
 
-/// Where along an axis a block is looked at: several places in each piece, as shares.
-fn samples(face: &Face<'_>, axis: usize, from: f64, to: f64) -> Vec<f64> {
-    let count = (4 * face.pieces.count(axis, from, to)).clamp(8, 48);
+/// Where along an axis a block is looked at, as shares.
+fn samples(count: usize) -> Vec<f64> {
+    let count = count.clamp(8, MOST);
     (0..count)
         .map(|k| (k as f64 + 0.5) / count as f64)
         .collect()
