@@ -27,6 +27,9 @@ const UNEVEN: f64 = 1.6;
 /// Places along an axis of a block that are looked at, at most.
 const MOST: usize = 48;
 
+/// Chords around a torus bend aside in it by no more than this share of what rows are apart: else triangles crumple.
+const ASIDE: f64 = 0.25;
+
 /// Levels of division.
 const LEVELS: u32 = 8;
 
@@ -253,7 +256,15 @@ pub(super) fn steps(face: &Face<'_>, uv: DVec2, limits: &Limits<'_>, size: DVec2
             .max(face.tolerance / length_v)
             .min(0.86 * limits.max_edge / length_v),
     );
-    cap(step.min(limit))
+    let mut step = cap(step.min(limit));
+    if let Some(round) = face.pieces.round.as_ref().filter(|_| !is_sphere) {
+        let around = round.around();
+        let along = [d.dv, d.du][around];
+        let aside = [d.duu, d.dvv][around].dot(along.normalize_or_zero()).abs();
+        let rows = step[1 - around] * along.length();
+        step[around] = step[around].min((8.0 * ASIDE * rows / aside).sqrt());
+    }
+    step
 }
 
 /// How much second derivatives keep a flat triangle from the surface: of nearest points counts what is across it.
