@@ -114,9 +114,11 @@ impl Plane {
         p * self.scale
     }
 
-    /// Whether parts of an axis have lengths of their own in it.
-    pub(super) fn is_stretched(&self, axis: usize) -> bool {
-        self.stretches[axis].is_some()
+    /// How many parts of an axis between two parameters have lengths of their own in it.
+    pub(super) fn parts(&self, axis: usize, from: f64, to: f64) -> usize {
+        let part = |stretch: &Stretch, end: f64| stretch.part(end - self.min[axis]);
+        let stretch = self.stretches[axis].as_ref();
+        stretch.map_or(0, |stretch| part(stretch, to) - part(stretch, from) + 1)
     }
 
     /// The parameters between two places: in the middle of the plane where weights stretch it.

@@ -89,12 +89,8 @@ fn fill(
     let Rect { min, max } = block.rect;
     let size = block.rect.size();
     let [across, along] = [0, 1].map(|axis| {
-        let pieces = face.pieces.count(axis, min[axis], max[axis]);
-        samples(if plane.is_stretched(axis) {
-            MOST
-        } else {
-            4 * pieces
-        })
+        let (from, to) = (min[axis], max[axis]);
+        samples((4 * face.pieces.count(axis, from, to)).max(plane.parts(axis, from, to)))
     });
     let place = |u: f64, v: f64| plane.within(&block.rect, DVec2::new(u, v));
     // Shares of the block as it lies in the plane.
