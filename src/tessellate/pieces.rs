@@ -368,11 +368,10 @@ impl<'a> Pieces<'a> {
     fn find_creases(&self, axis: usize) -> Vec<f64> {
         let knots: &KnotVector = [self.surface.knots_u(), self.surface.knots_v()][axis];
         let breaks = &self.breaks[axis];
-        let speeds = self.speeds(axis);
+        let parts = self.parted(axis);
         let jumps =
             |k: usize| knots.multiplicity(breaks[k]) >= knots.degree() && self.jumps(axis, k);
-        let inner =
-            (1..breaks.len() - 1).filter(|&k| jumps(k) || self.parts_steps(axis, &speeds, k));
+        let inner = (1..breaks.len() - 1).filter(|&k| jumps(k) || parts(k));
         inner.map(|k| breaks[k]).collect()
     }
 

@@ -3,7 +3,7 @@
 use glam::DVec4;
 use kernel::BezierSurface;
 
-use super::Pieces;
+use super::{Piece, Pieces};
 
 /// Steps whose lengths differ by more than this factor are uneven.
 pub(in super::super) const UNEVEN: f64 = 4.0;
@@ -25,25 +25,26 @@ impl Pieces<'_> {
         factors
     }
 
-    /// Whether steps after a break along an axis are much longer or shorter than those before it: as points are farther
-    /// apart there, or as a span that is much narrower bends that much more.
-    pub(super) fn parts_steps(&self, axis: usize, speeds: &[f64], at: usize) -> bool {
-        let speed = factor(&speeds[at - 1..=at]);
-        if UNEVEN < speed && speed * NOTHING < 1.0 {
-            return true;
+    /// Tells of a break along an axis whether steps after it are much longer or shorter than before: as points are
+    /// farther apart there, or as a span that is much narrower bends that much more.
+    pub(super) fn parted(&self, axis: usize) -> impl Fn(usize) -> bool + use<> {
+        let (speeds, breaks) = (self.speeds(axis), &self.breaks[axis]);
+        let widths = breaks.windows(2).map(|span| span[1] - span[0]);
+        let mut spans: Vec<(f64, f64)> = widths.map(|width| (width, 0.0)).collect();
+        for (span, piece) in self.spanned(axis) {
+            let bend = [piece.spread.duu, piece.spread.dvv][axis].reach();
+            spans[span].1 = spans[span].1.max(bend);
         }
-        let [before, after] = [at - 1, at].map(|span| {
-            let width = self.breaks[axis][span + 1] - self.breaks[axis][span];
-            let row = self.list.iter().enumerate().filter(|(number, _)| {
-                [number / self.columns(), number % self.columns()][axis] == span
-            });
-            let bends = row.map(|(_, piece)| [piece.spread.duu, piece.spread.dvv][axis].reach());
-            (width, bends.fold(0.0, f64::max))
-        });
         let is_bent = |narrow: (f64, f64), wide: (f64, f64)| {
             UNEVEN * narrow.0 < wide.0 && UNEVEN * UNEVEN * wide.1 < narrow.1
         };
-        is_bent(before, after) || is_bent(after, before)
+        move |at: usize| {
+            let (before, after) = (at - 1, at);
+            let speed = factor(&speeds[before..=after]);
+            UNEVEN < speed && speed * NOTHING < 1.0
+                || is_bent(spans[before], spans[after])
+                || is_bent(spans[after], spans[before])
+        }
     }
 
     /// How far points are apart for a unit of the parameter, at most, in each of the spans along an axis.
@@ -64,13 +65,15 @@ impl Pieces<'_> {
         &self,
         axis: usize,
     ) -> impl Iterator<Item = (usize, impl Iterator<Item = &DVec4> + Clone)> {
-        self.list
-            .iter()
-            .enumerate()
-            .flat_map(move |(number, piece)| {
-                let span = [number / self.columns(), number % self.columns()][axis];
-                lines(&piece.net, axis).map(move |line| (span, line))
-            })
+        let pieces = self.spanned(axis);
+        pieces.flat_map(move |(span, piece)| lines(&piece.net, axis).map(move |line| (span, line)))
+    }
+
+    /// All pieces, each with the number of its span along an axis.
+    fn spanned(&self, axis: usize) -> impl Iterator<Item = (usize, &Piece)> {
+        let columns = self.columns();
+        let pieces = self.list.iter().enumerate();
+        pieces.map(move |(number, piece)| ([number / columns, number % columns][axis], piece))
     }
 }
 
