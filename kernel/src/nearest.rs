@@ -12,7 +12,7 @@ const STEPS: usize = 40;
 /// Where the next step would be below this share of the domain, the iteration ends.
 const SMALLEST: f64 = 4.0 * f64::EPSILON;
 
-/// Samples of a surface along one parameter.
+/// Samples of a surface along one parameter; along the longer more, up to the square of it in all.
 const SAMPLES: usize = 200;
 
 /// How many of the nearest samples are tried.
@@ -113,25 +113,45 @@ impl<'a> Nearby<'a> {
         }
     }
 
+    /// Points all over the surface: more along the parameter along which they would be farther apart, since turns of
+    /// a thread may be nearer to each other than points along them.
     fn sampled(&self) -> Vec<(DVec2, DVec3)> {
-        let (u, v) = (self.surface.knots_u(), self.surface.knots_v());
-        let along = |knots: &crate::KnotVector| -> Vec<f64> {
-            let breaks = knots.breaks();
-            let per_span = (SAMPLES / breaks.len()).clamp(1, knots.degree() + 1);
-            let stride = (breaks.len() / SAMPLES).max(1);
-            let inside = |w: &[f64]| -> Vec<f64> {
-                let share = |k: usize| (k as f64 + 0.5) / per_span as f64;
-                (0..per_span)
-                    .map(|k| w[0] + (w[1] - w[0]) * share(k))
-                    .collect()
-            };
-            breaks.windows(2).step_by(stride).flat_map(inside).collect()
-        };
-        let (along_u, along_v) = (along(u), along(v));
+        let knots = [self.surface.knots_u(), self.surface.knots_v()];
+        let counts = knots.map(|knots| {
+            let spans = knots.breaks().len() - 1;
+            SAMPLES.min(spans * (knots.degree() + 1))
+        });
+        let mut along = [0, 1].map(|axis| places(knots[axis], counts[axis]));
+        let steps = [0, 1].map(|axis| self.length(axis, &along) / counts[axis] as f64);
+        let most = SAMPLES * SAMPLES / (counts[0] * counts[1]);
+        for axis in 0..2 {
+            let times = (steps[axis] / steps[1 - axis]) as usize;
+            if times > 1 && most > 1 {
+                along[axis] = places(knots[axis], counts[axis] * times.min(most));
+            }
+        }
+        let [along_u, along_v] = &along;
         let pairs = along_u
             .iter()
             .flat_map(|&u| along_v.iter().map(move |&v| DVec2::new(u, v)));
         pairs.map(|uv| (uv, self.surface.evaluate(uv))).collect()
+    }
+
+    /// How long the surface is along a parameter, by points at some places of both.
+    fn length(&self, axis: usize, along: &[Vec<f64>; 2]) -> f64 {
+        let other = &along[1 - axis];
+        let line = |from: usize| {
+            let at = |&t: &f64| {
+                let mut uv = DVec2::splat(other[from]);
+                uv[axis] = t;
+                self.surface.evaluate(uv)
+            };
+            let points: Vec<_> = along[axis].iter().map(at).collect();
+            let steps = points.windows(2).map(|pair| pair[0].distance(pair[1]));
+            steps.sum::<f64>()
+        };
+        let quarters = (1..4).map(|k| line(k * (other.len() - 1) / 4));
+        quarters.fold(0.0, f64::max)
     }
 
     /// The point near `guess` where the distance from `target` has a minimum, by Newton's
@@ -366,11 +386,26 @@ impl<'a> Nearby<'a> {
     }
 }
 
+/// About so many parameters along a direction, in its spans.
+fn places(knots: &crate::KnotVector, count: usize) -> Vec<f64> {
+    let breaks = knots.breaks();
+    let spans = breaks.len() - 1;
+    let (stride, per_span) = ((spans / count).max(1), (count / spans).max(1));
+    let inside = |w: &[f64]| -> Vec<f64> {
+        let share = |k: usize| (k as f64 + 0.5) / per_span as f64;
+        (0..per_span)
+            .map(|k| w[0] + (w[1] - w[0]) * share(k))
+            .collect()
+    };
+    breaks.windows(2).step_by(stride).flat_map(inside).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::{FRAC_PI_2, TAU};
 
     use super::*;
+    use crate::KnotVector;
     use crate::modelling::{self, Frame};
 
     #[test]
@@ -392,6 +427,27 @@ mod tests {
             assert!(found.point.distance(at(1.0)) < 1e-7, "{k}: {found:?}");
             assert!((found.distance - 0.3).abs() < 1e-12);
             guess = Some(found.uv);
+        }
+    }
+
+    #[test]
+    fn turns_of_a_thread_are_told_apart() {
+        // A groove of twelve turns, in steps of a quarter of a turn.
+        let [around, along] =
+            [5, 50].map(|count| KnotVector::clamped_uniform(3, count, 0.0..1.0).unwrap());
+        let net = (0..5).flat_map(|i| (0..50).map(move |j| (f64::from(i), f64::from(j))));
+        let point = |(i, j): (f64, f64)| {
+            let (tube, turn) = (DVec2::from_angle(i * 0.7), DVec2::from_angle(j * FRAC_PI_2));
+            (turn * (12.0 - tube.y)).extend(0.45 * j + tube.x)
+        };
+        let points: Vec<_> = net.map(point).collect();
+        let groove = Surface::new(around, along, &points, None).unwrap();
+        let nearby = Nearby::new(&groove, [false; 2]);
+        for k in 0..500 {
+            let uv = DVec2::new(0.02 + 0.96 * f64::from(k % 7) / 6.0, f64::from(k) / 499.0);
+            let target = groove.evaluate(uv);
+            let found = nearby.nearest(target, None);
+            assert!(found.distance < 1e-9, "{uv}: {found:?}");
         }
     }
 

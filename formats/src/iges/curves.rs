@@ -317,7 +317,16 @@ pub(super) fn fitted(what: &str, deviation: f64, accuracy: f64) -> String {
     if deviation <= accuracy {
         return format!("{what} is fitted to {accuracy:e} of its size");
     }
-    format!("{what} is fitted, but strays by {deviation:.1e} of its size")
+    let most = up_to(deviation);
+    format!("{what} is fitted, but strays by up to {most} of its size")
+}
+
+/// A positive number rounded up to 1, 2 or 5 times a power of ten, so that what is alike is told as one.
+pub(super) fn up_to(number: f64) -> String {
+    let power = 10.0_f64.powf(number.log10().floor());
+    let steps = [1.0, 2.0, 5.0].map(|step| step * power);
+    let most = steps.into_iter().find(|step| *step >= number);
+    format!("{:.0e}", most.unwrap_or(10.0 * power))
 }
 
 /// How far ends of curves may be apart to meet.

@@ -25,7 +25,7 @@ use kernel::{Curve, Orientation, Surface, TrimLoop};
 
 use self::laid::Laid;
 use super::boundary::{self, Boundary, Edges, Loop, Use};
-use super::curves::{Reader, fitted};
+use super::curves::{Reader, fitted, up_to};
 use super::directory::SHORT;
 use super::order::{Chain, Order};
 use super::quadric::Quadric;
@@ -334,8 +334,9 @@ impl<'a> Trimmer<'a> {
         }
         let beside = self.beside.get();
         if beside > ASTRAY && !self.is_torn() {
+            let most = up_to(beside);
             let text = format!(
-                "a trim curve is off its surface by {beside:.1e} of the size of that; it is laid onto it"
+                "a trim curve is off its surface by up to {most} of the size of that; it is laid onto it"
             );
             reader.repaired(face, &text);
         }

@@ -7,6 +7,8 @@ use kernel::{Surface, TrimLoop, WireShape};
 
 use super::basis::Basis;
 use super::freeform::{Attributes, Element, Kind};
+use super::polygons::Tag;
+use super::seams::Merging;
 use super::specials::{Specials, TrimCurve};
 use super::statements::{Statement, number, reference};
 use super::trims::{LoopText, lifted};
@@ -24,9 +26,19 @@ pub(super) struct Open {
     element: Result<Element, Problem>,
     /// The first thing wrong with a `trim` or `hole`, and its line.
     bad_loop: Option<(Place, Problem)>,
+    /// Its group, material and merging group: what counted at its first line.
+    state: (Tag, Merging),
+    /// The first statement in its body that does not belong there.
+    stranger: Option<Place>,
 }
 
 impl Open {
+    /// Notes a statement in its body that is about something else.
+    pub(super) fn pass(&mut self, statement: &Statement<'_>) {
+        self.stranger
+            .get_or_insert_with(|| Place::item(statement.line, statement.keyword()));
+    }
+
     /// Takes the values of a `parm`; the last one for a direction counts.
     pub(super) fn set_parm(&mut self, index: usize, values: Vec<f64>) {
         if let Ok(element) = &mut self.element {
@@ -78,6 +90,8 @@ impl Reader<'_> {
             what: format!("{} {number}", statement.keyword()),
             element,
             bad_loop: None,
+            state: (self.tag, self.merging),
+            stranger: None,
         });
     }
 
@@ -152,13 +166,19 @@ impl Reader<'_> {
         if end.is_none() {
             let text = "no \"end\" follows; taken as ended before the next statement";
             self.warnings.invalid(place.clone(), text);
+        } else if let Some(stranger) = &open.stranger {
+            let text = "a statement before the \"end\" of an element; taken for what follows it";
+            self.warnings.invalid(stranger.clone(), text);
         }
         let attributes = std::mem::take(&mut self.attributes);
+        let after = (self.tag, self.merging);
+        (self.tag, self.merging) = open.state;
         let result = match &open.element {
             Err(problem) => Err(problem.clone()),
             Ok(element) => self.build(element, &attributes, &open),
         };
         self.attributes = attributes;
+        (self.tag, self.merging) = after;
         if let Err(problem) = result {
             // What could not be read keeps its number.
             if open.what.starts_with("curv2") {
@@ -364,6 +384,8 @@ impl Reader<'_> {
             what: keyword.to_owned(),
             element: Ok(element.clone()),
             bad_loop: None,
+            state: (self.tag, self.merging),
+            stranger: None,
         };
         self.build(&element, &Attributes::cubic(basis), &open)
     }

@@ -122,6 +122,12 @@ const KEYWORDS: [&str; 45] = [
     "res",
 ];
 
+/// Statements that no open element outlives; others of state or of lists go past it.
+const ENDING: [&str; 16] = [
+    "cstype", "deg", "bmat", "step", "curv", "curv2", "surf", "con", "p", "l", "f", "fo", "bsp",
+    "bzp", "cdc", "cdp",
+];
+
 fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     let text = decode(bytes);
     let mut reader = Reader::new(options);
@@ -325,8 +331,12 @@ impl<'a> Reader<'a> {
             }
             _ => {}
         }
-        if self.open.is_some() && KEYWORDS.contains(&keyword) {
+        if ENDING.contains(&keyword) {
             self.close_element(None);
+        } else if let Some(open) = &mut self.open
+            && KEYWORDS.contains(&keyword)
+        {
+            open.pass(statement);
         }
         match keyword {
             "v" | "vt" | "vn" | "vp" => self.vertex(statement),

@@ -371,6 +371,17 @@ fn a_missing_end_is_tolerated() {
 }
 
 #[test]
+fn state_and_lists_go_past_an_open_element() {
+    let (first, body) = SADDLE.split_at(SADDLE.find("parm").unwrap());
+    let text = format!("{SQUARE}g in\n{first}g out\nv 9 9 9\n{body}end\n{SADDLE}end\n");
+    let import = parse(&text).unwrap();
+    let text = "a statement before the \"end\" of an element; taken for what follows it";
+    assert_eq!(messages(&import), [format!("line 9, g: {text}")]);
+    let names = import.scene.patches().iter().map(|p| p.name.as_str());
+    assert_eq!(names.collect::<Vec<_>>(), ["in", "out"]);
+}
+
+#[test]
 fn without_parm_pieces_have_equal_steps() {
     let bare = SADDLE.replace("parm u 0 1", "").replace("parm v 0 1", "");
     for (text, told) in [

@@ -274,7 +274,7 @@ fn curves_of_the_domain_stand_where_curves_of_space_are_off_the_surface() {
 fn curves_of_space_that_are_off_the_surface_are_told() {
     let (patch, warnings) = above("0.1", false);
     assert!((patch.loops[0].signed_area().abs() - 0.5).abs() < 1e-12);
-    let text = "line 27, trimmed surface D25 (type 144): a trim curve is off its surface by 7.1e-2 of \
+    let text = "line 27, trimmed surface D25 (type 144): a trim curve is off its surface by up to 1e-1 of \
                 the size of that; it is laid onto it";
     assert_eq!(warnings, [text]);
     assert_eq!(above("0.001", false).1, [""; 0]);
