@@ -1,11 +1,12 @@
 //! Entities that are written down in memory instead of a file, for formats whose bodies have the
 //! same make: they become a scene in the same way.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use glam::DVec3;
-use kernel::{Curve, Surface, Unit};
+use kernel::{Curve, Mesh, Surface, Unit};
 
 use super::blanks;
 use super::directory::{Entry, File};
@@ -14,6 +15,7 @@ use super::net;
 use super::parameters::{Delimiters, Parameters};
 use super::records::Card;
 use super::tree;
+use super::types;
 use crate::{Error, Import, Limits, Place, Problem, Warnings};
 
 /// How many bytes of parameters a card has.
@@ -96,6 +98,10 @@ pub(super) struct Drafted {
     pub sources: Vec<String>,
     /// The opacity of colours that have one, by entity.
     pub opacities: HashMap<usize, f64>,
+    /// Meshes, by entity, until the scene has them.
+    pub meshes: RefCell<HashMap<usize, Mesh>>,
+    /// Pointers to the exact shapes that meshes stand for, by entity.
+    pub exact: HashMap<usize, Vec<i64>>,
 }
 
 impl Draft {
@@ -133,6 +139,22 @@ impl Draft {
         let index = self.entries.len();
         self.drafted.opacities.insert(index, opacity);
         self.add(0, &Fields::new(314).reals(percent), look)
+    }
+
+    /// Adds a mesh.
+    pub(crate) fn add_mesh(&mut self, mesh: Mesh, look: &Look) -> i64 {
+        self.drafted
+            .meshes
+            .get_mut()
+            .insert(self.entries.len(), mesh);
+        self.add(0, &Fields::new(types::MESH), look)
+    }
+
+    /// Shows a mesh only if the exact shape that it stands for cannot be shown. It may have become several
+    /// entities.
+    pub(crate) fn stands_for(&mut self, mesh: i64, exact: i64) {
+        let index = usize::try_from(mesh / 2).unwrap_or(usize::MAX);
+        self.drafted.exact.entry(index).or_default().push(exact);
     }
 
     /// Adds a curve (type 126).

@@ -46,6 +46,8 @@ pub(super) enum Content {
     Curve,
     /// Points on their own.
     Points(Vec<DVec3>),
+    /// A mesh.
+    Mesh,
     /// A surface with boundaries.
     Face {
         /// Pointer to the surface.
@@ -64,6 +66,11 @@ pub(super) enum Content {
 }
 
 impl Content {
+    /// Whether it is a shape itself, and has no members.
+    pub(super) fn is_leaf(&self) -> bool {
+        matches!(self, Self::Surface | Self::Face { .. } | Self::Mesh)
+    }
+
     /// Pointers to the shells, solids or other members that it is composed of, if it is.
     pub(super) fn into_members(self) -> Option<Vec<i64>> {
         match self {
@@ -100,6 +107,10 @@ pub(super) fn read(file: &File<'_>, index: usize) -> Result<Option<Entity>, Prob
         116 => {
             let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
             return plain(Content::Points(vec![parameters.point_or(DVec3::ZERO)?]));
+        }
+        types::MESH => {
+            file.parameters(index, SHORT, &mut buffer)?;
+            return plain(Content::Mesh);
         }
         108 if entry.form == HOLE => {
             let text = "a hole without the plane that it belongs to is not shown";

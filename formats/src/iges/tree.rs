@@ -3,6 +3,8 @@
 //! Each entity is built once and shared by all that refer to it. What an entity may refer to
 //! is collected first, because only entities to which nothing refers stand for themselves.
 
+mod meshes;
+
 use std::cell::Cell;
 use std::collections::{BTreeSet, HashMap, HashSet};
 
@@ -11,6 +13,7 @@ use kernel::{
     Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, UpAxis, Wire, WireShape,
 };
 
+use self::meshes::Meshes;
 use super::blanks;
 use super::boundary::{Boundary, Edges};
 use super::copies::Copies;
@@ -71,7 +74,8 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     let ledger = leftovers::ledger(file, &tree.refused, &tree.repaired);
     let levels = levels::read(file, tree.shown());
     leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
-    if tree.scene.patches().is_empty()
+    let has_sheet = !(tree.scene.patches().is_empty() && tree.scene.meshes().is_empty());
+    if !has_sheet
         && tree.scene.wires().is_empty()
         && let Some(failure) = tree.failure
     {
@@ -82,7 +86,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
         mut warnings,
         ..
     } = tree;
-    if scene.patches().is_empty() {
+    if !has_sheet {
         let text = match scene.wires().len() {
             0 => "there is no surface to show",
             _ => "there is no surface to show, only curves and points",
@@ -128,6 +132,7 @@ struct Tree<'a, 'b> {
     materials: HashMap<i64, Option<MaterialId>>,
     /// Patches by surface or face.
     patches: HashMap<usize, Vec<PatchId>>,
+    meshes: Meshes,
     /// What entities became, by the colour they inherit and, for groups, their scope.
     known: HashMap<(usize, i64, usize), Option<Child>>,
     /// One more than the index of the innermost definition or array that is being built, or 0.
@@ -168,6 +173,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             edges: Edges::default(),
             materials: HashMap::new(),
             patches: HashMap::new(),
+            meshes: Meshes::new(file),
             known: HashMap::new(),
             scope: 0,
             busy: vec![false; count],
@@ -227,12 +233,15 @@ impl<'a, 'b> Tree<'a, 'b> {
             308 | 320 | 408 | 412 | 414 | 420 => index + 1,
             _ => outer,
         };
-        let child = self
-            .build(index, inherited, depth)
-            .unwrap_or_else(|problem| {
-                self.fail(index, problem);
-                None
-            });
+        let child = if self.has_exact(index, depth) {
+            Ok(None)
+        } else {
+            self.build(index, inherited, depth)
+        };
+        let child = child.unwrap_or_else(|problem| {
+            self.fail(index, problem);
+            None
+        });
         self.scope = outer;
         self.busy[index] = false;
         self.known.insert((index, inherited, scope), child);
@@ -268,8 +277,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         };
         match &entity.content {
             Content::Surface => {
-                let patches = self.patches(index, index, &entity, &Boundary::Natural)?;
-                node.children = self.items(index, &patches, inherited);
+                node.children = self.items([index; 2], &entity, &Boundary::Natural, inherited)?;
             }
             Content::Face { surface, boundary } => {
                 let base = self.file.follow(*surface, "the surface")?;
@@ -279,9 +287,9 @@ impl<'a, 'b> Tree<'a, 'b> {
                         self.tried[hole] = true;
                     }
                 }
-                let patches = self.patches(index, base, &entity, boundary)?;
-                node.children = self.items(index, &patches, inherited);
+                node.children = self.items([index, base], &entity, boundary, inherited)?;
             }
+            Content::Mesh => node.children.push(self.mesh(index, inherited)?),
             Content::Curve | Content::Points(_) => self.wire(index, &entity, color, &mut node)?,
             Content::Members(members) => {
                 if entry.kind == 180 && members.len() > 1 {
@@ -317,10 +325,11 @@ impl<'a, 'b> Tree<'a, 'b> {
                 }
             }
         }
-        let is_leaf = matches!(entity.content, Content::Surface | Content::Face { .. });
         match node.children.as_slice() {
             [] if node.wires.is_empty() => return Ok(None),
-            [one] if is_leaf && place == DAffine3::IDENTITY => return Ok(Some(*one)),
+            [one] if entity.content.is_leaf() && place == DAffine3::IDENTITY => {
+                return Ok(Some(*one));
+            }
             _ => {}
         }
         node.parent_from_node = place;
@@ -534,8 +543,16 @@ impl<'a, 'b> Tree<'a, 'b> {
         Ok(())
     }
 
-    /// Items that show patches; the inherited colour counts where a patch has none.
-    fn items(&mut self, index: usize, patches: &[PatchId], inherited: i64) -> Vec<Child> {
+    /// Items that show the patches of a surface or face, as [`Tree::patches`] makes them; the inherited colour
+    /// counts where a patch has none.
+    fn items(
+        &mut self,
+        [index, base]: [usize; 2],
+        entity: &Entity,
+        boundary: &Boundary,
+        inherited: i64,
+    ) -> Result<Vec<Child>, Problem> {
+        let patches = self.patches(index, base, entity, boundary)?;
         let inherited = self.material(index, inherited);
         let item = |&id: &PatchId| {
             let own = self.scene.patch(id).material;
@@ -544,7 +561,7 @@ impl<'a, 'b> Tree<'a, 'b> {
                 material: inherited.filter(|_| own.is_none()),
             })
         };
-        patches.iter().map(item).collect()
+        Ok(patches.iter().map(item).collect())
     }
 
     /// The material of a colour number or a pointer to a colour; zero is no colour. `index`

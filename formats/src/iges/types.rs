@@ -15,6 +15,9 @@ pub(super) enum Class {
 
 use Class::{Annotation, Helper, Missing, Shown};
 
+/// The type of meshes in drafts; the directory of a file has no room for so large a number.
+pub(super) const MESH: i64 = 1_000_000_000;
+
 /// Type number, name, class; in the order of the numbers.
 const TYPES: &[(i64, &str, Class)] = &[
     (0, "null entity", Helper),
@@ -95,6 +98,7 @@ const TYPES: &[(i64, &str, Class)] = &[
     (508, "loop", Helper),
     (510, "face", Shown),
     (514, "shell", Shown),
+    (MESH, "mesh", Shown),
 ];
 
 /// The row of a type number.

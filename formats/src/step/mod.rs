@@ -2,7 +2,7 @@
 //!
 //! `part21` finds the instances and `values` what they say, `curves` (with `arcs`) and `surfaces`
 //! (with `nets` and `rectangles`) read geometry, `topology` edges, faces, shells and solids, `solids` those by
-//! construction; `structure` tells products and representations, `products` assembles them, with their
+//! construction, `tessellated` those of triangles; `structure` tells products and representations, `products` assembles them, with their
 //! `units`, and `external` finds those in other files; `styles` has the colours, and `overrides` those
 //! that hold in some places only. Bodies of STEP have the make of those of IGES, so that `translator`
 //! writes them down as its entities (types 186, 514, 510 and 508), and its reader makes the scene of
@@ -40,6 +40,9 @@ mod solids;
 mod structure;
 mod styles;
 mod surfaces;
+mod tessellated;
+#[cfg(test)]
+mod tessellated_tests;
 #[cfg(test)]
 mod tests;
 mod topology;
@@ -121,6 +124,7 @@ fn read(bytes: &[u8], options: &ReadOptions<'_>) -> Result<Import, Error> {
     let import = draft.into_import(unit, resolution, limits, warnings);
     let mut import = import.map_err(|found| error(found.place, found.problem))?;
     if import.scene.patches().is_empty()
+        && import.scene.meshes().is_empty()
         && import.scene.wires().is_empty()
         && let Some(failure) = failure
     {

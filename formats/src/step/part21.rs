@@ -30,6 +30,9 @@ const USAGE: [&str; 3] = [
     "ASSEMBLY_COMPONENT_USAGE",
 ];
 
+/// The type of shapes of triangles that are moved, which are of two types.
+pub(super) const REPOSITIONED: &str = "REPOSITIONED_TESSELLATED_ITEM";
+
 /// How scopes of old files begin and end.
 const SCOPE: &[u8] = b"&SCOPE";
 const ENDSCOPE: &[u8] = b"ENDSCOPE";
@@ -210,8 +213,10 @@ impl<'a> Exchange<'a> {
         if cursor.take(b'(').is_some() {
             // Of the names of complex ones this says most, and stands behind others.
             let rational = text.windows(RATIONAL.len()).position(|w| w == RATIONAL);
-            let mut names = AS_SIMPLE.iter().map(|(name, _)| name.as_bytes());
-            let telling = rational.or_else(|| names.find_map(|name| word(text, name)));
+            let names = AS_SIMPLE.iter().map(|(name, _)| *name);
+            let mut names = names.chain([REPOSITIONED]);
+            let telling = names.find_map(|name| word(text, name.as_bytes()));
+            let telling = rational.or(telling);
             let Some(telling) = telling else {
                 return least_name(text);
             };

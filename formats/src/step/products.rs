@@ -30,6 +30,7 @@ impl Translator<'_> {
         self.assembly = Assembly::new(structure);
         let (mut shown, units) = self.products(depth);
         shown.extend(self.leftovers(shown.is_empty()));
+        self.settle_links();
         (shown, units)
     }
 

@@ -82,6 +82,7 @@ impl Structure {
             }
             let wanted = keyword.starts_with(b"PRODUCT_DEFINITION")
                 || keyword.ends_with(b"REPRESENTATION")
+                || keyword.ends_with(b"REPRESENTATION_WITH_ACCURACY_PARAMETERS")
                 || keyword.ends_with(b"REPRESENTATION_RELATIONSHIP")
                 || keyword.ends_with(b"_USAGE_OCCURRENCE")
                 || keyword == b"DOCUMENT_FILE"
@@ -206,10 +207,10 @@ impl Structure {
                 place: place.transpose()?,
             };
             self.relations.insert(record.id, relation);
-        } else if parts
-            .iter()
-            .any(|name| name.ends_with("SHAPE_REPRESENTATION"))
-        {
+        } else if parts.iter().any(|name| {
+            let name = name.trim_end_matches("_WITH_ACCURACY_PARAMETERS");
+            name.ends_with("SHAPE_REPRESENTATION")
+        }) {
             self.shapes.push(record.id);
         }
         Ok(())

@@ -6,6 +6,7 @@ use glam::DVec3;
 use kernel::{Aabb, Curve};
 
 use super::arcs::{Basis, End, between};
+use super::tessellated::Shape;
 use super::translator::Translator;
 use super::values::{Record, Value};
 use crate::Problem;
@@ -62,13 +63,16 @@ impl Translator<'_> {
         made
     }
 
-    fn items(&mut self, ids: &[u64], depth: usize) -> Vec<i64> {
+    pub(super) fn items(&mut self, ids: &[u64], depth: usize) -> Vec<i64> {
         let made = ids.iter().filter_map(|&id| self.item(id, depth + 1));
         made.collect()
     }
 
     fn named_item(&mut self, id: u64, depth: usize) -> Result<Option<i64>, Problem> {
         let record = self.geometry().get(id)?;
+        if let Some(shape) = Shape::of(&record) {
+            return self.tessellated(id, &record, shape, depth);
+        }
         let at = record.attributes();
         let name = at.text(0);
         let made = match record.name() {

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
 use glam::{DAffine3, DVec3};
-use kernel::Curve;
+use kernel::{Curve, Mesh};
 
 use super::curves::Geometry;
 use super::external::Files;
@@ -14,6 +14,7 @@ use super::part21::Exchange;
 use super::products::Assembly;
 use super::styles::{Style, Styles};
 use super::surfaces::Sheet;
+use super::tessellated::{self, Tessellations};
 use super::topology::Edge;
 use super::units::Units;
 use crate::iges::{Draft, Fields, Look};
@@ -24,8 +25,8 @@ use crate::{Error, Limits, Place, Problem, Warnings};
 const GROWTH: usize = 50;
 const GROWTH_FREE: usize = 1 << 26;
 
-/// Solids, shells and faces have ranks below this among shapes: they may stand for themselves.
-const LOOSE: usize = 3;
+/// Solids, shells and faces, also of triangles, have ranks below this among shapes: they may stand for themselves.
+const LOOSE: usize = 5;
 
 /// What became of items, products and representations.
 #[derive(Debug, Default)]
@@ -63,6 +64,8 @@ pub(super) struct Translator<'a> {
     pub known: Known,
     /// The same in other places, where some look differently.
     pub scopes: Scopes<Known>,
+    /// What shapes of triangles are made of.
+    pub tessellations: Tessellations,
     /// Faces whose loops are to be turned.
     pub against: HashSet<u64>,
     /// How many uses of edges may yet be looked at for that.
@@ -105,6 +108,7 @@ impl<'a> Translator<'a> {
             edges: HashMap::new(),
             known: Known::default(),
             scopes: Scopes::default(),
+            tessellations: Tessellations::default(),
             against: HashSet::new(),
             uses_left: exchange.size(),
             stretches_left: exchange.size(),
@@ -215,14 +219,24 @@ impl<'a> Translator<'a> {
 
     /// Adds an entity that has a name, a colour of its own, or is hidden; moved as surfaces are.
     pub(super) fn add_named(&mut self, form: i64, fields: &Fields, id: u64, name: String) -> i64 {
-        let look = Look {
+        let look = self.named_look(id, name);
+        self.draft.add(form, fields, &look)
+    }
+
+    /// As [`Translator::add_named`], of a mesh.
+    pub(super) fn add_mesh(&mut self, mesh: Mesh, id: u64, name: String) -> i64 {
+        let look = self.named_look(id, name);
+        self.draft.add_mesh(mesh, &look)
+    }
+
+    fn named_look(&mut self, id: u64, name: String) -> Look {
+        Look {
             name,
             color: self.color(self.styles.of_surfaces(id)),
             blanked: self.styles.is_hidden(id),
             transform: self.transform,
             ..self.look(id)
-        };
-        self.draft.add(form, fields, &look)
+        }
     }
 
     /// Adds a point (type 116) or a direction (type 123).
@@ -366,13 +380,8 @@ impl<'a> Translator<'a> {
                 b"MANIFOLD_SOLID_BREP" | b"BREP_WITH_VOIDS" | b"FACETED_BREP" => Some(0),
                 b"CLOSED_SHELL" | b"OPEN_SHELL" => Some(1),
                 b"ADVANCED_FACE" | b"FACE_SURFACE" => Some(2),
-                b"RECTANGULAR_TRIMMED_SURFACE" | b"CURVE_BOUNDED_SURFACE" => Some(3),
-                name if name.starts_with(b"TRIANGULATED")
-                    || name.starts_with(b"COMPLEX_TRIANGULATED") =>
-                {
-                    Some(4)
-                }
-                _ => None,
+                b"RECTANGULAR_TRIMMED_SURFACE" | b"CURVE_BOUNDED_SURFACE" => Some(LOOSE),
+                name => tessellated::rank(name).map(|rank| 3 + rank),
             }
         };
         let is_new = |id: &u64| !self.made.contains(id) && !self.refused.contains(id);
@@ -390,11 +399,16 @@ impl<'a> Translator<'a> {
         let tried: HashSet<u64> = places
             .flat_map(|known| known.items.keys().copied())
             .collect();
+        let held = if is_empty {
+            self.held()
+        } else {
+            HashSet::new()
+        };
         for (rank, id) in self.unseen() {
             if tried.contains(&id) || self.known.items.contains_key(&id) {
                 continue;
             }
-            let shown = (is_empty && rank < LOOSE)
+            let shown = (is_empty && rank < LOOSE && !held.contains(&id))
                 .then(|| self.item(id, 0))
                 .flatten();
             let text = match shown {
