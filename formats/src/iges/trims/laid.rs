@@ -351,8 +351,13 @@ impl Trimmer<'_> {
             return uv;
         }
         for axis in 0..2 {
+            let Range { start, end } = self.domain[axis];
             let mut kept = uv;
-            kept[axis] = guess[axis];
+            kept[axis] = if self.closed[axis] {
+                guess[axis]
+            } else {
+                guess[axis].max(start).min(end)
+            };
             if self.point(kept).distance(self.point(uv)) <= self.size * STEADY {
                 uv = kept;
             }

@@ -281,6 +281,31 @@ fn curves_of_space_that_are_off_the_surface_are_told() {
 }
 
 #[test]
+fn a_curve_that_ends_at_a_pole_stays_on_its_surface() {
+    // A triangle, faster and faster towards a corner that is a side of its domain, and half of it.
+    let mut parts = vec![made(
+        128,
+        "1,2,1,2,0,0,1,0,0,0,0,1,1,0,0,0,1,1,1,1,1,1,1,1,1,0,0,0,1,0,0,0,.1,0,.9,.1,0,0,1,0,0,1,0,\
+         0,1,0,1",
+    )];
+    let corners = ["0.5,0,0", "1,0,0", "0,1,0"];
+    for k in 0..3 {
+        let ends = format!("{},{}", corners[k], corners[(k + 1) % 3]);
+        parts.push(made(110, &ends));
+    }
+    parts.push(made(102, "3,3,5,7"));
+    parts.push(made(142, "1,1,0,9,2"));
+    for part in &mut parts {
+        part.status = "00010000";
+    }
+    parts.push(made(144, "1,1,0,11"));
+    let (scene, warnings) = read(&parts);
+    assert_eq!(warnings, [""; 0]);
+    let area = scene.patches()[0].loops[0].signed_area();
+    assert!((area.abs() - 0.5).abs() < 1e-6, "{area}");
+}
+
+#[test]
 fn repairs_of_curves_that_are_only_compared_are_not_told() {
     // A curve of space with a negative set of weights, which the curves of the domain are beside.
     let mut entities = border();
