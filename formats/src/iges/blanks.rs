@@ -68,6 +68,11 @@ fn unblank(file: &mut File<'_>) -> Option<usize> {
     None
 }
 
+/// By entry: whether it is shown, as far as what is blanked tells.
+pub(super) fn shown(file: &File<'_>) -> Vec<bool> {
+    Reached::new(file, &links(file).owners).entries
+}
+
 /// What is found from the entries that stand for themselves on, without what is blanked.
 #[derive(Debug)]
 struct Reached {

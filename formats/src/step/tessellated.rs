@@ -165,7 +165,10 @@ impl Translator<'_> {
             return Err(Problem::Invalid("it has no parts".to_owned()));
         }
         let outer = self.tessellations.body;
-        self.tessellations.body = own.reference(1).ok().or(outer);
+        let link = own.reference(1).ok();
+        let link =
+            link.filter(|&link| rank(&self.exchange.keyword(link).to_ascii_uppercase()).is_none());
+        self.tessellations.body = link.or(outer);
         let faces = self.items(&parts, depth);
         self.tessellations.body = outer;
         if faces.is_empty() {

@@ -173,6 +173,14 @@ fn exact_shapes_are_shown_instead_of_their_triangles() {
     assert_eq!(found, (1, 1, vec![told]));
     let (patches, meshes, warnings) = linked("$", "$", DISK);
     assert_eq!((patches, meshes, warnings.len()), (1, 2, 0));
+    // Triangles do not stand for triangles.
+    let (patches, meshes, warnings) = linked("$", "#33", DISK);
+    assert_eq!((patches, meshes, warnings.len()), (1, 2, 0));
+    // Nor for what is hidden.
+    let concealed = format!("{DISK}#36=INVISIBILITY((#22));");
+    let (patches, meshes, warnings) = linked("#20", "#21", &concealed);
+    let told = format!("#31 TRIANGULATED_FACE: {instead} (and 1 more)");
+    assert_eq!((patches, meshes, &warnings[0]), (0, 2, &told));
     // A face without a surface cannot be shown, nor a plane without an end.
     let broken = [
         DISK.replace("#18=PLANE('',#10)", "#18=CARTESIAN_POINT('',(0.,0.,0.))"),

@@ -6,6 +6,7 @@ use kernel::{Child, Item, Mesh, MeshId, Shape};
 
 use super::Tree;
 use crate::Problem;
+use crate::iges::blanks;
 use crate::iges::directory::File;
 use crate::iges::entities;
 
@@ -17,14 +18,18 @@ pub(super) struct Meshes {
     made: HashMap<usize, MeshId>,
     /// Entities in whose place meshes stand: whether there is something to show of them.
     exact: HashMap<usize, bool>,
+    /// Whether an entity is not hidden, if meshes stand for any.
+    shown: Vec<bool>,
 }
 
 impl Meshes {
     pub(super) fn new(file: &File<'_>) -> Self {
+        let stands_for = !file.drafted.exact.is_empty();
         Self {
             left: file.drafted.meshes.take(),
             made: HashMap::new(),
             exact: HashMap::new(),
+            shown: stands_for.then(|| blanks::shown(file)).unwrap_or_default(),
         }
     }
 }
@@ -86,9 +91,7 @@ impl Tree<'_, '_> {
         let entity = entities::read(self.file, index).ok().flatten();
         let members = entity.and_then(|entity| entity.content.into_members());
         let found = match members {
-            // What is hidden on purpose is not shown as triangles.
-            _ if self.file.entries[index].blanked => true,
-            _ if depth > self.limits.nesting => false,
+            _ if !self.meshes.shown[index] || depth > self.limits.nesting => false,
             Some(members) => members.iter().any(|&one| self.is_there(one, depth + 1)),
             None => self.child(index, 0, depth + 1).is_some(),
         };

@@ -1,4 +1,4 @@
-//! Loops of curves of space that run along a seam both ways.
+//! Loops of curves of space that run along a seam both ways, or along another line across the surface.
 //!
 //! In the parameter domain a loop does not run over itself. Where it does in space, along the seam,
 //! the face is on both sides of it. That alone tells which part of a surface without a border such
@@ -96,8 +96,8 @@ impl Trimmer<'_> {
         let [u, v] = &self.domain;
         let region = TrimRegion::new(loops, u.clone(), v.clone());
         let middle = seam.from.midpoint(seam.to);
-        let beside = |turns: f64| self.place(seam.axis, turns, middle);
-        match [ASIDE, 1.0 - ASIDE].map(|turns| region.contains(beside(turns))) {
+        let beside = |turns: f64| self.place(seam.axis, turns.rem_euclid(1.0), middle);
+        match [ASIDE, -ASIDE].map(|aside| region.contains(beside(seam.at + aside))) {
             [true, true] => Some(true),
             [false, false] => Some(false),
             _ => None,
@@ -121,12 +121,13 @@ impl Trimmer<'_> {
         }
         for ((axis, side, from, to), along) in SIDES.into_iter().zip(along) {
             let ends: Vec<_> = along.iter().flat_map(|s| [s.from, s.to]).collect();
-            for part in cut(&[Stretch { axis, from, to }], &ends) {
+            let at = side;
+            for part in cut(&[Stretch { axis, at, from, to }], &ends) {
                 let middle = part.from.midpoint(part.to);
                 let is_over = |s: &&Stretch| (s.from - middle) * (s.to - middle) < 0.0;
                 let is_odd = along.iter().filter(is_over).count() % 2 == 1;
                 if is_odd == is_inside {
-                    rest.push(self.line(&part, side)?);
+                    rest.push(self.line(&part)?);
                 }
             }
         }
@@ -147,9 +148,9 @@ impl Trimmer<'_> {
             turns.all(|turns| (turns - side).abs() <= ACCURACY)
         };
         let side = SIDES.iter().position(is_on)?;
-        let axis = SIDES[side].0;
+        let (axis, at, ..) = SIDES[side];
         let [from, to] = [curve.start(), curve.end()].map(|uv| self.turns(1 - axis, uv));
-        Some((side, Stretch { axis, from, to }))
+        Some((side, Stretch { axis, at, from, to }))
     }
 
     /// How many turns a place is from where the domain begins.
@@ -186,7 +187,7 @@ impl Trimmer<'_> {
             let mut kept = Chain::new();
             for ((curve, parts), is_lost) in left.into_iter().zip(parts).zip(lost) {
                 if is_lost {
-                    kept.extend(parts.iter().filter_map(|part| self.line(part, 0.0)));
+                    kept.extend(parts.iter().filter_map(|part| self.line(part)));
                 } else {
                     kept.push(curve);
                 }
@@ -196,18 +197,20 @@ impl Trimmer<'_> {
         left
     }
 
-    /// What a curve on the seam across an axis runs through, in the domain; nothing if it is not on it.
+    /// What a curve on the seam across an axis runs through, or on a line beside it, in the domain; nothing if it
+    /// is on none.
     fn along_seam(&self, axis: usize, curve: &Curve<DVec2>) -> Vec<Stretch> {
-        let side = self.turns(axis, curve.start()).round();
+        let across = self.turns(axis, curve.start());
         if curve
             .points()
-            .any(|uv| (self.turns(axis, uv) - side).abs() > ACCURACY)
+            .any(|uv| (self.turns(axis, uv) - across).abs() > ACCURACY)
         {
             return Vec::new();
         }
+        let at = across - across.floor();
         let [from, to] = [curve.start(), curve.end()].map(|uv| self.turns(1 - axis, uv));
         if !self.closed[1 - axis] {
-            return vec![Stretch { axis, from, to }];
+            return vec![Stretch { axis, at, from, to }];
         }
         // In parts where it passes the other seam.
         let (low, high) = (from.min(to), from.max(to));
@@ -216,7 +219,7 @@ impl Trimmer<'_> {
         let tiles = tiles.take_while(|tile| *tile < high - SAME);
         let part = |tile: f64| {
             let [from, to] = [from, to].map(|t| (t - tile).clamp(0.0, 1.0));
-            Stretch { axis, from, to }
+            Stretch { axis, at, from, to }
         };
         tiles.map(part).collect()
     }
@@ -231,10 +234,10 @@ impl Trimmer<'_> {
         at
     }
 
-    /// A part of a seam as a line so many turns from where the domain begins.
-    fn line(&self, part: &Stretch, turns: f64) -> Option<Curve<DVec2>> {
+    /// A part of a line in the parameters of the surface.
+    fn line(&self, part: &Stretch) -> Option<Curve<DVec2>> {
         let ends = [part.from, part.to];
-        let [from, to] = ends.map(|share| self.place(part.axis, turns, share));
+        let [from, to] = ends.map(|share| self.place(part.axis, part.at, share));
         Curve::line(from, to, 0.0..1.0).ok()
     }
 
@@ -269,10 +272,12 @@ fn walked(curves: Chain, at: impl Fn(DVec2) -> DVec3, near: f64) -> Option<Vec<C
     Some(loops)
 }
 
-/// A part of the seam across an axis, as shares of it.
+/// A part of a line across an axis, as shares of it.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     axis: usize,
+    /// Where the line is along the axis, in turns: not at the seam if a slit is elsewhere.
+    at: f64,
     from: f64,
     to: f64,
 }
@@ -284,14 +289,17 @@ impl Stretch {
 
     /// Whether another one is the same the other way.
     fn is_against(&self, other: &Self) -> bool {
-        (self.from - other.to).abs() <= SAME && (self.to - other.from).abs() <= SAME
+        let across = self.at - other.at;
+        (across - across.round()).abs() <= ACCURACY
+            && (self.from - other.to).abs() <= SAME
+            && (self.to - other.from).abs() <= SAME
     }
 }
 
 /// Stretches in parts that end at some places, too.
 fn cut(stretches: &[Stretch], ends: &[f64]) -> Vec<Stretch> {
     let mut parts = Vec::new();
-    for &Stretch { axis, from, to } in stretches {
+    for &Stretch { axis, at, from, to } in stretches {
         let is_inside = |t: &f64| from.min(to) + SAME < *t && *t < from.max(to) - SAME;
         let mut cuts: Vec<_> = ends.iter().copied().filter(is_inside).collect();
         cuts.sort_by(|a, b| {
@@ -306,6 +314,7 @@ fn cut(stretches: &[Stretch], ends: &[f64]) -> Vec<Stretch> {
         cuts.push(to);
         let part = |ends: &[f64]| Stretch {
             axis,
+            at,
             from: ends[0],
             to: ends[1],
         };
