@@ -146,6 +146,21 @@ fn an_assembly_of_files_is_as_large_as_its_parts() {
 }
 
 #[test]
+fn a_torus_that_is_slit_beside_its_seam_closes_its_body() {
+    let file = path("../shared/corpus/step/brlcad_ap203_singly_periodic_isocurve_order.stp");
+    if !file.is_file() {
+        return;
+    }
+    let found = measure(&read(&file).unwrap().scene);
+    let [body] = found.bodies.as_slice() else {
+        panic!("{} bodies", found.bodies.len())
+    };
+
+    assert_eq!((body.faces, found.open_faces), (23, 0));
+    assert!((body.volume - 0.007164).abs() < 1e-6, "{}", body.volume);
+}
+
+#[test]
 fn small_real_files_are_what_another_program_finds() {
     compare(200_000);
 }
