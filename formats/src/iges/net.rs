@@ -195,6 +195,13 @@ impl Net {
     ) -> Result<Curve<DVec3>, kernel::Error> {
         let mut net = Self::row(degree, knots, points, weights);
         net.drop_unused(0, &mut Vec::new());
+        // Where it is torn, the knots say so.
+        if net.tears(0).saturating_mul(net.points.len()) <= TEARING {
+            let mut pieces = net.clone().untorn(0, &mut Vec::new());
+            if pieces.len() == 1 {
+                net = pieces.swap_remove(0);
+            }
+        }
         net.into_curve()
     }
 

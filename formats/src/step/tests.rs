@@ -173,6 +173,22 @@ fn points_of_knots_that_stand_too_often_have_no_influence() {
     assert_eq!(curve.points().count(), 3);
     assert_eq!(curve.start(), DVec3::new(1.0, 0.0, 1.0));
     assert!(curve.evaluate(0.5).distance(DVec3::new(2.0, 0.0, 1.0)) < 1e-14);
+    // An inner knot once too often, where both sides meet, and where they do not.
+    let twice = |pointers: &str| {
+        let curve = format!(
+            "#30=B_SPLINE_CURVE_WITH_KNOTS('',1,({pointers}),.UNSPECIFIED.,.F.,.F.,(2,2,2),(0.,1.,2.),\
+             .UNSPECIFIED.);"
+        );
+        import(&product("#30", &format!("{points}{curve}")))
+    };
+    let scene = twice("#10,#12,#12,#13").unwrap().scene;
+    let kernel::WireShape::Curve(curve) = &scene.wires()[0].shape else {
+        panic!("no curve")
+    };
+    assert_eq!(curve.points().count(), 3);
+    assert!(curve.evaluate(1.5).distance(DVec3::new(2.5, 0.0, 1.0)) < 1e-14);
+    let error = twice("#10,#11,#12,#13").unwrap_err().to_string();
+    assert!(error.contains("knot 1 stands 2 times"), "{error}");
 }
 
 #[test]
