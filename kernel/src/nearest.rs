@@ -125,9 +125,9 @@ impl<'a> Nearby<'a> {
         let steps = [0, 1].map(|axis| self.length(axis, &along) / counts[axis] as f64);
         let most = SAMPLES * SAMPLES / (counts[0] * counts[1]);
         for axis in 0..2 {
-            let times = (steps[axis] / steps[1 - axis]) as usize;
-            if times > 1 && most > 1 {
-                along[axis] = places(knots[axis], counts[axis] * times.min(most));
+            let is_even = |times: &usize| *times as f64 * steps[1 - axis] <= steps[axis];
+            if let Some(times) = (2..=most).take_while(is_even).last() {
+                along[axis] = places(knots[axis], counts[axis] * times);
             }
         }
         let [along_u, along_v] = &along;

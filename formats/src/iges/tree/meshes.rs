@@ -24,12 +24,16 @@ pub(super) struct Meshes {
 
 impl Meshes {
     pub(super) fn new(file: &File<'_>) -> Self {
-        let stands_for = !file.drafted.exact.is_empty();
+        let shown = if file.drafted.exact.is_empty() {
+            Vec::new()
+        } else {
+            blanks::shown(file)
+        };
         Self {
             left: file.drafted.meshes.take(),
             made: HashMap::new(),
             exact: HashMap::new(),
-            shown: stands_for.then(|| blanks::shown(file)).unwrap_or_default(),
+            shown,
         }
     }
 }
