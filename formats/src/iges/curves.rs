@@ -127,7 +127,11 @@ impl Reader<'_, '_> {
     /// The curves of space of a stretch of a loop, as they run.
     pub(super) fn rails_along(&mut self, stretch: &Use) -> Result<Vec<Rail>, Problem> {
         let index = self.file.follow(stretch.space, "a trim curve")?;
-        let mut rails = self.rails(index)?;
+        let mended = self.file.mended.get().and_then(|all| all.get(&index));
+        let mut rails = match mended {
+            Some(curve) => vec![Rail::from(curve.clone())],
+            None => self.rails(index)?,
+        };
         let map = self.transforms.follow(self.file, stretch.matrix)?;
         if map != DAffine3::IDENTITY {
             for rail in &mut rails {

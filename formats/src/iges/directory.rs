@@ -1,6 +1,10 @@
 //! The directory, and the way from its entries to their parameters.
 
 use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::HashMap;
+
+use glam::DVec3;
+use kernel::Curve;
 
 use super::draft::Drafted;
 use super::global::Global;
@@ -145,6 +149,8 @@ pub(super) struct File<'a> {
     budget: Cell<usize>,
     /// Entries of which the parameters have been asked for.
     asked: RefCell<Vec<bool>>,
+    /// What stands in the place of curves of edges, by their entities.
+    pub mended: OnceCell<HashMap<usize, Curve<DVec3>>>,
     /// More about entities that are not from an IGES file.
     pub drafted: Drafted,
 }
@@ -175,6 +181,7 @@ impl<'a> File<'a> {
             owners,
             budget,
             asked,
+            mended: OnceCell::new(),
             drafted: Drafted::default(),
         }
     }

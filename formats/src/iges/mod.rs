@@ -5,11 +5,13 @@
 //! (with `conic`) and `sheets` (with `net`, `quadric` and `offset`) make curves and surfaces of
 //! them, `boundary` finds what bounds a face and `trims` makes trim loops of it. `blanks` says
 //! what is hidden, `tree` makes the scene, `levels` its layers, and `leftovers` tells what is not
-//! in it. `draft` lets other formats make entities, and meshes, which IGES does not have. Entities are found by the positions of their cards, not by the counts that go with them,
-//! because programs write the former right and the latter not always.
+//! in it. `astray` mends edges that are off their surfaces. `draft` lets other formats make entities, and meshes,
+//! which IGES does not have. Entities are found by the positions of their cards, not by the counts that go with
+//! them, because programs write the former right and the latter not always.
 
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Warnings};
 
+mod astray;
 #[cfg(test)]
 mod blank_tests;
 mod blanks;

@@ -45,6 +45,35 @@ pub(super) enum Shape {
     Torus { major: f64, minor: f64 },
 }
 
+/// What programs mean by the parameters of quadrics.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reading {
+    /// Whether angles are in degrees.
+    in_degrees: bool,
+    /// Whether the second parameter of a cone is measured along its lines, not along its axis.
+    is_slanted: bool,
+}
+
+/// All of that, the usual first.
+pub(super) const READINGS: [Reading; 4] = [
+    Reading {
+        in_degrees: true,
+        is_slanted: false,
+    },
+    Reading {
+        in_degrees: true,
+        is_slanted: true,
+    },
+    Reading {
+        in_degrees: false,
+        is_slanted: false,
+    },
+    Reading {
+        in_degrees: false,
+        is_slanted: true,
+    },
+];
+
 /// Reads a surface of the types 190 to 198.
 pub(super) fn read(
     reader: &mut Reader<'_, '_>,
@@ -236,6 +265,30 @@ impl Quadric {
                 DVec2::new(around, angle(p.z, out - major, 1))
             }
         }
+    }
+
+    /// The point at parameters of a file.
+    pub(super) fn point(&self, uv: DVec2, reading: Reading) -> DVec3 {
+        let angle = |x: f64| {
+            if reading.in_degrees {
+                x.to_radians()
+            } else {
+                x
+            }
+        };
+        let (frame, u, v) = (&self.frame, angle(uv.x), angle(uv.y));
+        let [across, along] = match self.shape {
+            Shape::Plane => return frame.origin() + frame.x() * uv.x + frame.y() * uv.y,
+            Shape::Cylinder { radius } => [radius, uv.y],
+            Shape::Cone { radius, half_angle } if reading.is_slanted => {
+                [radius + uv.y * half_angle.sin(), uv.y * half_angle.cos()]
+            }
+            Shape::Cone { radius, half_angle } => [radius + uv.y * half_angle.tan(), uv.y],
+            Shape::Sphere { radius } => [radius * v.cos(), radius * v.sin()],
+            Shape::Torus { major, minor } => [major + minor * v.cos(), minor * v.sin()],
+        };
+        let out = frame.x() * u.cos() + frame.y() * u.sin();
+        frame.origin() + out * across + frame.z() * along
     }
 
     /// The surface as large as the hull of some points needs; `None` if it has no border of

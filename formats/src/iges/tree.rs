@@ -25,7 +25,7 @@ use super::levels;
 use super::links::{Links, cycles, links};
 use super::transform::Transforms;
 use super::types;
-use super::{primitives, trims};
+use super::{astray, primitives, trims};
 use crate::{Error, Import, Limits, Place, Problem, Warnings};
 
 /// What a patch counts at least, in control points.
@@ -42,6 +42,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     let Links { owners, is_part } = links(file);
     file.take_asked();
     let mut tree = Tree::new(file, limits, warnings, is_part);
+    tree.repairs(astray::settle(file));
     let (mut children, mut marked) = (Vec::new(), Vec::new());
     for index in blanks::standing(file, &owners) {
         let child = tree.child(index, 0, 0);

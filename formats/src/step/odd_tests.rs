@@ -161,3 +161,56 @@ fn curves_may_be_hidden() {
     };
     assert_eq!((shown(""), shown("#54=INVISIBILITY((#53));")), (2, 1));
 }
+
+#[test]
+fn parameters_tell_on_which_half_of_a_profile_a_face_is() {
+    // A quarter of a ball, or of one that is twice as high, from where the profile is beyond the axis.
+    for shape in ["CIRCLE('',#at,1.)", "ELLIPSE('',#at,1.,2.)"] {
+        let height = if shape.starts_with('C') { 1.0 } else { 2.0 };
+        let curve = |place: &str| shape.replace("#at", place);
+        let (first, second) = (curve("#30"), curve("#31"));
+        let flat = |number: u32, turn: f64| {
+            format!(
+                "#{number}=PCURVE('',#45,#{a});#{a}=DEFINITIONAL_REPRESENTATION('',(#{b}),#99);\
+                 #{b}=LINE('',#{c},#36);#{c}=CARTESIAN_POINT('',({turn:?},0.));",
+                a = number + 1,
+                b = number + 2,
+                c = number + 3
+            )
+        };
+        let data = format!(
+            "{AXES}#30=AXIS2_PLACEMENT_3D('',#1,#32,#3);#31=AXIS2_PLACEMENT_3D('',#1,#3,#33);\
+             #32=DIRECTION('',(0.,-1.,0.));#33=DIRECTION('',(0.,1.,0.));\
+             #34={first};#35={second};#36=VECTOR('',#37,1.);#37=DIRECTION('',(0.,1.));\
+             #44=AXIS1_PLACEMENT('',#1,#2);#45=SURFACE_OF_REVOLUTION('',#34,#44);\
+             {}{}#50=SURFACE_CURVE('',#34,(#70),.CURVE_3D.);#51=SURFACE_CURVE('',#35,(#80),.CURVE_3D.);\
+             #52=CARTESIAN_POINT('',(0.,0.,{height:?}));#53=CARTESIAN_POINT('',(0.,0.,-{height:?}));\
+             #54=VERTEX_POINT('',#52);#55=VERTEX_POINT('',#53);\
+             #56=EDGE_CURVE('',#54,#55,#50,.T.);#57=EDGE_CURVE('',#54,#55,#51,.T.);\
+             #58=ORIENTED_EDGE('',*,*,#57,.T.);#59=ORIENTED_EDGE('',*,*,#56,.F.);\
+             #60=EDGE_LOOP('',(#58,#59));#61=FACE_BOUND('',#60,.T.);\
+             #62=ADVANCED_FACE('',(#61),#45,.T.);#63=OPEN_SHELL('',(#62));\
+             #64=SHELL_BASED_SURFACE_MODEL('',(#63));",
+            flat(70, 0.0),
+            flat(80, 0.5 * PI)
+        );
+        let (scene, warnings) = read(&product("#64", &data));
+        assert_eq!(warnings, [""; 0], "{shape}");
+        let patch = &scene.patches()[0];
+        let region = patch.region().unwrap();
+        let nearby = kernel::nearest::Nearby::new(&patch.surface, patch.surface.closed());
+        for (turn, is_there) in [
+            (1.25, true),
+            (1.05, true),
+            (1.45, true),
+            (0.95, false),
+            (0.25, false),
+            (1.55, false),
+        ] {
+            let point = DVec3::new((turn * PI).cos(), (turn * PI).sin(), 0.0);
+            let found = nearby.nearest(point, None);
+            assert!(found.distance < 1e-9, "{shape}");
+            assert_eq!(region.contains(found.uv), is_there, "{shape} {turn}");
+        }
+    }
+}

@@ -4,7 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use kernel::Curve;
 use kernel::modelling::Frame;
 
@@ -42,68 +42,134 @@ impl Translator<'_> {
             ..sheet
         }))
     }
-}
 
-/// The curve that is turned around an axis, long enough for some points.
-pub(super) fn profile(
-    basis: &Basis,
-    [origin, axis]: [DVec3; 2],
-    around: &[DVec3],
-) -> Result<Curve<DVec3>, Problem> {
-    if let Basis::Conic { frame, shape } = basis
-        && let Some(half) = half((frame, *shape), [origin, axis], around)?
-    {
-        return Ok(half);
-    }
-    wide(basis, |frame| {
-        // Turned into the half plane of the curve, on either side of the axis.
-        let out = (frame.origin() - origin) + frame.x();
-        let out = (out - axis * out.dot(axis)).normalize_or_zero();
-        let turned = |&p: &DVec3| {
-            let up = (p - origin).dot(axis);
-            let radius = (p - origin - axis * up).length();
-            [radius, -radius].map(|radius| {
-                let off = origin + axis * up + out * radius - frame.origin();
-                DVec2::new(off.dot(frame.x()), off.dot(frame.y()))
-            })
-        };
-        around.iter().flat_map(turned).collect()
-    })
-}
-
-/// The half, on one side of the axis, of a conic that is the same on both; `None` for any other.
-fn half(
-    (frame, shape): (&Frame, Conic),
-    [origin, axis]: [DVec3; 2],
-    around: &[DVec3],
-) -> Result<Option<Curve<DVec3>>, Problem> {
-    let off = frame.origin() - origin;
-    let is_along = |way: DVec3| way.cross(axis).length() <= PARALLEL;
-    let size = match shape {
-        Conic::Ellipse(axes) | Conic::Hyperbola(axes) => axes.max_element(),
-        Conic::Parabola(focus) => focus,
-    };
-    if off.cross(axis).length() > PARALLEL * size.max(off.length()) {
-        return Ok(None);
-    }
-    let range = match shape {
-        Conic::Ellipse(_) if is_along(frame.x()) => [0.0, PI],
-        Conic::Ellipse(_) if is_along(frame.y()) => [-FRAC_PI_2, FRAC_PI_2],
-        Conic::Parabola(_) | Conic::Hyperbola(_) if is_along(frame.x()) => {
-            let reach = around.iter().map(|&p| {
-                let off = p - frame.origin();
-                let along = off.dot(frame.x());
-                let radius = (off - frame.x() * along).length();
-                shape.parameter(DVec2::new(along, radius))
-            });
-            let farthest = reach.reduce(f64::max).ok_or_else(endless)?;
-            [0.0, farthest * (1.0 + MARGIN)]
+    /// The curve that is turned around an axis, long enough for some points.
+    pub(super) fn profile(
+        &self,
+        id: u64,
+        basis: &Basis,
+        [origin, axis]: [DVec3; 2],
+        around: &[DVec3],
+    ) -> Result<Curve<DVec3>, Problem> {
+        if let Basis::Conic { frame, shape } = basis
+            && let Some(half) = self.half(id, (frame, *shape), [origin, axis], around)?
+        {
+            return Ok(half);
         }
-        _ => return Ok(None),
-    };
-    let basis = Basis::Conic {
-        frame: *frame,
-        shape,
-    };
-    first(between(&basis, Some(range.map(End::At)))?).map(Some)
+        wide(basis, |frame| {
+            // Turned into the half plane of the curve, on either side of the axis.
+            let out = (frame.origin() - origin) + frame.x();
+            let out = (out - axis * out.dot(axis)).normalize_or_zero();
+            let turned = |&p: &DVec3| {
+                let up = (p - origin).dot(axis);
+                let radius = (p - origin - axis * up).length();
+                [radius, -radius].map(|radius| {
+                    let off = origin + axis * up + out * radius - frame.origin();
+                    DVec2::new(off.dot(frame.x()), off.dot(frame.y()))
+                })
+            };
+            around.iter().flat_map(turned).collect()
+        })
+    }
+
+    /// The half, on one side of the axis, of a conic that is the same on both; `None` for any other.
+    fn half(
+        &self,
+        id: u64,
+        (frame, shape): (&Frame, Conic),
+        [origin, axis]: [DVec3; 2],
+        around: &[DVec3],
+    ) -> Result<Option<Curve<DVec3>>, Problem> {
+        let off = frame.origin() - origin;
+        let is_along = |way: DVec3| way.cross(axis).length() <= PARALLEL;
+        let size = match shape {
+            Conic::Ellipse(axes) | Conic::Hyperbola(axes) => axes.max_element(),
+            Conic::Parabola(focus) => focus,
+        };
+        if off.cross(axis).length() > PARALLEL * size.max(off.length()) {
+            return Ok(None);
+        }
+        let arc = |middle: f64| {
+            let is_other = self.is_on_other_half(id, (frame, shape), [origin, axis], middle);
+            let middle = if is_other { middle + PI } else { middle };
+            [middle - FRAC_PI_2, middle + FRAC_PI_2]
+        };
+        let range = match shape {
+            Conic::Ellipse(_) if is_along(frame.x()) => arc(FRAC_PI_2),
+            Conic::Ellipse(_) if is_along(frame.y()) => arc(0.0),
+            Conic::Parabola(_) | Conic::Hyperbola(_) if is_along(frame.x()) => {
+                let reach = around.iter().map(|&p| {
+                    let off = p - frame.origin();
+                    let along = off.dot(frame.x());
+                    let radius = (off - frame.x() * along).length();
+                    shape.parameter(DVec2::new(along, radius))
+                });
+                let farthest = reach.reduce(f64::max).ok_or_else(endless)?;
+                [0.0, farthest * (1.0 + MARGIN)]
+            }
+            _ => return Ok(None),
+        };
+        let basis = Basis::Conic {
+            frame: *frame,
+            shape,
+        };
+        first(between(&basis, Some(range.map(End::At)))?).map(Some)
+    }
+
+    /// Whether the face is beyond a half of an ellipse, around the parameter `middle`, that is turned around an axis
+    /// and is the same on both sides of that: what the curves of the parameter domain tell. The normals of the two
+    /// halves are opposite.
+    pub(super) fn is_on_other_half(
+        &self,
+        id: u64,
+        conic: (&Frame, Conic),
+        axis: [DVec3; 2],
+        middle: f64,
+    ) -> bool {
+        let places = self
+            .around
+            .iter()
+            .flat_map(|&edge| self.places(id, edge, conic, axis).unwrap_or_default());
+        places.map(|v| (v - middle).cos()).sum::<f64>() < 0.0
+    }
+
+    /// Where an edge is along a conic that is turned around an axis, if its curves of the parameter domain are straight and run
+    /// along that domain.
+    fn places(
+        &self,
+        id: u64,
+        (curve, point): (u64, DVec3),
+        (frame, shape): (&Frame, Conic),
+        [origin, axis]: [DVec3; 2],
+    ) -> Result<Vec<f64>, Problem> {
+        let geometry = self.geometry();
+        let record = geometry.get(curve)?;
+        let mut places = Vec::new();
+        for flat in record.attributes().references(2)? {
+            let record = geometry.get(flat)?;
+            if record.name() != "PCURVE" || record.attributes().reference(1)? != id {
+                continue;
+            }
+            let domain = geometry.get(record.attributes().reference(2)?)?;
+            let Some(&line) = domain.attributes().references(1)?.first() else {
+                continue;
+            };
+            let line = geometry.get(line)?;
+            if line.name() != "LINE" {
+                continue;
+            }
+            let start = geometry.point(line.attributes().reference(1)?)? * self.units.radians;
+            let along = geometry.vector(line.attributes().reference(2)?)?;
+            let least = along.length() * PARALLEL;
+            if along.y.abs() <= least {
+                places.push(start.y);
+            } else if along.x.abs() <= least {
+                let back = DQuat::from_axis_angle(axis, -start.x) * (point - origin) + origin
+                    - frame.origin();
+                let local = DVec2::new(back.dot(frame.x()), back.dot(frame.y()));
+                places.push(shape.parameter(local));
+            }
+        }
+        Ok(places)
+    }
 }

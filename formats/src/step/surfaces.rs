@@ -9,7 +9,6 @@ use kernel::modelling::{self, Frame};
 use super::arcs::{Basis, Conic, End, between};
 use super::curves::NESTING;
 use super::nets::spline;
-use super::revolved::profile;
 use super::translator::Translator;
 use super::values::{Attributes, Record};
 use crate::Problem;
@@ -333,13 +332,23 @@ impl Translator<'_> {
                 shape: Conic::Ellipse(axes),
             } if is_sphere(frame, *axes, origin, axis) => {
                 let is_turned = frame.y().dot(axis) < 0.0;
+                // In the middle of the half on which the normal is that one.
+                let [x, y] = [frame.x().dot(axis), frame.y().dot(axis)];
+                let middle = if is_turned {
+                    f64::atan2(x, -y)
+                } else {
+                    f64::atan2(-x, y)
+                };
+                let conic = (frame, Conic::Ellipse(*axes));
+                let is_turned =
+                    is_turned != self.is_on_other_half(id, conic, [origin, axis], middle);
                 let frame = Frame::about(frame.origin(), axis).map_err(Problem::Geometry)?;
                 return Ok(Sheet {
                     pointer: self.quadric(id, &frame, Elementary::Sphere(axes.x)),
                     is_turned,
                 });
             }
-            _ => profile(&basis, [origin, axis], around)?,
+            _ => self.profile(id, &basis, [origin, axis], around)?,
         };
         self.turned(id, &curve, [origin, axis])
     }

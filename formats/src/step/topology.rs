@@ -27,8 +27,20 @@ pub(super) struct Edge {
     /// The pointer to its curve; zero if it has no length.
     pointer: i64,
     pub pieces: Vec<Curve<DVec3>>,
+    /// The instance of its curve, or zero.
+    curve: u64,
     /// Whether its curve runs as it does.
     pub is_along: bool,
+}
+
+impl Edge {
+    /// The instance of its curve, with a point in the middle of that.
+    fn middle(&self) -> Option<(u64, DVec3)> {
+        let piece = self.pieces.get(self.pieces.len() / 2)?;
+        let domain = piece.domain();
+        let middle = f64::midpoint(domain.start, domain.end);
+        Some((self.curve, piece.evaluate(middle)))
+    }
 }
 
 /// A stretch of a loop: an edge, and whether it is run through backwards.
@@ -226,7 +238,7 @@ impl Translator<'_> {
         let at = record.attributes();
         let ends = [at.reference(1)?, at.reference(2)?];
         let points = [geometry.point(ends[0])?, geometry.point(ends[1])?];
-        let mut is_along = true;
+        let (mut is_along, mut curve) = (true, 0);
         let mut record = record.clone();
         for _ in 0..NESTING {
             // A part of another one has its curve.
@@ -238,7 +250,8 @@ impl Translator<'_> {
         let basis = match record.name() {
             "EDGE_CURVE" => {
                 is_along = record.attributes().is_true(4, true);
-                geometry.basis(record.attributes().reference(3)?, 0)?
+                curve = record.attributes().reference(3)?;
+                geometry.basis(curve, 0)?
             }
             "EDGE" => Basis::Line {
                 origin: points[0],
@@ -259,6 +272,7 @@ impl Translator<'_> {
         Ok(Edge {
             pointer,
             pieces,
+            curve,
             is_along,
         })
     }
@@ -281,6 +295,7 @@ impl Translator<'_> {
             let edge = Edge {
                 pointer,
                 pieces,
+                curve: 0,
                 is_along: true,
             };
             stretches.push((Rc::new(edge), false));
@@ -343,6 +358,8 @@ impl Translator<'_> {
             self.note(id, Problem::Invalid(text.to_owned()));
             (plane, false)
         } else {
+            let edges = loops.iter().flatten().map(|(edge, _)| edge);
+            self.around = edges.filter_map(|edge| edge.middle()).collect();
             let sheet = self.surface(at.reference(2)?, &hull, 0)?;
             (sheet.pointer, sheet.is_turned == at.is_true(3, true))
         };

@@ -60,6 +60,8 @@ pub(super) struct Translator<'a> {
     pub transform: i64,
     pub surfaces: HashMap<u64, Result<Sheet, Problem>>,
     pub edges: HashMap<u64, Result<Rc<Edge>, Problem>>,
+    /// The instances of the curves around the face that is made, each with a point on it.
+    pub around: Vec<(u64, DVec3)>,
     /// What became of items, products and representations where we are.
     pub known: Known,
     /// The same in other places, where some look differently.
@@ -106,6 +108,7 @@ impl<'a> Translator<'a> {
             transform: 0,
             surfaces: HashMap::new(),
             edges: HashMap::new(),
+            around: Vec::new(),
             known: Known::default(),
             scopes: Scopes::default(),
             tessellations: Tessellations::default(),
