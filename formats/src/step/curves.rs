@@ -69,7 +69,7 @@ impl<'a> Geometry<'a> {
         Problem::Unsupported(format!("{source} is no {what} that is read"))
     }
 
-    fn points(&self, ids: &[u64]) -> Result<Vec<DVec3>, Problem> {
+    pub(super) fn points(&self, ids: &[u64]) -> Result<Vec<DVec3>, Problem> {
         if ids.len() > self.limit {
             let text = format!("{} points; the limit is {}", ids.len(), self.limit);
             return Err(Problem::TooLarge(text));

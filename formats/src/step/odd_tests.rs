@@ -169,14 +169,21 @@ fn parameters_tell_on_which_half_of_a_profile_a_face_is() {
         let height = if shape.starts_with('C') { 1.0 } else { 2.0 };
         let curve = |place: &str| shape.replace("#at", place);
         let (first, second) = (curve("#30"), curve("#31"));
-        let flat = |number: u32, turn: f64| {
-            format!(
-                "#{number}=PCURVE('',#45,#{a});#{a}=DEFINITIONAL_REPRESENTATION('',(#{b}),#99);\
-                 #{b}=LINE('',#{c},#36);#{c}=CARTESIAN_POINT('',({turn:?},0.));",
-                a = number + 1,
-                b = number + 2,
-                c = number + 3
-            )
+        let flat = |number: u32, turn: f64, is_line: bool| {
+            let curve = if is_line {
+                "LINE('',#C,#36)"
+            } else {
+                "B_SPLINE_CURVE_WITH_KNOTS('',1,(#C,#D),.UNSPECIFIED.,.F.,.F.,(2,2),(0.,1.),.UNSPECIFIED.)"
+            };
+            let text = "#A=PCURVE('',#45,#Z);#Z=DEFINITIONAL_REPRESENTATION('',(#B),#99);\
+                        #C=CARTESIAN_POINT('',(TURN,LOW));#D=CARTESIAN_POINT('',(TURN,HIGH));";
+            let low = if is_line { 0.0 } else { 0.5 * PI };
+            let text = format!("{text}#B={curve};");
+            let text = text.replace("TURN", &format!("{turn:?}"));
+            let text = text.replace("LOW", &format!("{low:?}"));
+            let text = text.replace("HIGH", &format!("{:?}", 1.5 * PI));
+            (["#A", "#Z", "#B", "#C", "#D"].iter().zip(number..))
+                .fold(text, |text, (name, n)| text.replace(name, &format!("#{n}")))
         };
         let data = format!(
             "{AXES}#30=AXIS2_PLACEMENT_3D('',#1,#32,#3);#31=AXIS2_PLACEMENT_3D('',#1,#3,#33);\
@@ -191,8 +198,8 @@ fn parameters_tell_on_which_half_of_a_profile_a_face_is() {
              #60=EDGE_LOOP('',(#58,#59));#61=FACE_BOUND('',#60,.T.);\
              #62=ADVANCED_FACE('',(#61),#45,.T.);#63=OPEN_SHELL('',(#62));\
              #64=SHELL_BASED_SURFACE_MODEL('',(#63));",
-            flat(70, 0.0),
-            flat(80, 0.5 * PI)
+            flat(70, 0.0, true),
+            flat(80, 0.5 * PI, false)
         );
         let (scene, warnings) = read(&product("#64", &data));
         assert_eq!(warnings, [""; 0], "{shape}");

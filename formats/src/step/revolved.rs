@@ -129,47 +129,62 @@ impl Translator<'_> {
         let places = self
             .around
             .iter()
-            .flat_map(|&edge| self.places(id, edge, conic, axis).unwrap_or_default());
+            .flat_map(|&edge| self.places_along(id, edge, conic, axis).unwrap_or_default());
         places.map(|v| (v - middle).cos()).sum::<f64>() < 0.0
     }
 
-    /// Where an edge is along a conic that is turned around an axis, if its curves of the parameter domain are straight and run
-    /// along that domain.
-    fn places(
+    /// Where an edge is along a conic that is turned around an axis, as far as its curves of the parameter domain
+    /// tell.
+    fn places_along(
         &self,
         id: u64,
         (curve, point): (u64, DVec3),
-        (frame, shape): (&Frame, Conic),
-        [origin, axis]: [DVec3; 2],
+        conic: (&Frame, Conic),
+        axis: [DVec3; 2],
     ) -> Result<Vec<f64>, Problem> {
         let geometry = self.geometry();
-        let record = geometry.get(curve)?;
         let mut places = Vec::new();
-        for flat in record.attributes().references(2)? {
+        for flat in geometry.get(curve)?.attributes().references(2)? {
             let record = geometry.get(flat)?;
-            if record.name() != "PCURVE" || record.attributes().reference(1)? != id {
-                continue;
-            }
-            let domain = geometry.get(record.attributes().reference(2)?)?;
-            let Some(&line) = domain.attributes().references(1)?.first() else {
-                continue;
-            };
-            let line = geometry.get(line)?;
-            if line.name() != "LINE" {
-                continue;
-            }
-            let start = geometry.point(line.attributes().reference(1)?)? * self.units.radians;
-            let along = geometry.vector(line.attributes().reference(2)?)?;
-            let least = along.length() * PARALLEL;
-            if along.y.abs() <= least {
-                places.push(start.y);
-            } else if along.x.abs() <= least {
-                let back = DQuat::from_axis_angle(axis, -start.x) * (point - origin) + origin
-                    - frame.origin();
-                let local = DVec2::new(back.dot(frame.x()), back.dot(frame.y()));
-                places.push(shape.parameter(local));
+            if record.name() == "PCURVE" && record.attributes().reference(1)? == id {
+                let domain = geometry.get(record.attributes().reference(2)?)?;
+                for curve in domain.attributes().references(1)? {
+                    places.extend(self.place_along(curve, point, conic, axis)?);
+                }
             }
         }
         Ok(places)
+    }
+
+    /// The same of one curve of the parameter domain: a spline, or a line that runs along that domain. In space it
+    /// passes through a point.
+    fn place_along(
+        &self,
+        curve: u64,
+        point: DVec3,
+        (frame, shape): (&Frame, Conic),
+        [origin, axis]: [DVec3; 2],
+    ) -> Result<Option<f64>, Problem> {
+        let geometry = self.geometry();
+        let record = geometry.get(curve)?;
+        let (at, unit) = (record.attributes(), self.units.radians);
+        if record.name().starts_with("B_SPLINE_CURVE") {
+            let points = geometry.points(&at.references(2)?)?;
+            let sum: f64 = points.iter().map(|p| p.y * unit).sum();
+            return Ok(Some(sum / points.len() as f64));
+        }
+        if record.name() != "LINE" {
+            return Ok(None);
+        }
+        let start = geometry.point(at.reference(1)?)? * unit;
+        let along = geometry.vector(at.reference(2)?)?;
+        let least = along.length() * PARALLEL;
+        if along.y.abs() <= least {
+            return Ok(Some(start.y));
+        }
+        let back = DQuat::from_axis_angle(axis, -start.x) * (point - origin);
+        let off = back + origin - frame.origin();
+        let local = DVec2::new(off.dot(frame.x()), off.dot(frame.y()));
+        Ok((along.x.abs() <= least).then(|| shape.parameter(local)))
     }
 }
