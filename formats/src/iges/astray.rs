@@ -30,6 +30,9 @@ const ACCURACY: f64 = 1e-9;
 /// and is nowhere farther from it than this share.
 const NEAR: f64 = 0.25;
 
+/// Control points of all such curves.
+const MOST: usize = 1_000_000;
+
 /// Curves are compared at the ends of so many parts.
 const PLACES: u8 = 32;
 
@@ -52,6 +55,7 @@ pub(super) fn settle(file: &File<'_>) -> Vec<(usize, Problem)> {
         edges: HashMap::new(),
         seen: HashSet::new(),
         mended: HashMap::new(),
+        left: MOST,
     };
     for (index, entry) in file.entries.iter().enumerate() {
         if entry.kind == 510 {
@@ -76,6 +80,8 @@ struct Search<'a, 'b> {
     seen: HashSet<(i64, i64)>,
     /// By the entity of the curve.
     mended: HashMap<usize, Curve<DVec3>>,
+    /// How many more control points these may have.
+    left: usize,
 }
 
 impl Search<'_, '_> {
@@ -141,7 +147,7 @@ impl Search<'_, '_> {
     ) -> Result<(), Problem> {
         let file = self.reader.file;
         let index = file.follow(curve, "an edge")?;
-        if file.entries[index].kind != 126 || self.mended.contains_key(&index) {
+        if file.entries[index].kind != 126 || self.mended.contains_key(&index) || self.left == 0 {
             return Ok(());
         }
         let [rail] = self
@@ -159,19 +165,27 @@ impl Search<'_, '_> {
         for (vertex, (list, number)) in vertices.iter_mut().zip(ends) {
             *vertex = vertex_of(file, list, number)?;
         }
+        let domain = flat.domain();
         for reading in READINGS {
-            let mended = lifted(quadric, reading, &flat, size)?;
-            let mended = if runs_against(&mended, &space) {
-                mended.reversed()
-            } else {
-                mended
+            let at = |share: f64| {
+                let t = domain.start + (domain.end - domain.start) * share;
+                quadric.point(flat.evaluate(t), reading)
             };
-            let meets = [mended.start(), mended.end()];
-            let meets = meets.into_iter().zip(vertices);
-            let meets = meets.fold(0.0, |most: f64, (a, b)| most.max(a.distance(b)));
-            let is_near =
-                |point: DVec3| places(&space).any(|other| other.distance(point) <= NEAR * size);
-            if meets <= MEETS * size && places(&mended).all(is_near) {
+            let apart = |ends: [f64; 2]| {
+                let [a, b] = ends.map(at);
+                a.distance(vertices[0]).max(b.distance(vertices[1]))
+            };
+            let is_near = |point: DVec3| places(&space).any(|p| p.distance(point) <= NEAR * size);
+            if apart([0.0, 1.0]).min(apart([1.0, 0.0])) <= MEETS * size
+                && shares().map(at).all(is_near)
+            {
+                let mended = lifted(quadric, reading, &flat, size)?;
+                self.left = self.left.saturating_sub(mended.points().count());
+                let mended = if runs_against(&mended, &space) {
+                    mended.reversed()
+                } else {
+                    mended
+                };
                 self.mended.insert(index, mended);
                 break;
             }
@@ -187,8 +201,12 @@ fn several() -> Problem {
 /// Points of a curve.
 fn places(curve: &Curve<DVec3>) -> impl Iterator<Item = DVec3> {
     let domain = curve.domain();
-    let share = |k: u8| f64::from(k) / f64::from(PLACES);
-    (0..=PLACES).map(move |k| curve.evaluate(domain.start + (domain.end - domain.start) * share(k)))
+    shares().map(move |share| curve.evaluate(domain.start + (domain.end - domain.start) * share))
+}
+
+/// Where curves are looked at, as shares of their domain.
+fn shares() -> impl Iterator<Item = f64> {
+    (0..=PLACES).map(|k| f64::from(k) / f64::from(PLACES))
 }
 
 /// Whether a curve runs against another one beside it.
