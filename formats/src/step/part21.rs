@@ -59,7 +59,7 @@ struct Entry {
 /// A file, ready to be looked up.
 #[derive(Debug)]
 pub(super) struct Exchange<'a> {
-    bytes: &'a [u8],
+    pub bytes: &'a [u8],
     /// By number.
     entries: Vec<Entry>,
     /// How many more bytes may be read.

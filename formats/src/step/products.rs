@@ -19,6 +19,13 @@ pub(super) fn of_representation<'r, 'a>(record: &'r Record<'a>) -> Attributes<'r
     at.unwrap_or_else(|| record.attributes())
 }
 
+/// This program writes an operator that places a part, enlarged, with the reciprocal of its scale, before which it moves
+/// the part: `(R x + origin) / scale`.
+const INVERSE_SCALE: &[u8] = b"Open CASCADE STEP processor";
+
+/// The header is looked at up to here.
+const HEADER: usize = 4096;
+
 impl Translator<'_> {
     /// Writes a whole file down: pointers to what it shows, also for its own sake, in its units.
     pub(super) fn whole(&mut self, depth: usize) -> (Vec<i64>, Option<Units>) {
@@ -370,6 +377,19 @@ impl Translator<'_> {
         }
     }
 
+    /// Whether the header names [`INVERSE_SCALE`].
+    fn has_inverse_scales(&self) -> bool {
+        let header = self.exchange.bytes.iter().take(HEADER);
+        // Lines may end within a string.
+        let header: Vec<u8> = header
+            .copied()
+            .filter(|byte| !byte.is_ascii_control())
+            .collect();
+        header
+            .windows(INVERSE_SCALE.len())
+            .any(|part| part == INVERSE_SCALE)
+    }
+
     /// The map from a child to its parent, each with its representation and units.
     fn relation(
         &self,
@@ -383,7 +403,12 @@ impl Translator<'_> {
         };
         let record = self.exchange.get(place)?;
         if record.name() != "ITEM_DEFINED_TRANSFORMATION" {
-            let map = self.geometry().map(place)?;
+            let mut map = self.geometry().map(place)?;
+            if self.has_inverse_scales() {
+                let scale = map.matrix3.determinant().cbrt();
+                map.matrix3 *= (scale * scale).recip();
+                map.translation /= scale;
+            }
             let is_turned = relation.reps != [child, parent];
             let map = if is_turned { map.inverse() } else { map };
             return checked(map * scale);

@@ -194,3 +194,27 @@ fn units_that_are_not_readable_are_told() {
         "{warnings:?}"
     );
 }
+
+#[test]
+fn one_program_writes_the_reciprocals_of_scales() {
+    for (writer, scale, wanted) in [
+        ("", "2.", 60.8),
+        ("", "-1.", -15.4),
+        ("/*Open CASCADE \nSTEP processor 8.0*/", "2.", 17.7),
+        ("/*Open CASCADE STEP processor 7.9*/", "-1.", -35.4),
+        ("/*Open CASCADE STEP processor 7.9*/", "1.", 35.4),
+    ] {
+        let data = format!(
+            "#89=NEXT_ASSEMBLY_USAGE_OCCURRENCE('1','','',#905,#85,'here');
+#90=PRODUCT_DEFINITION_SHAPE('','',#89);
+#91=CARTESIAN_TRANSFORMATION_OPERATOR_3D('','','',#3,#71,#70,{scale},#2);
+#92=(REPRESENTATION_RELATIONSHIP('','',#87,#907)\
+REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#91)SHAPE_REPRESENTATION_RELATIONSHIP());
+#93=CONTEXT_DEPENDENT_SHAPE_REPRESENTATION(#92,#90);"
+        );
+        let place = only_place(&format!("{writer}{}", inches("#72", &data)));
+        let moved = place.transform_point3(DVec3::X);
+        let wanted = DVec3::new(wanted, 0.0, 0.0);
+        assert!(moved.distance(wanted) < 1e-9, "{moved} {writer} {scale}");
+    }
+}
