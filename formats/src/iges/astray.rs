@@ -261,3 +261,66 @@ fn vertex_of(file: &File<'_>, pointer: i64, number: i64) -> Result<DVec3, Proble
     let mut real = || parameters.real();
     Ok(DVec3::new(real()?, real()?, real()?))
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use crate::iges::testing::{formed, part, read, shows};
+
+    #[test]
+    fn edges_off_their_surface_give_way_to_their_parameters() {
+        // Around the top of a cylinder, but for the vertex too low and too far out.
+        let place = |k: u32| match k {
+            0 | 8 => ",1.,0.,2.".to_owned(),
+            _ => {
+                let angle = f64::from(k).to_radians() * 45.0;
+                format!(",{:?},{:?},1.5", 1.1 * angle.cos(), 1.1 * angle.sin())
+            }
+        };
+        let places: String = (0..=8).map(place).collect();
+        let knots = "0.,0.,1.,2.,3.,4.,5.,6.,7.,8.,8.,1.,1.,1.,1.,1.,1.,1.,1.,1.";
+        for (flat, text) in [
+            (
+                "0.,2.,0.,360.,2.,0.",
+                "that of the parameter domain is used",
+            ),
+            (
+                "6.283185307179586,2.,0.,0.,2.,0.",
+                "that of the parameter domain is used",
+            ),
+            // Not at the vertex.
+            ("0.,1.9,0.,360.,1.9,0.", "it is laid onto it"),
+        ] {
+            let (scene, warnings) = read(&[
+                part(116, 0, "0.,0.,0."),
+                part(123, 0, "0.,0.,1."),
+                part(123, 0, "1.,0.,0."),
+                part(192, 1, "1,3,1.,5"),
+                part(100, 0, "0.,0.,0.,1.,0.,1.,0."),
+                part(110, 0, "1.,0.,0.,1.,0.,2."),
+                part(
+                    126,
+                    0,
+                    &format!("8,1,0,1,1,0,{knots}{places},0.,8.,0.,0.,1."),
+                ),
+                part(502, 1, "2,1.,0.,0.,1.,0.,2."),
+                part(504, 1, "3,9,15,1,15,1,11,15,1,15,2,13,15,2,15,2"),
+                part(110, 0, flat),
+                part(508, 1, "4,0,17,1,1,0,0,17,2,1,0,0,17,3,0,1,0,19,0,17,2,0,0"),
+                formed(510, 1, "7,1,1,21"),
+            ]);
+            assert!(warnings[0].contains(text), "{warnings:?}");
+            let is_mended = text.contains("domain");
+            let patch = &scene.patches()[0];
+            for k in 1..12 {
+                let angle = f64::from(k) * 0.5;
+                assert_eq!(
+                    shows(patch, DVec2::from_angle(angle).extend(1.99)),
+                    is_mended,
+                    "{angle}"
+                );
+            }
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use glam::{DVec2, DVec3};
-use kernel::{Placement, Scene, Shape};
+use kernel::{Patch, Placement, Scene, Shape};
 
 use crate::{Error, Import, Limits, NoFiles, ReadOptions};
 
@@ -154,4 +154,25 @@ pub(super) fn file_with(global: &str, entities: &[Made]) -> String {
     let end = format!("S{:>7}G{:>7}D{d:>7}P{p:>7}", 1, 1);
     let _ = writeln!(text, "{end:<72}T{:>7}", 1);
     text
+}
+
+/// Whether the point of the patch nearest to a point is that point and belongs to the face.
+pub(super) fn shows(patch: &Patch, point: DVec3) -> bool {
+    let closed = kernel::nearest::closed(&patch.surface);
+    let nearby = kernel::nearest::Nearby::new(&patch.surface, closed);
+    let found = nearby.nearest(point, None);
+    let (u, v) = (
+        patch.surface.knots_u().domain(),
+        patch.surface.knots_v().domain(),
+    );
+    let wrap =
+        |x: f64, d: std::ops::Range<f64>| d.start + (x - d.start).rem_euclid(d.end - d.start);
+    let mut uv = found.uv;
+    if closed[0] {
+        uv.x = wrap(uv.x, u);
+    }
+    if closed[1] {
+        uv.y = wrap(uv.y, v);
+    }
+    found.distance < 1e-6 && patch.region().is_none_or(|region| region.contains(uv))
 }
