@@ -5,15 +5,16 @@
 
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DVec3};
 use kernel::{Curve, modelling};
 
-use super::boundary::{self, Boundary};
-use super::curves::Reader;
+use super::boundary::{self, Boundary, Edge, Edges};
+use super::curves::{OFF, Rail, Reader};
 use super::directory::{File, WHOLE};
 use super::entities::{self, Content};
-use super::quadric::{Quadric, READINGS, Reading};
+use super::quadric::{Quadric, READINGS};
 use super::sheets::{self, SheetShape};
 use super::transform::Transforms;
 use crate::Problem;
@@ -36,11 +37,12 @@ const MOST: usize = 1_000_000;
 /// Curves are compared at the ends of so many parts.
 const PLACES: u8 = 32;
 
-/// An edge as its list has it: pointers to its curve and to the lists of its vertices, with their numbers there.
-type Edge = (i64, [(i64, i64); 2]);
-
 /// Looks for such edges, and puts others in the place of their curves; what is to be told of that.
 pub(super) fn settle(file: &File<'_>) -> Vec<(usize, Problem)> {
+    // Without lists of edges there are none.
+    if file.entries.iter().all(|entry| entry.kind != 504) {
+        return Vec::new();
+    }
     let laying = Cell::new(0);
     let mut transforms = Transforms::default();
     let mut search = Search {
@@ -52,7 +54,7 @@ pub(super) fn settle(file: &File<'_>) -> Vec<(usize, Problem)> {
             limit: file.entries.len(),
             laying: &laying,
         },
-        edges: HashMap::new(),
+        edges: Edges::default(),
         seen: HashSet::new(),
         mended: HashMap::new(),
         left: MOST,
@@ -67,15 +69,13 @@ pub(super) fn settle(file: &File<'_>) -> Vec<(usize, Problem)> {
     told.sort_unstable();
     let _ = file.mended.set(search.mended);
     file.take_asked();
-    let text = "a curve of space is off its surface; that of the parameter domain is used";
-    let tell = |index: usize| (index, Problem::Invalid(text.to_owned()));
+    let tell = |index: usize| (index, Problem::Invalid(OFF.to_owned()));
     told.into_iter().map(tell).collect()
 }
 
 struct Search<'a, 'b> {
     reader: Reader<'a, 'b>,
-    /// By the pointer to their list.
-    edges: HashMap<i64, Vec<Edge>>,
+    edges: Edges,
     /// Curves, each with a surface that it has been held against.
     seen: HashSet<(i64, i64)>,
     /// By the entity of the curve.
@@ -116,76 +116,56 @@ impl Search<'_, '_> {
                 if stretch.edge == 0 || stretch.matrix != 0 {
                     continue;
                 }
-                let (curve, ends) = self.edge(stretch.space, stretch.edge)?;
-                if self.seen.insert((curve, surface)) {
-                    self.hold(quadric, curve, ends, flat)?;
+                let edge = self.edges.find(file, stretch.space, stretch.edge)?;
+                if self.seen.insert((edge.curve, surface)) {
+                    self.hold(quadric, edge, flat)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// An edge of a list, counted from 1 on.
-    fn edge(&mut self, list: i64, number: i64) -> Result<Edge, Problem> {
-        if !self.edges.contains_key(&list) {
-            let edges = edges(self.reader.file, list)?;
-            self.edges.insert(list, edges);
-        }
-        let place = usize::try_from(number).ok().and_then(|n| n.checked_sub(1));
-        let edge = place.and_then(|place| self.edges[&list].get(place));
-        edge.copied()
-            .ok_or_else(|| Problem::Invalid("no such edge".to_owned()))
-    }
-
     /// Holds an edge against a surface.
-    fn hold(
-        &mut self,
-        quadric: &Quadric,
-        curve: i64,
-        ends: [(i64, i64); 2],
-        flat: i64,
-    ) -> Result<(), Problem> {
+    fn hold(&mut self, quadric: &Quadric, edge: Edge, flat: i64) -> Result<(), Problem> {
         let file = self.reader.file;
-        let index = file.follow(curve, "an edge")?;
+        let index = file.follow(edge.curve, "an edge")?;
         if file.entries[index].kind != 126 || self.mended.contains_key(&index) || self.left == 0 {
             return Ok(());
         }
-        let [rail] = self
-            .reader
-            .rails(index)?
-            .try_into()
-            .map_err(|_| several())?;
-        let space = rail.curve;
+        let rails = self.reader.rails(index)?;
+        let [Rail { curve: space, .. }] = rails.as_slice() else {
+            return Ok(());
+        };
         let size = space.hull_bounds().diagonal();
-        if places(&space).all(|point| quadric.off(point) <= ASTRAY * size) {
+        if places(space).all(|point| quadric.off(point) <= ASTRAY * size) {
             return Ok(());
         }
-        let [flat] = self.reader.flat(flat)?.try_into().map_err(|_| several())?;
+        let flats = self.reader.flat(flat)?;
+        let [flat] = flats.as_slice() else {
+            return Ok(());
+        };
         let mut vertices = [DVec3::ZERO; 2];
-        for (vertex, (list, number)) in vertices.iter_mut().zip(ends) {
+        for (vertex, (list, number)) in vertices.iter_mut().zip(edge.vertices) {
             *vertex = vertex_of(file, list, number)?;
         }
-        let domain = flat.domain();
+        let [start, end] = [flat.domain().start, flat.domain().end];
         for reading in READINGS {
-            let at = |share: f64| {
-                let t = domain.start + (domain.end - domain.start) * share;
-                quadric.point(flat.evaluate(t), reading)
+            let at = |t: f64| quadric.point(flat.evaluate(t), reading);
+            let apart =
+                |a: f64, b: f64| at(a).distance(vertices[0]).max(at(b).distance(vertices[1]));
+            let is_near = |t: f64| {
+                let point = at(t);
+                places(space).any(|other| other.distance(point) <= NEAR * size)
             };
-            let apart = |ends: [f64; 2]| {
-                let [a, b] = ends.map(at);
-                a.distance(vertices[0]).max(b.distance(vertices[1]))
-            };
-            let is_near = |point: DVec3| places(&space).any(|p| p.distance(point) <= NEAR * size);
-            if apart([0.0, 1.0]).min(apart([1.0, 0.0])) <= MEETS * size
-                && shares().map(at).all(is_near)
-            {
-                let mended = lifted(quadric, reading, &flat, size)?;
+            let meets = apart(start, end).min(apart(end, start)) <= MEETS * size;
+            if meets && parts(flat.domain()).all(is_near) {
+                let fit =
+                    modelling::fit(at, &flat.knots().breaks(), ACCURACY * size, DVec3::distance);
+                let mut mended = fit.map_err(Problem::Geometry)?.curve;
+                if runs_against(&mended, space) {
+                    mended = mended.reversed();
+                }
                 self.left = self.left.saturating_sub(mended.points().count());
-                let mended = if runs_against(&mended, &space) {
-                    mended.reversed()
-                } else {
-                    mended
-                };
                 self.mended.insert(index, mended);
                 break;
             }
@@ -194,19 +174,15 @@ impl Search<'_, '_> {
     }
 }
 
-fn several() -> Problem {
-    Problem::Invalid("several curves where one is wanted".to_owned())
-}
-
 /// Points of a curve.
 fn places(curve: &Curve<DVec3>) -> impl Iterator<Item = DVec3> {
-    let domain = curve.domain();
-    shares().map(move |share| curve.evaluate(domain.start + (domain.end - domain.start) * share))
+    parts(curve.domain()).map(|t| curve.evaluate(t))
 }
 
-/// Where curves are looked at, as shares of their domain.
-fn shares() -> impl Iterator<Item = f64> {
-    (0..=PLACES).map(|k| f64::from(k) / f64::from(PLACES))
+/// The parameters at which curves are compared.
+fn parts(domain: Range<f64>) -> impl Iterator<Item = f64> {
+    let share = |k: u8| f64::from(k) / f64::from(PLACES);
+    (0..=PLACES).map(move |k| domain.start + (domain.end - domain.start) * share(k))
 }
 
 /// Whether a curve runs against another one beside it.
@@ -217,34 +193,6 @@ fn runs_against(one: &Curve<DVec3>, other: &Curve<DVec3>) -> bool {
     };
     let apart = |a: f64, b: f64| at(one, a).distance(at(other, b));
     apart(0.25, 0.75) + apart(0.75, 0.25) < apart(0.25, 0.25) + apart(0.75, 0.75)
-}
-
-/// A curve of the parameter domain in space.
-fn lifted(
-    quadric: &Quadric,
-    reading: Reading,
-    flat: &Curve<DVec2>,
-    size: f64,
-) -> Result<Curve<DVec3>, Problem> {
-    let at = |t: f64| quadric.point(flat.evaluate(t), reading);
-    let breaks = flat.knots().breaks();
-    let fit = modelling::fit(at, &breaks, ACCURACY * size, DVec3::distance);
-    Ok(fit.map_err(Problem::Geometry)?.curve)
-}
-
-/// The edges of a list (type 504).
-fn edges(file: &File<'_>, pointer: i64) -> Result<Vec<Edge>, Problem> {
-    let index = file.follow(pointer, "an edge list")?;
-    let mut buffer = Vec::new();
-    let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-    let count = parameters.count()?;
-    let mut edges = Vec::new();
-    for _ in 0..parameters.expect(count, "edges")? {
-        let curve = parameters.integer()?;
-        let mut end = || Ok::<_, Problem>((parameters.integer_or(0)?, parameters.integer_or(0)?));
-        edges.push((curve, [end()?, end()?]));
-    }
-    Ok(edges)
 }
 
 /// A vertex of a list (type 502), counted from 1 on.

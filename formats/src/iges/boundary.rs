@@ -163,39 +163,51 @@ fn edges(parameters: &mut Parameters<'_>) -> Result<Option<Loop>, Problem> {
     }))
 }
 
-/// The curves of edge lists (type 504), read once each.
+/// An edge of a list: pointers to its curve and to the lists of its vertices, with their numbers there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edge {
+    pub curve: i64,
+    pub vertices: [(i64, i64); 2],
+}
+
+/// The edges of lists (type 504), read once each.
 #[derive(Debug, Default)]
 pub(super) struct Edges {
-    known: HashMap<i64, Result<Vec<i64>, Problem>>,
+    known: HashMap<i64, Result<Vec<Edge>, Problem>>,
 }
 
 impl Edges {
     /// Replaces edges by their curves.
     pub(super) fn resolve(&mut self, file: &File<'_>, one: &mut Loop) -> Result<(), Problem> {
         for stretch in one.uses.iter_mut().filter(|u| u.edge != 0) {
-            stretch.space = self.find(file, stretch.space, stretch.edge)?;
+            stretch.space = self.find(file, stretch.space, stretch.edge)?.curve;
             stretch.edge = 0;
         }
         Ok(())
     }
 
-    /// The curve of an edge, counted from 1 on.
-    fn find(&mut self, file: &File<'_>, list: i64, number: i64) -> Result<i64, Problem> {
-        let curves = self
+    /// An edge, counted from 1 on.
+    pub(super) fn find(
+        &mut self,
+        file: &File<'_>,
+        list: i64,
+        number: i64,
+    ) -> Result<Edge, Problem> {
+        let edges = self
             .known
             .entry(list)
-            .or_insert_with(|| edge_curves(file, list));
-        let curves = curves.as_ref().map_err(Problem::clone)?;
+            .or_insert_with(|| edges_of(file, list));
+        let edges = edges.as_ref().map_err(Problem::clone)?;
         let index = usize::try_from(number).ok().and_then(|n| n.checked_sub(1));
-        index.and_then(|i| curves.get(i)).copied().ok_or_else(|| {
-            let count = curves.len();
+        index.and_then(|i| edges.get(i)).copied().ok_or_else(|| {
+            let count = edges.len();
             Problem::Invalid(format!("edge {number} is wanted of a list of {count}"))
         })
     }
 }
 
-/// The pointers to the curves of an edge list.
-pub(super) fn edge_curves(file: &File<'_>, pointer: i64) -> Result<Vec<i64>, Problem> {
+/// The edges of a list.
+pub(super) fn edges_of(file: &File<'_>, pointer: i64) -> Result<Vec<Edge>, Problem> {
     let index = file.follow(pointer, "an edge list")?;
     if file.entries[index].kind != 504 {
         let text = format!("{} is no edge list", file.source(index));
@@ -204,13 +216,13 @@ pub(super) fn edge_curves(file: &File<'_>, pointer: i64) -> Result<Vec<i64>, Pro
     let mut buffer = Vec::new();
     let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
     let count = parameters.count()?;
-    let mut curves = Vec::new();
+    let mut edges = Vec::new();
     for _ in 0..parameters.expect(count, "edges")? {
-        curves.push(parameters.integer()?);
-        // Both vertices are also the ends of the curve.
-        for _ in 0..4 {
-            parameters.integer_or(0)?;
-        }
+        let curve = parameters.integer()?;
+        let mut vertex =
+            || Ok::<_, Problem>((parameters.integer_or(0)?, parameters.integer_or(0)?));
+        let vertices = [vertex()?, vertex()?];
+        edges.push(Edge { curve, vertices });
     }
-    Ok(curves)
+    Ok(edges)
 }

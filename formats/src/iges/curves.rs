@@ -30,6 +30,10 @@ const MEETS: f64 = 1e-5;
 const CHORDS: u32 = 8;
 const EVEN: f64 = 1e-6;
 
+/// What is said of a curve of space that gives way.
+pub(super) const OFF: &str =
+    "a curve of space is off its surface; that of the parameter domain is used";
+
 /// A curve, and what its parameter means.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Rail {

@@ -230,7 +230,8 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
         }
         504 => {
             let own = i64::try_from(entry.number).unwrap_or_default();
-            return boundary::edge_curves(file, own);
+            let edges = boundary::edges_of(file, own)?;
+            return Ok(edges.into_iter().map(|edge| edge.curve).collect());
         }
         141 | 508 => {
             let own = i64::try_from(entry.number).unwrap_or_default();

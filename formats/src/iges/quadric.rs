@@ -469,6 +469,9 @@ mod tests {
                 has_angles: false,
             };
             let hull = [DVec3::new(5.0, 4.0, 3.0), DVec3::new(0.0, 1.0, 4.0)];
+            let uv = DVec2::new(0.7, 0.3);
+            let found = quadric.locate(quadric.point(uv, READINGS[2]), Some(uv));
+            assert!(found.distance(uv) < 1e-12, "{shape:?}: {found}");
             let surface = quadric.surface(&hull).unwrap().unwrap();
             let knots = [surface.knots_u(), surface.knots_v()];
             for k in 0..50 {

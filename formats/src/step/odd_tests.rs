@@ -169,37 +169,27 @@ fn parameters_tell_on_which_half_of_a_profile_a_face_is() {
         let height = if shape.starts_with('C') { 1.0 } else { 2.0 };
         let curve = |place: &str| shape.replace("#at", place);
         let (first, second) = (curve("#30"), curve("#31"));
-        let flat = |number: u32, turn: f64, is_line: bool| {
-            let curve = if is_line {
-                "LINE('',#C,#36)"
-            } else {
-                "B_SPLINE_CURVE_WITH_KNOTS('',1,(#C,#D),.UNSPECIFIED.,.F.,.F.,(2,2),(0.,1.),.UNSPECIFIED.)"
-            };
-            let text = "#A=PCURVE('',#45,#Z);#Z=DEFINITIONAL_REPRESENTATION('',(#B),#99);\
-                        #C=CARTESIAN_POINT('',(TURN,LOW));#D=CARTESIAN_POINT('',(TURN,HIGH));";
-            let low = if is_line { 0.0 } else { 0.5 * PI };
-            let text = format!("{text}#B={curve};");
-            let text = text.replace("TURN", &format!("{turn:?}"));
-            let text = text.replace("LOW", &format!("{low:?}"));
-            let text = text.replace("HIGH", &format!("{:?}", 1.5 * PI));
-            (["#A", "#Z", "#B", "#C", "#D"].iter().zip(number..))
-                .fold(text, |text, (name, n)| text.replace(name, &format!("#{n}")))
-        };
+        let (low, high) = (0.5 * PI, 1.5 * PI);
+        let flat = format!(
+            "#70=PCURVE('',#45,#71);#71=DEFINITIONAL_REPRESENTATION('',(#72),#99);\
+             #72=LINE('',#73,#36);#73=CARTESIAN_POINT('',(0.,0.));\
+             #80=PCURVE('',#45,#81);#81=DEFINITIONAL_REPRESENTATION('',(#82),#99);\
+             #82=B_SPLINE_CURVE_WITH_KNOTS('',1,(#83,#84),.UNSPECIFIED.,.F.,.F.,(2,2),(0.,1.),.UNSPECIFIED.);\
+             #83=CARTESIAN_POINT('',({low:?},{low:?}));#84=CARTESIAN_POINT('',({low:?},{high:?}));"
+        );
         let data = format!(
             "{AXES}#30=AXIS2_PLACEMENT_3D('',#1,#32,#3);#31=AXIS2_PLACEMENT_3D('',#1,#3,#33);\
              #32=DIRECTION('',(0.,-1.,0.));#33=DIRECTION('',(0.,1.,0.));\
              #34={first};#35={second};#36=VECTOR('',#37,1.);#37=DIRECTION('',(0.,1.));\
              #44=AXIS1_PLACEMENT('',#1,#2);#45=SURFACE_OF_REVOLUTION('',#34,#44);\
-             {}{}#50=SURFACE_CURVE('',#34,(#70),.CURVE_3D.);#51=SURFACE_CURVE('',#35,(#80),.CURVE_3D.);\
+             {flat}#50=SURFACE_CURVE('',#34,(#70),.CURVE_3D.);#51=SURFACE_CURVE('',#35,(#80),.CURVE_3D.);\
              #52=CARTESIAN_POINT('',(0.,0.,{height:?}));#53=CARTESIAN_POINT('',(0.,0.,-{height:?}));\
              #54=VERTEX_POINT('',#52);#55=VERTEX_POINT('',#53);\
              #56=EDGE_CURVE('',#54,#55,#50,.T.);#57=EDGE_CURVE('',#54,#55,#51,.T.);\
              #58=ORIENTED_EDGE('',*,*,#57,.T.);#59=ORIENTED_EDGE('',*,*,#56,.F.);\
              #60=EDGE_LOOP('',(#58,#59));#61=FACE_BOUND('',#60,.T.);\
              #62=ADVANCED_FACE('',(#61),#45,.T.);#63=OPEN_SHELL('',(#62));\
-             #64=SHELL_BASED_SURFACE_MODEL('',(#63));",
-            flat(70, 0.0, true),
-            flat(80, 0.5 * PI, false)
+             #64=SHELL_BASED_SURFACE_MODEL('',(#63));"
         );
         let (scene, warnings) = read(&product("#64", &data));
         assert_eq!(warnings, [""; 0], "{shape}");

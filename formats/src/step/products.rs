@@ -26,6 +26,15 @@ const INVERSE_SCALE: &[u8] = b"Open CASCADE STEP processor";
 /// The header is looked at up to here.
 const HEADER: usize = 4096;
 
+/// Whether the header of a file names [`INVERSE_SCALE`].
+pub(super) fn has_inverse_scales(bytes: &[u8]) -> bool {
+    // Lines may end within a string.
+    let header = bytes.iter().take(HEADER).copied();
+    let header: Vec<u8> = header.filter(|byte| !byte.is_ascii_control()).collect();
+    let mut parts = header.windows(INVERSE_SCALE.len());
+    parts.any(|part| part == INVERSE_SCALE)
+}
+
 impl Translator<'_> {
     /// Writes a whole file down: pointers to what it shows, also for its own sake, in its units.
     pub(super) fn whole(&mut self, depth: usize) -> (Vec<i64>, Option<Units>) {
@@ -377,19 +386,6 @@ impl Translator<'_> {
         }
     }
 
-    /// Whether the header names [`INVERSE_SCALE`].
-    fn has_inverse_scales(&self) -> bool {
-        let header = self.exchange.bytes.iter().take(HEADER);
-        // Lines may end within a string.
-        let header: Vec<u8> = header
-            .copied()
-            .filter(|byte| !byte.is_ascii_control())
-            .collect();
-        header
-            .windows(INVERSE_SCALE.len())
-            .any(|part| part == INVERSE_SCALE)
-    }
-
     /// The map from a child to its parent, each with its representation and units.
     fn relation(
         &self,
@@ -404,7 +400,7 @@ impl Translator<'_> {
         let record = self.exchange.get(place)?;
         if record.name() != "ITEM_DEFINED_TRANSFORMATION" {
             let mut map = self.geometry().map(place)?;
-            if self.has_inverse_scales() {
+            if self.has_inverse_scales {
                 let scale = map.matrix3.determinant().cbrt();
                 map.matrix3 *= (scale * scale).recip();
                 map.translation /= scale;

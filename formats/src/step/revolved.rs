@@ -10,6 +10,7 @@ use kernel::modelling::Frame;
 
 use super::arcs::{Basis, Conic, End, between};
 use super::surfaces::{MARGIN, PARALLEL, Sheet, endless, first, wide};
+use super::topology::Edge;
 use super::translator::Translator;
 use crate::Problem;
 
@@ -126,10 +127,9 @@ impl Translator<'_> {
         axis: [DVec3; 2],
         middle: f64,
     ) -> bool {
-        let places = self
-            .around
-            .iter()
-            .flat_map(|&edge| self.places_along(id, edge, conic, axis).unwrap_or_default());
+        let edges = self.edges_around.iter();
+        let places =
+            edges.flat_map(|edge| self.places_along(id, edge, conic, axis).unwrap_or_default());
         places.map(|v| (v - middle).cos()).sum::<f64>() < 0.0
     }
 
@@ -138,18 +138,21 @@ impl Translator<'_> {
     fn places_along(
         &self,
         id: u64,
-        (curve, point): (u64, DVec3),
+        edge: &Edge,
         conic: (&Frame, Conic),
         axis: [DVec3; 2],
     ) -> Result<Vec<f64>, Problem> {
         let geometry = self.geometry();
         let mut places = Vec::new();
-        for flat in geometry.get(curve)?.attributes().references(2)? {
+        let Some(middle) = edge.middle() else {
+            return Ok(places);
+        };
+        for flat in geometry.get(edge.curve)?.attributes().references(2)? {
             let record = geometry.get(flat)?;
             if record.name() == "PCURVE" && record.attributes().reference(1)? == id {
                 let domain = geometry.get(record.attributes().reference(2)?)?;
                 for curve in domain.attributes().references(1)? {
-                    places.extend(self.place_along(curve, point, conic, axis)?);
+                    places.extend(self.place_along(curve, middle, conic, axis)?);
                 }
             }
         }

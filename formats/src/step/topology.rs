@@ -28,18 +28,17 @@ pub(super) struct Edge {
     pointer: i64,
     pub pieces: Vec<Curve<DVec3>>,
     /// The instance of its curve, or zero.
-    curve: u64,
+    pub curve: u64,
     /// Whether its curve runs as it does.
     pub is_along: bool,
 }
 
 impl Edge {
-    /// The instance of its curve, with a point in the middle of that.
-    fn middle(&self) -> Option<(u64, DVec3)> {
+    /// A point in the middle of it.
+    pub(super) fn middle(&self) -> Option<DVec3> {
         let piece = self.pieces.get(self.pieces.len() / 2)?;
         let domain = piece.domain();
-        let middle = f64::midpoint(domain.start, domain.end);
-        Some((self.curve, piece.evaluate(middle)))
+        Some(piece.evaluate(f64::midpoint(domain.start, domain.end)))
     }
 }
 
@@ -358,9 +357,11 @@ impl Translator<'_> {
             self.note(id, Problem::Invalid(text.to_owned()));
             (plane, false)
         } else {
-            let edges = loops.iter().flatten().map(|(edge, _)| edge);
-            self.around = edges.filter_map(|edge| edge.middle()).collect();
-            let sheet = self.surface(at.reference(2)?, &hull, 0)?;
+            let edges = loops.iter().flatten();
+            self.edges_around = edges.map(|(edge, _)| Rc::clone(edge)).collect();
+            let sheet = self.surface(at.reference(2)?, &hull, 0);
+            self.edges_around.clear();
+            let sheet = sheet?;
             (sheet.pointer, sheet.is_turned == at.is_true(3, true))
         };
         let is_against = self.against.contains(&id);

@@ -11,7 +11,7 @@ use super::external::Files;
 use super::nets::matrix;
 use super::overrides::Scopes;
 use super::part21::Exchange;
-use super::products::Assembly;
+use super::products::{Assembly, has_inverse_scales};
 use super::styles::{Style, Styles};
 use super::surfaces::Sheet;
 use super::tessellated::{self, Tessellations};
@@ -52,6 +52,8 @@ pub(super) struct Translator<'a> {
     pub warnings: Warnings,
     pub styles: Styles,
     pub assembly: Assembly,
+    /// Whether operators that place parts have the reciprocals of their scales.
+    pub has_inverse_scales: bool,
     /// The units that hold where we are.
     pub units: Units,
     /// Those of representations.
@@ -60,8 +62,8 @@ pub(super) struct Translator<'a> {
     pub transform: i64,
     pub surfaces: HashMap<u64, Result<Sheet, Problem>>,
     pub edges: HashMap<u64, Result<Rc<Edge>, Problem>>,
-    /// The instances of the curves around the face that is made, each with a point on it.
-    pub around: Vec<(u64, DVec3)>,
+    /// Those around the face that is made.
+    pub edges_around: Vec<Rc<Edge>>,
     /// What became of items, products and representations where we are.
     pub known: Known,
     /// The same in other places, where some look differently.
@@ -103,12 +105,13 @@ impl<'a> Translator<'a> {
             warnings: Warnings::default(),
             styles: Styles::default(),
             assembly: Assembly::default(),
+            has_inverse_scales: has_inverse_scales(exchange.bytes),
             units: Units::default(),
             units_known: HashMap::new(),
             transform: 0,
             surfaces: HashMap::new(),
             edges: HashMap::new(),
-            around: Vec::new(),
+            edges_around: Vec::new(),
             known: Known::default(),
             scopes: Scopes::default(),
             tessellations: Tessellations::default(),

@@ -9,7 +9,7 @@ use super::laid::POINT;
 use super::{ACCURACY, ASTRAY, COARSE, MEETS, Source, Trimmer};
 use crate::Problem;
 use crate::iges::boundary::Use;
-use crate::iges::curves::{Rail, Reader};
+use crate::iges::curves::{OFF, Rail, Reader};
 use crate::iges::order::Chain;
 use crate::iges::sheets::{SheetShape, Warp};
 
@@ -84,9 +84,7 @@ impl Trimmer<'_> {
                 is_off = true;
             }
             if is_off {
-                let text =
-                    "a curve of space is off its surface; that of the parameter domain is used";
-                reader.repaired(face, text);
+                reader.repaired(face, OFF);
             }
         }
         if let ([curve], [rail]) = (curves.as_slice(), rails.as_slice()) {
