@@ -126,6 +126,8 @@ pub enum Error {
     NotStarShaped,
     /// A direction has no length.
     NoDirection,
+    /// Solids cannot be united, cut by each other or taken from each other.
+    Boolean(&'static str),
     /// A loop has no curves.
     EmptyLoop,
     /// The loops of a face have nothing inside.
@@ -280,6 +282,7 @@ impl fmt::Display for Error {
                 write!(f, "the rim cannot be seen as a whole from its middle")
             }
             Self::NoDirection => write!(f, "a direction has no length"),
+            Self::Boolean(why) => write!(f, "the solids cannot be combined: {why}"),
             Self::EmptyLoop => write!(f, "a trim loop without curves"),
             Self::NothingInside => write!(f, "nothing is inside its trim loops"),
             Self::LoopsWind => {

@@ -18,6 +18,7 @@
 
 mod bernstein;
 mod bezier;
+pub mod boolean;
 mod bounds;
 mod camera;
 mod curve;
