@@ -174,7 +174,7 @@ impl Patch {
     }
 
     /// The loops, each with the shifts that bring it into the domain.
-    fn shifted(&self) -> Vec<(DVec2, &TrimLoop)> {
+    pub(crate) fn shifted(&self) -> Vec<(DVec2, &TrimLoop)> {
         if self.loops.is_empty() {
             return Vec::new();
         }

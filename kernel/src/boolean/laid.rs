@@ -1,0 +1,129 @@
+//! Borders of a face laid on a piece of another one that lies in the same surface.
+
+use glam::{DVec2, DVec3, DVec4};
+
+use super::face::Piece;
+use super::pair::foot;
+use super::trace::{NODES, SLACK, snapped, through};
+use crate::{Aabb, Curve, Error, KnotVector, Surface};
+
+/// Halvings of a border until its image is a polynomial.
+const HALVINGS: u32 = 10;
+
+/// How far an image may be from the border, as a share of the size of the solids.
+const NEAR: f64 = 1e-10;
+
+/// Where it is looked whether it is.
+const CHECKS: [f64; 3] = [0.05, 0.5, 0.8];
+
+/// A border of a face: a curve over its unit square, without knots of the surface inside.
+pub(super) struct Border<'a> {
+    /// The surface of the face, over the unit square.
+    pub(super) surface: &'a Surface,
+    /// The curve.
+    pub(super) curve: &'a Curve<DVec2>,
+}
+
+impl Border<'_> {
+    fn point(&self, t: f64) -> DVec3 {
+        self.surface.evaluate(self.curve.evaluate(t))
+    }
+
+    /// The border in the parameters of a piece of the same surface, as far as it is on that.
+    pub(super) fn on(&self, piece: &Piece, size: f64) -> Result<Vec<Curve<DVec2>>, Error> {
+        let domain = self.curve.domain();
+        let ends = [domain.start, domain.start.midpoint(domain.end), domain.end];
+        let [start, middle, end] = ends.map(|t| self.point(t));
+        if start.distance(middle).max(start.distance(end)) <= NEAR * size {
+            // Nothing but a pole.
+            return Ok(Vec::new());
+        }
+        let mut parts = Vec::new();
+        let mut todo = vec![(domain.start, domain.end, 0)];
+        while let Some((from, to, depth)) = todo.pop() {
+            let (part, is_done) = self.part(piece, [from, to], size);
+            if let Some(points) = part {
+                let knots = KnotVector::trusted_bezier(5, &(0.0..1.0));
+                parts.extend(inside(&Curve::new(knots, &points, None)?)?);
+            } else if !is_done && depth < HALVINGS {
+                let middle = from.midpoint(to);
+                todo.push((middle, to, depth + 1));
+                todo.push((from, middle, depth + 1));
+            }
+        }
+        Ok(parts)
+    }
+
+    /// The image of a part, if it is a polynomial; or that there is none.
+    fn part(&self, piece: &Piece, [from, to]: [f64; 2], size: f64) -> (Option<[DVec2; 6]>, bool) {
+        let at = |share: f64| self.point(from + (to - from) * share);
+        let around = Aabb::around(NODES.map(at));
+        let margin = DVec3::splat(around.diagonal() + NEAR * size);
+        let wide = Aabb {
+            min: around.min - margin,
+            max: around.max + margin,
+        };
+        if !wide.meets(&piece.bounds) {
+            return (None, true);
+        }
+        let mut guess = DVec2::splat(0.5);
+        let mut values = [DVec4::ZERO; 6];
+        for (value, &node) in values.iter_mut().zip(&NODES) {
+            let Some(found) = foot(&piece.surface, at(node), guess, size) else {
+                return (None, false);
+            };
+            guess = found;
+            *value = found.extend(0.0).extend(0.0);
+        }
+        let is_out = |axis: usize| {
+            let all = || values.iter().map(|value| value[axis]);
+            all().all(|x| x < -SLACK) || all().all(|x| x > 1.0 + SLACK)
+        };
+        if is_out(0) || is_out(1) {
+            return (None, true);
+        }
+        let Some(points) = through(&NODES, &values) else {
+            return (None, false);
+        };
+        let points = points.map(|p| DVec2::new(p.x, p.y));
+        let is_on = |t: f64| {
+            let image = piece.surface.evaluate(bezier(&points, t));
+            image.distance(at(t)) <= NEAR * size
+        };
+        (CHECKS.iter().all(|&t| is_on(t)).then_some(points), false)
+    }
+}
+
+fn bezier(points: &[DVec2; 6], t: f64) -> DVec2 {
+    let mut points = *points;
+    for last in (1..points.len()).rev() {
+        for i in 0..last {
+            points[i] = points[i].lerp(points[i + 1], t);
+        }
+    }
+    points[0]
+}
+
+/// Those parts of a curve that are in the unit square.
+fn inside(curve: &Curve<DVec2>) -> Result<Vec<Curve<DVec2>>, Error> {
+    let mut cuts = vec![0.0, 1.0];
+    for axis in 0..2 {
+        for value in [0.0, 1.0] {
+            let is_along = curve.points().all(|p| (p[axis] - value).abs() <= SLACK);
+            if !is_along {
+                cuts.extend(curve.crossings(axis, value, SLACK));
+            }
+        }
+    }
+    cuts.sort_by(f64::total_cmp);
+    let mut parts = Vec::new();
+    for range in cuts.windows(2).filter(|range| range[1] - range[0] > SLACK) {
+        let middle = curve.evaluate(range[0].midpoint(range[1]));
+        if middle.min_element() >= -SLACK && middle.max_element() <= 1.0 + SLACK {
+            let part = curve.restricted(range[0]..range[1])?;
+            let points: Vec<_> = part.points().map(snapped).collect();
+            parts.push(Curve::new(part.knots().clone(), &points, None)?);
+        }
+    }
+    Ok(parts)
+}
