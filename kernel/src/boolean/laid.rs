@@ -38,20 +38,22 @@ impl Border<'_> {
             // Nothing but a pole.
             return Ok(Vec::new());
         }
-        let mut parts = Vec::new();
+        let mut parts: Vec<Vec<Curve<DVec2>>> = Vec::new();
         let mut todo = vec![(domain.start, domain.end, 0)];
         while let Some((from, to, depth)) = todo.pop() {
             let (part, is_done) = self.part(piece, [from, to], size);
             if let Some(points) = part {
                 let knots = KnotVector::trusted_bezier(5, &(0.0..1.0));
-                parts.extend(inside(&Curve::new(knots, &points, None)?)?);
+                for part in inside(&Curve::new(knots, &points, None)?)? {
+                    add(&mut parts, part);
+                }
             } else if !is_done && depth < HALVINGS {
                 let middle = from.midpoint(to);
                 todo.push((middle, to, depth + 1));
                 todo.push((from, middle, depth + 1));
             }
         }
-        Ok(parts)
+        parts.iter().map(|run| run[0].joined(&run[1..])).collect()
     }
 
     /// The image of a part, if it is a polynomial; or that there is none.
@@ -91,6 +93,17 @@ impl Border<'_> {
             image.distance(at(t)) <= NEAR * size
         };
         (CHECKS.iter().all(|&t| is_on(t)).then_some(points), false)
+    }
+}
+
+/// Adds a part of an image to that which ends where it begins.
+fn add(parts: &mut Vec<Vec<Curve<DVec2>>>, part: Curve<DVec2>) {
+    let is_next = |run: &Vec<Curve<DVec2>>| {
+        run.last().is_some_and(|last| last.end().distance(part.start()) <= SLACK)
+    };
+    match parts.last_mut().filter(|run| is_next(run)) {
+        Some(run) => run.push(part),
+        None => parts.push(vec![part]),
     }
 }
 

@@ -49,10 +49,13 @@ pub(super) fn remains(
     let parts = parts.into_iter().filter(|part| length(part) > SHORT);
     let parts = different(parts, SAME);
     let mut kept = Vec::new();
+    let dbg = std::env::var("DBG").is_ok();
+    if dbg { eprintln!("DBG FACE borders {} others {} all {}", borders.len(), others.len(), all.len()); }
     for part in &parts {
         let [left, right] = sides(part, &is_kept).ok_or(Error::Boolean(
             "what is inside cannot be told where faces nearly touch",
         ))?;
+        if dbg { eprintln!("DBG {:.9?} {:.9?} len {:.2e} {left} {right}", part.start().to_array(), part.end().to_array(), length(part)); }
         if left != right {
             kept.push(if left { part.clone() } else { part.reversed() });
         }

@@ -58,7 +58,8 @@ pub(super) fn meeting(first: &Piece, second: &Piece, size: f64) -> Result<Meetin
             continue;
         }
         let cones = [cone(&a, pair.first), cone(&b, pair.second)];
-        let width = width(&a).max(width(&b));
+        let widths = [width(&a, first), width(&b, second)];
+        let width = widths[0].max(widths[1]);
         match crossing(&cones) {
             Some(flatness) if flatness < 0.25 || width <= LARGEST => {
                 let found = pair.settled(center(&a, &b), None);
@@ -76,7 +77,7 @@ pub(super) fn meeting(first: &Piece, second: &Piece, size: f64) -> Result<Meetin
             None => {}
         }
         if width > SMALLEST {
-            todo.extend(halved(a, b));
+            todo.extend(halved(a, b, widths));
         }
     }
     Ok(Meeting::Along(traces))
@@ -170,29 +171,14 @@ fn are_same(part: &BezierSurface, pair: &Pair<'_>) -> bool {
     true
 }
 
-/// The larger of two parts in halves, across its longer side.
-fn halved(a: BezierSurface, b: BezierSurface) -> Vec<[BezierSurface; 2]> {
-    let [sizes_a, sizes_b] = [sides(&a), sides(&b)];
-    let is_first = sizes_a[0].max(sizes_a[1]) >= sizes_b[0].max(sizes_b[1]);
-    let is_first = (is_first && width(&a) > SMALLEST) || width(&b) <= SMALLEST;
-    let (part, [along_u, along_v]) = if is_first {
-        (&a, sizes_a)
-    } else {
-        (&b, sizes_b)
-    };
-    let parts = if along_u >= along_v {
-        part.split_u(0.5)
-    } else {
-        part.split_v(0.5)
-    };
-    let both = parts.map(|half| {
-        if is_first {
-            [half, b.clone()]
-        } else {
-            [a.clone(), half]
-        }
-    });
-    both.into()
+/// The larger of two parts in halves, across its longer side, of those that are not smallest.
+fn halved(a: BezierSurface, b: BezierSurface, widths: [f64; 2]) -> [[BezierSurface; 2]; 2] {
+    let longest = |part: &BezierSurface| sides(part).into_iter().fold(0.0, f64::max);
+    let is_first = widths[1] <= SMALLEST || (widths[0] > SMALLEST && longest(&a) >= longest(&b));
+    let part = if is_first { &a } else { &b };
+    let [along_u, along_v] = sides(part);
+    let halves = if along_u >= along_v { part.split_u(0.5) } else { part.split_v(0.5) };
+    halves.map(|half| if is_first { [half, b.clone()] } else { [a.clone(), half] })
 }
 
 /// How long a net is along u and along v, about.
@@ -208,10 +194,10 @@ fn sides(net: &BezierSurface) -> [f64; 2] {
     [along_u.fold(0.0, f64::max), along_v.fold(0.0, f64::max)]
 }
 
-/// The larger side of a part as a share of the piece.
-fn width(part: &BezierSurface) -> f64 {
-    let (u, v) = (part.u(), part.v());
-    (u.end - u.start).max(v.end - v.start)
+/// The longer side of a part of a piece as a share of the size of that.
+fn width(part: &BezierSurface, piece: &Piece) -> f64 {
+    let [along_u, along_v] = sides(part);
+    along_u.max(along_v) / piece.bounds.diagonal()
 }
 
 fn center(a: &BezierSurface, b: &BezierSurface) -> DVec4 {

@@ -28,6 +28,9 @@ const LEAST: f64 = 1e-7;
 /// Arcs of one curve, at most.
 const MOST: usize = 4000;
 
+/// A curve leaves a border that it is on if its parameter changes by this share of what changes most.
+const STEEP: f64 = 1e-3;
+
 /// How far the direction of a curve changes along an arc, at most, by the cosine.
 const TURN: f64 = 0.5;
 
@@ -163,7 +166,7 @@ fn march(pair: &Pair<'_>, seed: DVec4, sign: f64) -> Option<(Vec<Arc>, End)> {
     let mut arcs: Vec<Arc> = Vec::new();
     let mut step = FIRST;
     while arcs.len() < MOST {
-        if let Some(axis) = leaving(at, rate) {
+        if let Some(axis) = leaving(at, rate, STEEP) {
             return Some((arcs, End::Border(axis)));
         }
         let mut taken = None;
@@ -183,7 +186,8 @@ fn march(pair: &Pair<'_>, seed: DVec4, sign: f64) -> Option<(Vec<Arc>, End)> {
             size *= 0.6;
         }
         let Some(Step { arc, next, border }) = taken else {
-            return Some((arcs, End::Lost));
+            let end = leaving(at, rate, 0.0).map_or(End::Lost, End::Border);
+            return Some((arcs, end));
         };
         let start = arc
             .place(seed, 1e-9)
@@ -208,12 +212,12 @@ fn march(pair: &Pair<'_>, seed: DVec4, sign: f64) -> Option<(Vec<Arc>, End)> {
 }
 
 /// The parameter that leaves the unit square at a point of its border, if one does.
-fn leaving(at: DVec4, rate: DVec4) -> Option<usize> {
+fn leaving(at: DVec4, rate: DVec4, steepness: f64) -> Option<usize> {
     let most = rate.abs().max_element();
     (0..4).find(|&axis| {
         let is_out = (at[axis] <= SLACK && rate[axis] < 0.0)
             || (at[axis] >= 1.0 - SLACK && rate[axis] > 0.0);
-        is_out && rate[axis].abs() > 1e-6 * most
+        is_out && rate[axis].abs() > steepness * most
     })
 }
 
