@@ -54,10 +54,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     }
     // Of all that is shown it means nothing.
     if marked.len() < children.len() {
-        for index in marked {
-            let text = "marked as part of another entity, but none names it; it is shown";
-            tree.problem(index, Problem::Invalid(text.to_owned()));
-        }
+        tree.tell_marked(&marked);
     }
     for index in cycles(&owners) {
         let entry = &file.entries[index];
@@ -198,6 +195,14 @@ impl<'a, 'b> Tree<'a, 'b> {
             places_left: MOST_PLACES,
             failure: None,
             fatal: None,
+        }
+    }
+
+    /// Tells what is shown though it is marked as part of something.
+    fn tell_marked(&mut self, marked: &[usize]) {
+        for &index in marked {
+            let text = "marked as part of another entity, but none names it; it is shown";
+            self.problem(index, Problem::Invalid(text.to_owned()));
         }
     }
 

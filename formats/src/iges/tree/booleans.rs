@@ -59,7 +59,8 @@ struct Operand {
 /// A term of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Term {
-    Operand,
+    /// The operand with this number.
+    Operand(usize),
     Operation(Operation),
 }
 
@@ -74,12 +75,13 @@ enum Solid {
 fn plan(terms: &[i64]) -> Result<Vec<Term>, Problem> {
     let invalid = |text: String| Err(Problem::Invalid(text));
     let mut plan = Vec::new();
-    let mut solids = 0_usize;
+    let (mut given, mut solids) = (0, 0_usize);
     for (k, &term) in terms.iter().enumerate() {
         let operation = match term {
             _ if term < 0 => {
+                plan.push(Term::Operand(given));
+                given += 1;
                 solids += 1;
-                plan.push(Term::Operand);
                 continue;
             }
             1 => Operation::Union,
@@ -217,13 +219,14 @@ impl Tree<'_, '_> {
     /// The faces of the solid that the terms of a tree leave.
     fn evaluate(&mut self, plan: &[Term], operands: &[Operand]) -> Result<Vec<Patch>, Problem> {
         let mut waiting = Vec::new();
-        let mut given = 0;
         let is_long = operands.len() > 2;
         for (k, term) in plan.iter().enumerate() {
-            let Term::Operation(operation) = *term else {
-                waiting.push(Solid::Given(given));
-                given += 1;
-                continue;
+            let operation = match *term {
+                Term::Operand(number) => {
+                    waiting.push(Solid::Given(number));
+                    continue;
+                }
+                Term::Operation(operation) => operation,
             };
             let (second, first) = (waiting.pop(), waiting.pop());
             let made = self.operate(first, second, operation, operands);
@@ -424,7 +427,7 @@ mod tests {
         let operations = |terms: &[i64]| -> Vec<Operation> {
             let plan = plan(terms).unwrap();
             let operation = |term| match term {
-                Term::Operand => None,
+                Term::Operand(_) => None,
                 Term::Operation(operation) => Some(operation),
             };
             plan.into_iter().filter_map(operation).collect()
