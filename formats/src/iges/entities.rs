@@ -13,9 +13,6 @@ use super::sheets;
 use super::types;
 use crate::Problem;
 
-/// The operation of a boolean tree that unites.
-const UNION: i64 = 1;
-
 /// The form of associations (402) of one parent with its children.
 pub(super) const PARENT: i64 = 9;
 
@@ -57,6 +54,8 @@ pub(super) enum Content {
     },
     /// Pointers to the members of a group, a definition or a shell.
     Members(Vec<i64>),
+    /// The terms of a boolean tree: pointers to operands, negative, and operations after theirs.
+    Terms(Vec<i64>),
     /// Pointers to the outer shell of a solid, and to those of its voids.
     Solid(i64, Vec<i64>),
     /// Pointers to the members of an assembly, each with one to its transformation, or zero.
@@ -75,6 +74,10 @@ impl Content {
     pub(super) fn into_members(self) -> Option<Vec<i64>> {
         match self {
             Self::Members(members) => Some(members),
+            Self::Terms(terms) => {
+                let operands = terms.iter().filter(|term| **term < 0);
+                Some(operands.map(|term| term.saturating_neg()).collect())
+            }
             Self::Solid(shell, voids) => Some([vec![shell], voids].concat()),
             Self::Placed(placed) => Some(placed.iter().map(|(solid, _)| *solid).collect()),
             _ => None,
@@ -173,13 +176,7 @@ fn composition(
         },
         402 => Content::Members(parameters.pointers("members")?),
         kind @ (408 | 412 | 414 | 420) => Content::Copies(Copies::read(kind, parameters)?),
-        180 => match operands(parameters)? {
-            (bodies, true) => Content::Members(bodies),
-            _ => {
-                let text = "intersections and differences of solids are not read yet";
-                return Err(Problem::Unsupported(text.to_owned()));
-            }
-        },
+        180 => Content::Terms(parameters.pointers("terms")?),
         184 => {
             let solids = parameters.pointers("solids")?;
             let place = |solid| Ok((solid, parameters.integer_or(0)?));
@@ -224,10 +221,6 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
                 .parameters(index, WHOLE, &mut buffer)?
                 .pointers("curves");
         }
-        180 => {
-            let mut parameters = file.parameters(index, WHOLE, &mut buffer)?;
-            return Ok(operands(&mut parameters)?.0);
-        }
         504 => {
             let own = i64::try_from(entry.number).unwrap_or_default();
             let edges = boundary::edges_of(file, own)?;
@@ -243,7 +236,7 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
                 .flat_map(|u| [u.flat, vec![u.space]].concat());
             return Ok(pointers.collect());
         }
-        143 | 144 | 184 | 186 | 308 | 320 | 402 | 510 | 514 => {
+        143 | 144 | 180 | 184 | 186 | 308 | 320 | 402 | 510 | 514 => {
             let content = read(file, index)?.map(|entity| entity.content);
             return Ok(match content {
                 Some(Content::Face { surface, boundary }) => match boundary {
@@ -280,18 +273,6 @@ fn try_references(file: &File<'_>, index: usize) -> Result<Vec<i64>, Problem> {
         pointers.retain(|&plane| file.find(plane).is_some_and(is_endless));
     }
     Ok(pointers)
-}
-
-/// The bodies of a boolean tree (type 180), and whether it only unites them: operands are negative
-/// pointers, operations positive numbers after them.
-fn operands(parameters: &mut Parameters<'_>) -> Result<(Vec<i64>, bool), Problem> {
-    let terms = parameters.pointers("terms")?;
-    let (bodies, operations): (Vec<i64>, Vec<i64>) = terms.iter().partition(|term| **term < 0);
-    let bodies = bodies.into_iter().map(i64::saturating_neg).collect();
-    Ok((
-        bodies,
-        operations.iter().all(|operation| *operation == UNION),
-    ))
 }
 
 /// Pointers of which each is followed by a flag, after their number.

@@ -15,6 +15,8 @@ mod astray;
 #[cfg(test)]
 mod blank_tests;
 mod blanks;
+#[cfg(test)]
+mod boolean_tests;
 mod boundary;
 mod compressed;
 mod conic;

@@ -1,5 +1,4 @@
-//! Solids by construction as exact faces: types 150 to 168, but not what is cut out of them or
-//! added to them (180).
+//! Solids by construction as exact faces: types 150 to 168. What is made of them (180) is made of their faces.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -440,17 +439,6 @@ mod tests {
             let (scene, warnings) = read(&[sphere(), curve(110, "0.,0.,0.,1.,0.,0."), solid]);
             assert_eq!(scene.patches().len(), 1);
             assert!(warnings[0].contains(told), "{warnings:?}");
-        }
-        // Unions are all their bodies; operands of what is not read are not shown.
-        for (operation, shown) in [(1, 3), (2, 1), (3, 1)] {
-            let tree = made(180, &format!("3,-1,-3,{operation}"));
-            let (scene, warnings) = read(&[sphere(), sphere(), sphere(), tree]);
-            assert_eq!(scene.placement_count(), shown);
-            assert_eq!(
-                warnings.len(),
-                if shown == 3 { 1 } else { 2 },
-                "{warnings:?}"
-            );
         }
         let assembly = [
             sphere(),

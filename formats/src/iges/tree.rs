@@ -3,16 +3,18 @@
 //! Each entity is built once and shared by all that refer to it. What an entity may refer to
 //! is collected first, because only entities to which nothing refers stand for themselves.
 
+mod booleans;
 mod meshes;
+mod pruned;
+mod wires;
 
 use std::cell::Cell;
 use std::collections::{BTreeSet, HashMap, HashSet};
 
 use glam::{DAffine3, DVec3};
-use kernel::{
-    Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, UpAxis, Wire, WireShape,
-};
+use kernel::{Child, Item, MaterialId, Node, Patch, PatchId, Scene, Shape, UpAxis};
 
+use self::booleans::Booleans;
 use self::meshes::Meshes;
 use super::blanks;
 use super::boundary::{Boundary, Edges};
@@ -52,10 +54,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     }
     // Of all that is shown it means nothing.
     if marked.len() < children.len() {
-        for index in marked {
-            let text = "marked as part of another entity, but none names it; it is shown";
-            tree.problem(index, Problem::Invalid(text.to_owned()));
-        }
+        tree.tell_marked(&marked);
     }
     for index in cycles(&owners) {
         let entry = &file.entries[index];
@@ -72,6 +71,7 @@ pub(super) fn read(file: &File<'_>, limits: &Limits, warnings: Warnings) -> Resu
     if let Some(error) = tree.fatal {
         return Err(error);
     }
+    tree.prune(&mut children);
     let ledger = leftovers::ledger(file, &tree.refused, &tree.repaired);
     let levels = levels::read(file, tree.shown());
     leftovers::tell(file, &owners, &tree.tried, &mut tree.warnings);
@@ -134,6 +134,7 @@ struct Tree<'a, 'b> {
     /// Patches by surface or face.
     patches: HashMap<usize, Vec<PatchId>>,
     meshes: Meshes,
+    booleans: Booleans,
     /// What entities became, by the colour they inherit and, for groups, their scope.
     known: HashMap<(usize, i64, usize), Option<Child>>,
     /// One more than the index of the innermost definition or array that is being built, or 0.
@@ -175,6 +176,7 @@ impl<'a, 'b> Tree<'a, 'b> {
             materials: HashMap::new(),
             patches: HashMap::new(),
             meshes: Meshes::new(file),
+            booleans: Booleans::default(),
             known: HashMap::new(),
             scope: 0,
             busy: vec![false; count],
@@ -193,6 +195,14 @@ impl<'a, 'b> Tree<'a, 'b> {
             places_left: MOST_PLACES,
             failure: None,
             fatal: None,
+        }
+    }
+
+    /// Tells what is shown though it is marked as part of something.
+    fn tell_marked(&mut self, marked: &[usize]) {
+        for &index in marked {
+            let text = "marked as part of another entity, but none names it; it is shown";
+            self.problem(index, Problem::Invalid(text.to_owned()));
         }
     }
 
@@ -245,6 +255,7 @@ impl<'a, 'b> Tree<'a, 'b> {
         });
         self.scope = outer;
         self.busy[index] = false;
+        self.note_solid(index, child);
         self.known.insert((index, inherited, scope), child);
         child
     }
@@ -293,12 +304,9 @@ impl<'a, 'b> Tree<'a, 'b> {
             Content::Mesh => node.children.push(self.mesh(index, inherited)?),
             Content::Curve | Content::Points(_) => self.wire(index, &entity, color, &mut node)?,
             Content::Members(members) => {
-                if entry.kind == 180 && members.len() > 1 {
-                    let text = "its bodies are shown whole, also inside each other";
-                    self.problem(index, Problem::Unsupported(text.to_owned()));
-                }
                 node.children = self.members(index, members, color, depth);
             }
+            Content::Terms(terms) => self.combined(index, terms, color, depth, &mut node)?,
             Content::Solid(shell, voids) => {
                 let shell = self.members(index, &[*shell], color, depth);
                 let voids = self.members(index, voids, color, depth);
@@ -397,55 +405,18 @@ impl<'a, 'b> Tree<'a, 'b> {
         if is_grouped && self.scope > 0 {
             self.copies_left = self.copies_left.saturating_sub(1);
         }
-        let mut inherited = if is_grouped { 0 } else { color };
-        if inherited != 0 {
-            match self.copies_left.checked_sub(1) {
-                Some(left) => self.copies_left = left,
-                None => inherited = 0,
-            }
-        }
-        self.child(index, inherited, depth + 1)
+        self.inheriting(index, if is_grouped { 0 } else { color }, depth + 1)
     }
 
-    /// Adds the curve or the points of an entity to a node.
-    fn wire(
-        &mut self,
-        index: usize,
-        entity: &Entity,
-        color: i64,
-        node: &mut Node,
-    ) -> Result<(), Problem> {
-        let shapes = match &entity.content {
-            Content::Points(points) => vec![WireShape::Points(points.clone())],
-            _ => {
-                let is_on_surface = self.file.entries[index].kind == 142;
-                let (curves, repairs) = self.reading(|reader, _| {
-                    if is_on_surface {
-                        return trims::on_surface(reader, index);
-                    }
-                    let rails = reader.rails(index)?.into_iter();
-                    Ok(rails.map(|rail| rail.curve).collect())
-                });
-                self.repairs(repairs);
-                let curves = curves?;
-                if is_on_surface {
-                    self.spend(curves.iter().map(|c| c.homogeneous().len()).sum())?;
-                }
-                curves.into_iter().map(WireShape::Curve).collect()
+    /// What an entity becomes below a node with a colour, which it inherits unless that costs too much.
+    fn inheriting(&mut self, index: usize, mut color: i64, depth: usize) -> Option<Child> {
+        if color != 0 {
+            match self.copies_left.checked_sub(1) {
+                Some(left) => self.copies_left = left,
+                None => color = 0,
             }
-        };
-        let material = self.material(index, color);
-        for shape in shapes {
-            let wire = Wire {
-                name: node.name.clone(),
-                source: self.file.source(index),
-                shape,
-                material,
-            };
-            node.wires
-                .push(self.scene.add_wire(wire).map_err(Problem::Geometry)?);
         }
-        Ok(())
+        self.child(index, color, depth)
     }
 
     /// Reads curves or surfaces, and gives what was repaired with it.

@@ -15,6 +15,8 @@ use kernel::Unit;
 use crate::{Error, Format, Import, Place, Problem, ReadOptions, Tally};
 
 mod arcs;
+#[cfg(test)]
+mod boolean_tests;
 mod curves;
 mod external;
 #[cfg(test)]

@@ -1,13 +1,15 @@
-//! Solids by construction: primitives, swept areas and faces, and their unions.
+//! Solids by construction: primitives, swept areas and faces, and what is combined of them.
 
 use std::f64::consts::TAU;
 
 use glam::{DAffine3, DVec3};
 use kernel::Curve;
+use kernel::modelling::Frame;
 
+use super::surfaces::Elementary;
 use super::topology::bounded;
 use super::translator::Translator;
-use super::values::{Record, Value};
+use super::values::{Attributes, Record, Value};
 use crate::Problem;
 use crate::iges::Fields;
 
@@ -16,6 +18,9 @@ const ON_AXIS: f64 = 1e-9;
 
 /// A turn that lacks no more than this share is whole.
 const WHOLE: f64 = 1e-9;
+
+/// The operation of a boolean tree (type 180) that unites.
+const UNION: i64 = 1;
 
 fn unsupported(text: &str) -> Problem {
     Problem::Unsupported(text.to_owned())
@@ -38,16 +43,17 @@ impl Translator<'_> {
                 return Ok(held.map_or(made, |made| self.group(vec![made], id, at.text(0))));
             }
             "BOOLEAN_RESULT" | "BOOLEAN_CLIPPING_RESULT" => {
-                if !matches!(at.get(1), Some(Value::Word(b"UNION"))) {
-                    let text = "intersections and differences of solids are not read yet";
-                    return Err(unsupported(text));
-                }
-                let bodies = [at.reference(2)?, at.reference(3)?];
-                let bodies = bodies.map(|body| self.item(body, depth + 1));
-                let [Some(first), Some(second)] = bodies else {
-                    return Err(unsupported("one of the solids that it unites is not read"));
-                };
-                Fields::new(180).integers([3, -first, -second, 1])
+                return self.combination(id, at, depth);
+            }
+            "HALF_SPACE_SOLID" | "BOXED_HALF_SPACE" => {
+                let text = "half spaces are not read: nothing bounds them";
+                return Err(unsupported(text));
+            }
+            "RECTANGULAR_PYRAMID" => {
+                let frame = geometry.frame(at.reference(1)?)?;
+                let lengths = [at.number(2)?, at.number(3)?, at.number(4)?];
+                let faces = self.pyramid(id, &frame, lengths)?;
+                return Ok(self.closed(faces, id, at.text(0)));
             }
             "BLOCK" | "RIGHT_ANGULAR_WEDGE" => {
                 let frame = geometry.frame(at.reference(1)?)?;
@@ -97,17 +103,111 @@ impl Translator<'_> {
                 let along = along.ok_or(Problem::Geometry(kernel::Error::NoDirection))?;
                 let sweep = Sweep::Along(along * at.number(3)?);
                 let members = self.swept(id, at.reference(1)?, sweep)?;
-                return Ok(self.group(members, id, at.text(0)));
+                return Ok(self.closed(members, id, at.text(0)));
             }
             "REVOLVED_AREA_SOLID" | "REVOLVED_FACE_SOLID" => {
                 let axis = geometry.axis(at.reference(2)?)?;
                 let sweep = Sweep::Around(axis, at.number(3)? * self.units.radians);
                 let members = self.swept(id, at.reference(1)?, sweep)?;
-                return Ok(self.group(members, id, at.text(0)));
+                return Ok(self.closed(members, id, at.text(0)));
             }
             _ => return Err(unsupported("it is of a type that is not read")),
         };
         Ok(Some(self.add_named(0, &fields, id, at.text(0))))
+    }
+
+    /// The solid that an operation makes of two others.
+    fn combination(
+        &mut self,
+        id: u64,
+        at: Attributes<'_, '_>,
+        depth: usize,
+    ) -> Result<Option<i64>, Problem> {
+        let operation = match at.get(1) {
+            Some(Value::Word(b"UNION")) => UNION,
+            Some(Value::Word(b"INTERSECTION")) => 2,
+            Some(Value::Word(b"DIFFERENCE")) => 3,
+            _ => {
+                let text = "an operation that is neither .UNION., .INTERSECTION. nor .DIFFERENCE.";
+                return Err(Problem::Invalid(text.to_owned()));
+            }
+        };
+        let solids = [at.reference(2)?, at.reference(3)?];
+        match solids.map(|solid| self.item(solid, depth + 1)) {
+            [Some(first), Some(second)] => {
+                let fields = Fields::new(180).integers([3, -first, -second, operation]);
+                Ok(Some(self.add_named(0, &fields, id, at.text(0))))
+            }
+            [Some(only), None] | [None, Some(only)] if operation == UNION => {
+                self.tell(
+                    id,
+                    "one of its two solids is not read; the other one is shown",
+                );
+                Ok(Some(only))
+            }
+            solids => {
+                // In what is shown nowhere, the other one does not stand for itself.
+                self.definition(solids.into_iter().flatten().collect(), id, String::new());
+                Err(unsupported("one of its two solids is not read"))
+            }
+        }
+    }
+
+    /// A solid (type 186) of its faces; `None` without any.
+    fn closed(&mut self, faces: Vec<i64>, id: u64, name: String) -> Option<i64> {
+        if faces.is_empty() {
+            return None;
+        }
+        let fields = Fields::new(514).count(faces.len());
+        let fields = fields.integers(faces.into_iter().flat_map(|face| [face, 1]));
+        let shell = self.add(1, &fields, id);
+        let fields = Fields::new(186).integers([shell, 1, 0]);
+        Some(self.add_named(0, &fields, id, name))
+    }
+
+    /// The faces of a pyramid: a corner of its base is at the origin, the sides there are along x and y, and
+    /// the apex is above the middle.
+    fn pyramid(
+        &mut self,
+        id: u64,
+        frame: &Frame,
+        [x, y, height]: [f64; 3],
+    ) -> Result<Vec<i64>, Problem> {
+        for found in [x, y, height] {
+            if found <= 0.0 {
+                return Err(Problem::Geometry(kernel::Error::NotPositive { found }));
+            }
+        }
+        let at = |a: f64, b: f64, c: f64| {
+            frame.origin() + frame.x() * (x * a) + frame.y() * (y * b) + frame.z() * (height * c)
+        };
+        let base = [
+            at(0.0, 0.0, 0.0),
+            at(0.0, 1.0, 0.0),
+            at(1.0, 1.0, 0.0),
+            at(1.0, 0.0, 0.0),
+        ];
+        let apex = at(0.5, 0.5, 1.0);
+        let mut faces = vec![self.polygonal(id, &base)?];
+        for (k, &corner) in base.iter().enumerate() {
+            faces.push(self.polygonal(id, &[base[(k + 1) % 4], corner, apex])?);
+        }
+        Ok(faces)
+    }
+
+    /// The flat face inside corners, which run around its normal.
+    fn polygonal(&mut self, id: u64, corners: &[DVec3]) -> Result<i64, Problem> {
+        let along = corners[1] - corners[0];
+        let normal = along.cross(corners[2] - corners[1]);
+        let frame = Frame::new(corners[0], normal, along).map_err(Problem::Geometry)?;
+        let surface = self.quadric(id, &frame, Elementary::Plane);
+        let ends = corners.iter().zip(corners.iter().cycle().skip(1));
+        let edges = ends.map(|(start, end)| Curve::line(*start, *end, 0.0..1.0));
+        let edges: Result<Vec<_>, _> = edges.collect();
+        let outline = self.wire(&edges.map_err(Problem::Geometry)?, id)?;
+        let boundary = outline.map(|outline| self.boundary(surface, outline, id));
+        let fields = bounded(surface, boundary.into_iter().collect());
+        Ok(self.add(0, &fields, id))
     }
 
     /// The faces of what an area or a face sweeps: one for each of its edges, and itself at both ends.

@@ -178,7 +178,7 @@ impl Translator<'_> {
     }
 
     /// Adds a plane, cylinder, cone, sphere or torus.
-    fn quadric(&mut self, id: u64, frame: &Frame, shape: Elementary) -> i64 {
+    pub(super) fn quadric(&mut self, id: u64, frame: &Frame, shape: Elementary) -> i64 {
         let location = self.vector(116, frame.origin(), id);
         let axis = self.vector(123, frame.z(), id);
         let reference = self.vector(123, frame.x(), id);

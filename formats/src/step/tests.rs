@@ -502,26 +502,12 @@ fn solids_by_construction_have_all_their_faces() {
         ("SPHERE('',1.,#1)", 1),
         ("TORUS('',#9,3.,1.)", 1),
         ("ELLIPSOID('',#10,1.,2.,3.)", 1),
+        ("RECTANGULAR_PYRAMID('',#10,1.,2.,3.)", 5),
     ] {
         let (scene, warnings) = read(&product("#20", &format!("{AXES}{axis}#20={solid};")));
         assert_eq!(warnings, [""; 0], "{solid}");
         assert_eq!(scene.patches().len(), faces, "{solid}");
     }
-    let both = "#20=SPHERE('',1.,#1);#21=BLOCK('',#10,1.,2.,3.);\
-                #22=BOOLEAN_RESULT('',.UNION.,#20,#21);#23=CSG_SOLID('',#22);";
-    let (scene, warnings) = read(&product("#23", &format!("{AXES}{both}")));
-    assert_eq!(scene.patches().len(), 7);
-    let text = "its bodies are shown whole, also inside each other";
-    assert!(
-        warnings.len() == 1 && warnings[0].ends_with(text),
-        "{warnings:?}"
-    );
-    let less = both.replace(".UNION.", ".DIFFERENCE.");
-    let error = import(&product("#23", &format!("{AXES}{less}"))).unwrap_err();
-    assert!(
-        error.ends_with("intersections and differences of solids are not read yet"),
-        "{error}"
-    );
 }
 
 #[test]
