@@ -1,6 +1,9 @@
 //! Solids that are united, cut by each other or taken from each other: the faces of the result are
 //! parts of theirs, on the same surfaces.
 
+#[cfg_attr(not(test), expect(dead_code, reason = "used by what follows"))]
+mod inside;
+
 use crate::{Error, Patch};
 
 /// What is made of two solids.
