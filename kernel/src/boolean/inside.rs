@@ -27,6 +27,9 @@ const GAP: f64 = 5e-7;
 /// A ray that is no farther from a joint between cells, as a share of a cell, may meet both or none.
 const JOINT: f64 = 1e-8;
 
+/// Rounding errors of points, as a share of their largest coordinate.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
 /// Directions of rays.
 const DIRECTIONS: usize = 24;
 
@@ -45,6 +48,8 @@ pub(super) struct Body {
     /// Distances that count as [`NEAR`] and [`GAP`].
     near: f64,
     gap: f64,
+    /// Rounding errors of points, as a share of gaps.
+    blur: f64,
     ways: Vec<Way>,
 }
 
@@ -81,14 +86,12 @@ impl Body {
         let hulls = faces.iter().map(Patch::hull_bounds);
         let bounds = hulls.fold(Aabb::EMPTY, Aabb::union);
         let diagonal = bounds.diagonal();
-        let (near, gap) = (NEAR * diagonal, GAP * diagonal);
+        let rounding = ROUNDING * bounds.min.abs().max(bounds.max.abs()).max_element();
+        let (near, gap) = ((NEAR * diagonal).max(rounding), GAP * diagonal);
         let mut cells = Vec::new();
         let mut kept = Vec::new();
         for (number, patch) in faces.iter().enumerate() {
-            let face = Face {
-                surface: patch.where_loops_are().into_owned(),
-                region: patch.region(),
-            };
+            let face = Face::new(patch);
             cells.extend(parts::cells(number, &face, gap));
             kept.push(face);
         }
@@ -104,6 +107,7 @@ impl Body {
             bounds: boxes.iter().copied().fold(Aabb::EMPTY, Aabb::union),
             near,
             gap,
+            blur: rounding / gap,
             ways: ways(),
         }
     }
@@ -212,7 +216,8 @@ impl Body {
         for axis in 0..2 {
             let gaps = [at[axis].abs(), (1.0 - at[axis]).abs()];
             for (gap, is_border) in gaps.into_iter().zip(cell.borders[axis]) {
-                if gap < if is_border { margin[axis] } else { JOINT } {
+                let joint = JOINT.max(self.blur * margin[axis]);
+                if gap < if is_border { margin[axis] } else { joint } {
                     return Crossing::Border { crosses };
                 }
             }
@@ -258,6 +263,18 @@ impl Body {
 }
 
 impl Face {
+    fn new(patch: &Patch) -> Self {
+        let surface = patch.where_loops_are().into_owned();
+        // What is known of a region is the less exact the more of its domain is far away.
+        let region = if patch.loops.is_empty() || patch.surface.closed() != [false; 2] {
+            patch.region()
+        } else {
+            let (u, v) = (surface.knots_u().domain(), surface.knots_v().domain());
+            Some(TrimRegion::new(&patch.loops, u, v)).filter(|region| !region.is_whole())
+        };
+        Self { surface, region }
+    }
+
     /// Whether what is around a place of a cell belongs to the face.
     fn cover(&self, cell: &Cell, place: &Place) -> Cover {
         let Some(region) = &self.region else {

@@ -155,9 +155,6 @@ fn parts_of_a_turn_are_one_cylinder() {
         part.loops = vec![border];
         faces.push(part);
     }
-    // Parameters are angles at knots only.
-    let knots = modelling::cylinder(&Frame::WORLD, 1.0, 0.0..TAU, 0.0..1.0).unwrap();
-    assert_eq!(knots.closed(), [true, false]);
     check("crossing the seam", &faces, 1.7, can_distance);
     faces.truncate(2);
     let mut turn = tube(1.0, 0.0..TAU, -2.0..2.0);
@@ -338,8 +335,54 @@ fn points_on_faces_are_on_the_boundary() {
 }
 
 #[test]
+fn a_knife_is_told_from_what_is_beside_its_edge() {
+    // No ray from there is clear: all leave next to the edge.
+    let (length, slope) = (1.0, 0.02);
+    let line = |x: f64, z: f64| {
+        let ends = [-1.0, 1.0].map(|y| DVec3::new(x, y, z));
+        Curve::line(ends[0], ends[1], 0.0..1.0).unwrap()
+    };
+    let (edge, upper) = (line(0.0, 0.0), line(length, slope));
+    let lower = line(length, -slope);
+    let mut faces: Vec<Patch> = [(&edge, &upper), (&edge, &lower), (&upper, &lower)]
+        .map(|(a, b)| modelling::ruled(a, b).unwrap().into())
+        .into();
+    for y in [-1.0, 1.0] {
+        let corners = [(0.0, 0.0), (length, slope), (length, -slope), (0.0, 0.0)];
+        let corners = corners.map(|(x, z)| DVec2::new(x, z));
+        let loops = vec![TrimLoop::new(vec![Curve::polyline(&corners).unwrap()], 0.0).unwrap()];
+        let origin = DVec3::new(-1e6, y, -1e6);
+        let surface =
+            modelling::plane(origin, DVec3::X * 2e6, DVec3::Z * 2e6, -1e6..1e6, -1e6..1e6);
+        let surface = surface.unwrap();
+        faces.push(Patch {
+            loops,
+            ..Patch::from(surface)
+        });
+    }
+    let distance = |p: DVec3| {
+        let sides = (p.z.abs() - slope * p.x).max(p.x - length);
+        sides.max(p.y.abs() - 1.0)
+    };
+    let body = Body::new(&faces);
+    for p in points(DVec3::new(0.0, -0.99, -1.0), DVec3::ONE, 3000) {
+        for size in [1.0, 1e-2, 1e-4, 1e-5, 1e-6] {
+            let at = DVec3::new(p.x * size, p.y, p.z * size * slope * 2.0);
+            if distance(at).abs() > 4e-9 {
+                let expected = Some(distance(at) < 0.0);
+                assert_eq!(body.contains(at), expected, "{at}");
+            }
+        }
+    }
+    // In the planes of faces, but beside these.
+    for at in [DVec3::new(-1e-6, 0.0, 0.0), DVec3::new(0.5, 1.0, 0.0101)] {
+        assert_eq!(body.contains(at), Some(false), "{at}");
+    }
+}
+
+#[test]
 fn sizes_and_places_do_not_matter() {
-    for (scale, place) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e3), (1e-3, 1.0)] {
+    for (scale, place) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e3), (1e-3, 1e3)] {
         let place = DVec3::new(place, -place, 0.3 * place);
         let map = glam::DAffine3::from_scale_rotation_translation(
             DVec3::splat(scale),
@@ -360,12 +403,15 @@ fn sizes_and_places_do_not_matter() {
 #[ignore = "prints times"]
 fn times() {
     let (min, max) = (DVec3::splat(-1.0), DVec3::splat(1.0));
+    let places = || points(DVec3::splat(-3.0), DVec3::splat(3.0), 33);
+    let many = places().flat_map(|p| block(p, p + 0.4)).collect();
     let bodies = [
         ("box", block(min, max)),
         ("ball", vec![sphere(1.0).into()]),
         ("torus", vec![torus().into()]),
         ("can", can()),
         ("drilled", drilled()),
+        ("many", many),
     ];
     for (name, faces) in bodies {
         let start = std::time::Instant::now();
