@@ -191,18 +191,14 @@ impl Body {
             Meeting::Once(place) => place,
         };
         let Place { at, margin, t } = place;
-        if t < -self.gap {
+        // A face that is only just behind the point is no nearer than what is on the boundary.
+        if t < 0.0 {
             return Crossing::None;
         }
-        let crosses = t > 0.0 && is_within(at);
+        let crosses = is_within(at);
         let is_middle = at.cmpgt(margin).all() && (at + margin).cmplt(DVec2::ONE).all();
-        let once = if t > 0.0 {
-            Crossing::Once
-        } else {
-            Crossing::None
-        };
         if cell.is_whole && is_middle {
-            return once;
+            return Crossing::Once;
         }
         let face = &self.faces[cell.face];
         match face.cover(cell, &place) {
@@ -222,7 +218,11 @@ impl Body {
                 }
             }
         }
-        if is_within(at) { once } else { Crossing::None }
+        if crosses {
+            Crossing::Once
+        } else {
+            Crossing::None
+        }
     }
 
     /// Whether a point is on a face, or nearly so.

@@ -187,8 +187,8 @@ impl Cell {
         std::array::from_fn(|axis| most[0][axis] + most[1][axis])
     }
 
-    /// Where a line meets the cell, which is prolonged as far as it may be met if the line is moved by `near`. No
-    /// more is asked than what is before its start by no more than that.
+    /// Where a line meets the cell, which is prolonged as far as it may be met if the line is moved by `near`. Where
+    /// that is vague, only what is ahead counts.
     pub(super) fn meet(&self, line: &Ray, near: f64) -> Meeting {
         let origin = line.origin - self.middle;
         let (a, g) = (self.coordinates(origin), self.coordinates(line.direction));
@@ -240,7 +240,7 @@ impl Cell {
         let has_border = !self.is_whole || self.borders.as_flattened().contains(&true);
         let near = if has_border { near } else { near * INNER };
         let pad = self.pad(near);
-        let (mut enter, mut leave) = (-near, f64::INFINITY);
+        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
         for k in 0..3 {
             let (low, high) = (self.low[k] - pad[k] - a[k], self.high[k] + pad[k] - a[k]);
             if g[k].abs() < f64::MIN_POSITIVE {
