@@ -206,9 +206,9 @@ impl Solids {
         curves: &[Curve<DVec2>],
     ) -> Result<Option<Patch>, Error> {
         let face = &self.faces[which][index];
-        let is_kept = |uv: DVec2| self.is_kept(which, face, uv);
+        let is_kept = |uv: DVec2, is_apart: bool| self.is_kept(which, face, uv, is_apart);
         let inside = looks().filter(|&uv| face.contains(uv));
-        let told: Vec<_> = inside.filter_map(is_kept).collect();
+        let told: Vec<_> = inside.filter_map(|uv| is_kept(uv, false)).collect();
         let patch = match told.first() {
             Some(&first) if curves.is_empty() && told.iter().all(|&kept| kept == first) => {
                 first.then(|| patch.clone())
@@ -242,8 +242,9 @@ impl Solids {
         )
     }
 
-    /// Whether a point of the unit square of a face is on the boundary of the result, if that can be told.
-    fn is_kept(&self, which: usize, face: &Face, uv: DVec2) -> Option<bool> {
+    /// Whether a point of the unit square of a face is on the boundary of the result, if that can be told
+    /// and it is not to be apart from the other solid's boundary but is on it.
+    fn is_kept(&self, which: usize, face: &Face, uv: DVec2, is_apart: bool) -> Option<bool> {
         if !face.contains(uv) {
             return Some(false);
         }
@@ -258,6 +259,9 @@ impl Solids {
                 self.operation.holds(both)
             });
             return Some(sides[0] != sides[1]);
+        }
+        if is_apart {
+            return None;
         }
         // What is on the boundaries of both is that of the first one's.
         if which == 1 {

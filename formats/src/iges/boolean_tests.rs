@@ -59,7 +59,7 @@ fn is_near(found: [f64; 3], wanted: [f64; 3]) -> bool {
 }
 
 #[test]
-#[ignore = "needs the kernel"]
+
 fn the_first_solid_is_the_one_that_stays() {
     for (terms, wanted) in [
         ("3,-1,-3,1", [28.0, 0.0, 3.0]),
@@ -83,7 +83,7 @@ fn the_first_solid_is_the_one_that_stays() {
 }
 
 #[test]
-#[ignore = "needs the kernel"]
+
 fn trees_of_trees_are_moved_as_a_whole() {
     let [first, mut second] = blocks();
     // It ends at 3.5 then, and the tree of both begins at 10.
@@ -105,7 +105,7 @@ fn trees_of_trees_are_moved_as_a_whole() {
 }
 
 #[test]
-#[ignore = "needs the kernel"]
+
 fn faces_keep_their_names_and_colours() {
     let [mut first, mut second] = blocks();
     first.color = 2;
@@ -129,7 +129,7 @@ fn faces_keep_their_names_and_colours() {
 }
 
 #[test]
-#[ignore = "needs the kernel"]
+
 fn assemblies_and_instances_are_solids() {
     let [first, second] = blocks();
     let assembly = part(184, 0, "2,1,3,0,0");
@@ -151,7 +151,7 @@ fn assemblies_and_instances_are_solids() {
 }
 
 #[test]
-#[ignore = "needs the kernel"]
+
 fn solids_of_which_nothing_is_left_are_told() {
     let [first, second] = blocks();
     let far = part(158, 0, "1.,100.");

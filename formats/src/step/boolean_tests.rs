@@ -21,7 +21,7 @@ fn bounds(patches: &[Patch]) -> Aabb {
 }
 
 #[test]
-#[ignore = "needs the kernel"]
+
 fn the_second_solid_is_taken_from_the_first() {
     for (operation, area, ends) in [
         ("UNION", 28.0, [0.0, 3.0]),

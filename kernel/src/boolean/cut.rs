@@ -1,117 +1,243 @@
-//! Quick.
-use crate::Curve;
+//! Where curves of a parameter plane meet.
+
 use glam::DVec2;
 
-type Sub = (Curve<DVec2>, f64, f64);
+use crate::Curve;
 
-fn nearest(c: &Curve<DVec2>, p: DVec2) -> (f64, f64) {
-    let d = c.domain();
-    let mut best = (d.start, f64::INFINITY);
-    for i in 0..=16 {
-        let t = d.start + (d.end - d.start) * f64::from(i) / 16.0;
-        let x = c.evaluate(t).distance(p);
-        if x < best.1 { best = (t, x); }
-    }
-    let mut t = best.0;
-    for _ in 0..20 {
-        let k = c.derivatives(t);
-        let e = k.point - p;
-        let mut den = k.first.length_squared() + e.dot(k.second);
-        if den <= 0.0 { den = k.first.length_squared(); }
-        let n = (t - e.dot(k.first) / den).clamp(d.start, d.end);
-        if (n - t).abs() < 1e-15 { break; }
-        t = n;
-    }
-    let x = c.evaluate(t).distance(p);
-    if x < best.1 { best = (t, x); }
-    best
-}
+/// Steps of Newton's method, and points of a curve from which it is begun.
+const STEPS: usize = 20;
+const STARTS: u32 = 16;
 
-fn bounds(c: &Curve<DVec2>) -> (DVec2, DVec2) {
-    c.points().fold((DVec2::MAX, DVec2::MIN), |(a, b), p| (a.min(p), b.max(p)))
-}
+/// A step after which a crossing is found.
+const EXACT: f64 = 1e-15;
 
-fn apart(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> bool {
-    let ((al, ah), (bl, bh)) = (bounds(a), bounds(b));
-    if (al - near).cmpgt(bh).any() || (bl - near).cmpgt(ah).any() { return true; }
-    for (x, y) in [(a, b), (b, a)] {
-        let Some(n) = (x.end() - x.start()).perp().try_normalize() else { continue };
-        let r = |c: &Curve<DVec2>| c.points().map(|p| (p - x.start()).dot(n)).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        let (l, h) = r(x); let (m, o) = r(y);
-        if l > o + near || m > h + near { return true; }
-    }
-    false
-}
+/// Curves are lines if they are off one by no more than this share of their length; lines that cross by a
+/// larger sine than the other cross once.
+const BENT: f64 = 0.02;
+const CLEAR: f64 = 0.2;
 
-fn arcs_meet(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64, out: &mut Vec<(f64, f64)>) {
-    if apart(a, b, near) { return; }
-    let (da, db) = (a.domain(), b.domain());
-    let mut touches = Vec::new();
-    for t in [da.start, da.end] { let (s, x) = nearest(b, a.evaluate(t)); if x <= near { touches.push((t, s)); } }
-    for s in [db.start, db.end] { let (t, x) = nearest(a, b.evaluate(s)); if x <= near { touches.push((t, s)); } }
-    if touches.len() >= 2 {
-        let lo = touches.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
-        let hi = touches.iter().map(|t| t.0).fold(f64::NEG_INFINITY, f64::max);
-        if hi - lo > 1e-7 * (da.end - da.start) && [0.25, 0.5, 0.7].iter().all(|x| nearest(b, a.evaluate(lo + (hi - lo) * x)).1 <= near) {
-            out.extend(touches);
-            return;
+/// Parts shorter than this share of their curve are not halved.
+const SHORT: f64 = 1e-9;
+
+/// Pairs of parts looked at for two curves, at most.
+const MOST: usize = 3000;
+
+/// Where it is looked whether a stretch is in common.
+const CHECKS: [f64; 3] = [0.25, 0.5, 0.7];
+
+/// Where it is looked whether curves are one.
+const SAMPLES: [f64; 5] = [0.13, 0.29, 0.5, 0.77, 0.93];
+
+/// The parameters at which each curve is to be cut so that all meet at their ends only, within `near`.
+pub(super) fn cuts(curves: &[Curve<DVec2>], near: f64) -> Vec<Vec<f64>> {
+    let mut all = vec![Vec::new(); curves.len()];
+    for (i, a) in curves.iter().enumerate() {
+        for (j, b) in curves.iter().enumerate().take(i) {
+            for (t, s) in meetings(a, b, near) {
+                all[i].push(t);
+                all[j].push(s);
+            }
         }
     }
-    out.extend(&touches);
-    let mut todo: Vec<(Sub, Sub)> = vec![((a.clone(), da.start, da.end), (b.clone(), db.start, db.end))];
-    let mut work = 0;
-    while let Some(((p, p0, p1), (q, q0, q1))) = todo.pop() {
-        work += 1;
-        if work > 3000 { break; }
-        if apart(&p, &q, 0.0) { continue; }
-        let (mut t, mut s) = (p0.midpoint(p1), q0.midpoint(q1));
-        let mut ok = false;
-        for _ in 0..12 {
-            let (x, y) = (a.derivatives(t), b.derivatives(s));
-            let r = x.point - y.point;
-            if r.length() < 1e-14 { ok = true; break; }
-            let det = x.first.perp_dot(-y.first);
-            if det.abs() < 1e-9 * x.first.length() * y.first.length() { break; }
-            let dt = (-r).perp_dot(-y.first) / det;
-            let ds = x.first.perp_dot(-r) / det;
-            t += dt; s += ds;
-            if t < p0 - (p1 - p0) || t > p1 + (p1 - p0) || s < q0 - (q1 - q0) || s > q1 + (q1 - q0) { break; }
-            if dt.abs() < 1e-15 && ds.abs() < 1e-15 { ok = true; break; }
-        }
-        let inside = ok && (p0..=p1).contains(&t) && (q0..=q1).contains(&s);
-        if inside && out.iter().all(|&(o, _)| a.evaluate(o).distance(a.evaluate(t)) > near) { out.push((t, s)); }
-        let flat = |c: &Curve<DVec2>| { let l = c.end() - c.start(); let n = l.perp().normalize_or_zero(); c.points().all(|x| (x - c.start()).dot(n).abs() < 0.02 * l.length()) };
-        let transversal = (p.end() - p.start()).normalize_or_zero().perp_dot((q.end() - q.start()).normalize_or_zero()).abs() > 0.2;
-        if inside && flat(&p) && flat(&q) && transversal { continue; }
-        if p1 - p0 < 1e-9 * (da.end - da.start) && q1 - q0 < 1e-9 * (db.end - db.start) { continue; }
-        let m = p0.midpoint(p1); let n = q0.midpoint(q1);
-        let (Ok([pa, pb]), Ok([qa, qb])) = (p.split(m), q.split(n)) else { continue };
-        for x in [(pa, p0, m), (pb, m, p1)] { for y in [(qa.clone(), q0, n), (qb.clone(), n, q1)] { todo.push((x.clone(), y)); } }
-    }
-}
-
-pub(super) fn meetings(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> Vec<(f64, f64)> {
-    let mut out = Vec::new();
-    if apart(a, b, near) { return out; }
-    for p in a.bezier_pieces() { for q in b.bezier_pieces() { arcs_meet(&p, &q, near, &mut out); } }
-    out
-}
-
-pub(super) fn cuts(c: &[Curve<DVec2>], near: f64) -> Vec<Vec<f64>> {
-    let mut all = vec![Vec::new(); c.len()];
-    for i in 0..c.len() { for j in 0..i {
-        for (t, s) in meetings(&c[i], &c[j], near) { all[i].push(t); all[j].push(s); }
-    } }
-    for (c, t) in c.iter().zip(&mut all) {
-        t.sort_by(f64::total_cmp);
-        let d = c.domain();
-        let mut last = d.start;
-        t.retain(|&x| { let keep = x > d.start && x < d.end && c.evaluate(x).distance(c.evaluate(last)) > near && c.evaluate(x).distance(c.end()) > near; if keep { last = x; } keep });
+    for (curve, cuts) in curves.iter().zip(&mut all) {
+        cuts.sort_by(f64::total_cmp);
+        let mut last = curve.start();
+        let end = curve.end();
+        cuts.retain(|&t| {
+            let point = curve.evaluate(t);
+            let is_kept = point.distance(last) > near && point.distance(end) > near;
+            if is_kept {
+                last = point;
+            }
+            is_kept
+        });
     }
     all
 }
 
+/// Whether a curve lies on another one, by some of its points.
 pub(super) fn is_same(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> bool {
-    let d = a.domain();
-    [0.13, 0.29, 0.5, 0.77, 0.93].iter().all(|x| nearest(b, a.evaluate(d.start + (d.end - d.start) * x)).1 <= near)
+    let domain = a.domain();
+    let at = |share: f64| a.evaluate(domain.start + (domain.end - domain.start) * share);
+    SAMPLES.iter().all(|&share| nearest(b, at(share)).1 <= near)
+}
+
+/// The parameters of two curves at which they meet, as far as they cross, end on each other, or have the end
+/// of a stretch in common.
+pub(super) fn meetings(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> Vec<(f64, f64)> {
+    let mut found = Vec::new();
+    if are_apart(a, b, near) {
+        return found;
+    }
+    let others = b.bezier_pieces();
+    for own in a.bezier_pieces() {
+        for other in &others {
+            meet(&own, other, near, &mut found);
+        }
+    }
+    found
+}
+
+/// The nearest parameter of a curve to a point, and the distance there.
+fn nearest(curve: &Curve<DVec2>, point: DVec2) -> (f64, f64) {
+    let domain = curve.domain();
+    let distance = |t: f64| (t, curve.evaluate(t).distance(point));
+    let start =
+        |i: u32| domain.start + (domain.end - domain.start) * f64::from(i) / f64::from(STARTS);
+    let starts = (0..=STARTS).map(|i| distance(start(i)));
+    let best = starts
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or((domain.start, f64::INFINITY));
+    let mut t = best.0;
+    for _ in 0..STEPS {
+        let at = curve.derivatives(t);
+        let apart = at.point - point;
+        let first = at.first.length_squared();
+        let second = first + apart.dot(at.second);
+        let slope = if second > 0.0 { second } else { first };
+        let next = (t - apart.dot(at.first) / slope).clamp(domain.start, domain.end);
+        let is_found = (next - t).abs() < EXACT;
+        t = next;
+        if is_found {
+            break;
+        }
+    }
+    let found = distance(t);
+    if found.1 < best.1 { found } else { best }
+}
+
+/// Whether boxes around the control points of two curves show that they do not meet, or lines along them.
+fn are_apart(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> bool {
+    let across = [a, b].map(|curve| (curve.end() - curve.start()).perp().normalize_or_zero());
+    [DVec2::X, DVec2::Y].into_iter().chain(across).any(|way| {
+        let range = |curve: &Curve<DVec2>| {
+            let places = curve.points().map(|point| point.dot(way));
+            places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(x), high.max(x))
+            })
+        };
+        let ((low, high), (least, most)) = (range(a), range(b));
+        low > most + near || least > high + near
+    })
+}
+
+/// Meetings of two Bézier curves.
+fn meet(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64, found: &mut Vec<(f64, f64)>) {
+    if are_apart(a, b, near) {
+        return;
+    }
+    let ends = |curve: &Curve<DVec2>| [curve.domain().start, curve.domain().end];
+    let on = |curve: &Curve<DVec2>, point: DVec2| {
+        let (t, distance) = nearest(curve, point);
+        (distance <= near).then_some(t)
+    };
+    let own = ends(a)
+        .into_iter()
+        .filter_map(|t| Some((t, on(b, a.evaluate(t))?)));
+    let others = ends(b)
+        .into_iter()
+        .filter_map(|s| Some((on(a, b.evaluate(s))?, s)));
+    let touches: Vec<_> = own.chain(others).collect();
+    found.extend(&touches);
+    let low = touches
+        .iter()
+        .map(|touch| touch.0)
+        .fold(f64::INFINITY, f64::min);
+    let high = touches
+        .iter()
+        .map(|touch| touch.0)
+        .fold(f64::NEG_INFINITY, f64::max);
+    let is_long = high > low && a.evaluate(low).distance(a.evaluate(high)) > 10.0 * near;
+    let is_common = |share: &f64| on(b, a.evaluate(low + (high - low) * share)).is_some();
+    if is_long && CHECKS.iter().all(is_common) {
+        return;
+    }
+    let mut todo = vec![(a.clone(), b.clone())];
+    let mut work = 0;
+    while let Some((p, q)) = todo.pop() {
+        work += 1;
+        if work > MOST {
+            return;
+        }
+        if are_apart(&p, &q, 0.0) {
+            continue;
+        }
+        let crossing = crossing([a, b], [&p, &q]);
+        if let Some((t, s)) = crossing {
+            let point = a.evaluate(t);
+            if found
+                .iter()
+                .all(|other| a.evaluate(other.0).distance(point) > near)
+            {
+                found.push((t, s));
+            }
+            if is_line(&p) && is_line(&q) && angle(&p, &q) > CLEAR {
+                continue;
+            }
+        }
+        todo.extend(halved(&p, &q, [a, b]));
+    }
+}
+
+/// All pairs of halves of two parts, unless both are too short.
+fn halved(
+    p: &Curve<DVec2>,
+    q: &Curve<DVec2>,
+    wholes: [&Curve<DVec2>; 2],
+) -> Vec<(Curve<DVec2>, Curve<DVec2>)> {
+    let length = |curve: &Curve<DVec2>| curve.domain().end - curve.domain().start;
+    if length(p) < SHORT * length(wholes[0]) && length(q) < SHORT * length(wholes[1]) {
+        return Vec::new();
+    }
+    let halves =
+        |curve: &Curve<DVec2>| curve.split(curve.domain().start.midpoint(curve.domain().end));
+    let (Ok(own), Ok(others)) = (halves(p), halves(q)) else {
+        return Vec::new();
+    };
+    let pairs = own
+        .iter()
+        .flat_map(|x| others.iter().map(move |y| (x.clone(), y.clone())));
+    pairs.collect()
+}
+
+/// The crossing of two curves that Newton's method finds from the middles of parts of them, if it is on those.
+fn crossing(curves: [&Curve<DVec2>; 2], parts: [&Curve<DVec2>; 2]) -> Option<(f64, f64)> {
+    let [own, other] = parts.map(Curve::domain);
+    let (mut t, mut s) = (own.start.midpoint(own.end), other.start.midpoint(other.end));
+    for _ in 0..STEPS {
+        let (x, y) = (curves[0].derivatives(t), curves[1].derivatives(s));
+        let apart = y.point - x.point;
+        let area = x.first.perp_dot(y.first);
+        let steps = [
+            apart.perp_dot(y.first) / area,
+            apart.perp_dot(x.first) / area,
+        ];
+        let is_told = steps[0].is_finite() && steps[1].is_finite();
+        if !is_told || steps[0].abs() > 1.0 || steps[1].abs() > 1.0 {
+            return None;
+        }
+        t += steps[0];
+        s += steps[1];
+        if steps[0].abs().max(steps[1].abs()) <= EXACT {
+            break;
+        }
+    }
+    let is_in = own.start <= t && t <= own.end && other.start <= s && s <= other.end;
+    let is_one = || curves[0].evaluate(t).distance(curves[1].evaluate(s)) <= 1e-13;
+    (is_in && is_one()).then_some((t, s))
+}
+
+/// Whether a curve nearly is a line.
+fn is_line(curve: &Curve<DVec2>) -> bool {
+    let along = curve.end() - curve.start();
+    let across = along.perp().normalize_or_zero();
+    curve
+        .points()
+        .all(|point| (point - curve.start()).dot(across).abs() < BENT * along.length())
+}
+
+/// The sine of the angle between the ways from start to end.
+fn angle(a: &Curve<DVec2>, b: &Curve<DVec2>) -> f64 {
+    let way = |curve: &Curve<DVec2>| (curve.end() - curve.start()).normalize_or_zero();
+    way(a).perp_dot(way(b)).abs()
 }

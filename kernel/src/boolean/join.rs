@@ -1,21 +1,30 @@
-use crate::{Curve, TrimLoop};
+//! Parts of curves joined to loops.
+
 use glam::DVec2;
-pub(super) fn loops(mut p: Vec<Curve<DVec2>>, near: f64) -> Option<Vec<TrimLoop>> {
-    let mut out = Vec::new();
-    while let Some(first) = p.pop() {
+
+use crate::{Curve, TrimLoop};
+
+/// Parts of curves, each with the inside on its left, joined end to start to loops; none if some cannot be.
+/// Ends within `near` meet. Where several parts go on, that most to the right does: loops touch, but do not
+/// cross.
+pub(super) fn loops(mut parts: Vec<Curve<DVec2>>, near: f64) -> Option<Vec<TrimLoop>> {
+    let mut loops = Vec::new();
+    while let Some(first) = parts.pop() {
+        let start = first.start();
         let mut run = vec![first];
-        loop {
-            let end = run[run.len() - 1].end();
-            if end.distance(run[0].start()) <= 100.0 * near { break; }
-            let way = { let l = &run[run.len() - 1]; l.derivatives(l.domain().end).first.normalize_or_zero() };
-            let best = (0..p.len()).filter(|&i| p[i].start().distance(end) <= 100.0 * near).min_by(|&i, &j| {
-                let turn = |k: usize| { let w = p[k].derivatives(p[k].domain().start).first; -way.perp_dot(w).atan2(way.dot(w)) };
-                turn(i).total_cmp(&turn(j))
-            });
-            let Some(best) = best else { if std::env::var("DBG").is_ok() { for c in run.iter().chain(&p) { eprintln!("DBGJ {:?} {:?}", c.start(), c.end()); } } return None };
-            run.push(p.swap_remove(best));
+        while run.last()?.end().distance(start) > near {
+            let last = run.last()?;
+            let (end, way) = (last.end(), last.derivatives(last.domain().end).first);
+            let turn = |part: &Curve<DVec2>| {
+                let next = part.derivatives(part.domain().start).first;
+                way.perp_dot(next).atan2(way.dot(next))
+            };
+            let is_next = |&index: &usize| parts[index].start().distance(end) <= near;
+            let next = (0..parts.len()).filter(is_next);
+            let next = next.min_by(|&a, &b| turn(&parts[a]).total_cmp(&turn(&parts[b])))?;
+            run.push(parts.swap_remove(next));
         }
-        out.push(TrimLoop::new(run, 1e-6).ok()?);
+        loops.push(TrimLoop::new(run, near).ok()?);
     }
-    Some(out)
+    Some(loops)
 }

@@ -99,7 +99,8 @@ impl Border<'_> {
 /// Adds a part of an image to that which ends where it begins.
 fn add(parts: &mut Vec<Vec<Curve<DVec2>>>, part: Curve<DVec2>) {
     let is_next = |run: &Vec<Curve<DVec2>>| {
-        run.last().is_some_and(|last| last.end().distance(part.start()) <= SLACK)
+        run.last()
+            .is_some_and(|last| last.end().distance(part.start()) <= SLACK)
     };
     match parts.last_mut().filter(|run| is_next(run)) {
         Some(run) => run.push(part),

@@ -13,6 +13,9 @@ const NEAR: f64 = 1e-9;
 /// Curves are one if they are nearer than this.
 const SAME: f64 = 1e-8;
 
+/// Ends of parts nearer to each other than this meet: where curves touch they end within the root of rounding.
+const GAP: f64 = 1e-6;
+
 /// Parts of curves shorter than this bound nothing.
 const SHORT: f64 = 5e-8;
 
@@ -20,18 +23,19 @@ const SHORT: f64 = 5e-8;
 const STRAIGHT: f64 = 1e-11;
 
 /// How far from a curve its sides are looked at, and at most as a share of its length.
-const ASIDE: [f64; 3] = [1e-5, 1e-6, 1e-4];
+const ASIDE: [f64; 2] = [1e-5, 1e-4];
 const SHARE: f64 = 0.1;
 
 /// Where along a curve it is looked.
 const PLACES: [f64; 5] = [0.5, 0.37, 0.71, 0.13, 0.9];
 
 /// The loops of what remains of a face that has borders when other curves cut it, none if nothing does.
-/// `is_kept` tells of points of the unit square whether they remain, if that can be told.
+/// `is_kept` tells of points of the unit square whether they remain, if that can be told;
+/// asked so, not of points on both solids.
 pub(super) fn remains(
     borders: &[Curve<DVec2>],
     others: &[Curve<DVec2>],
-    is_kept: impl Fn(DVec2) -> Option<bool>,
+    is_kept: impl Fn(DVec2, bool) -> Option<bool>,
 ) -> Result<Vec<TrimLoop>, Error> {
     let all = different(borders.iter().chain(others).map(simple), SAME);
     let mut parts = Vec::new();
@@ -49,33 +53,35 @@ pub(super) fn remains(
     let parts = parts.into_iter().filter(|part| length(part) > SHORT);
     let parts = different(parts, SAME);
     let mut kept = Vec::new();
-    let dbg = std::env::var("DBG").is_ok();
-    if dbg { eprintln!("DBG FACE borders {} others {} all {}", borders.len(), others.len(), all.len()); }
     for part in &parts {
         let [left, right] = sides(part, &is_kept).ok_or(Error::Boolean(
             "what is inside cannot be told where faces nearly touch",
         ))?;
-        if dbg { eprintln!("DBG {:.9?} {:.9?} len {:.2e} {left} {right}", part.start().to_array(), part.end().to_array(), length(part)); }
         if left != right {
             kept.push(if left { part.clone() } else { part.reversed() });
         }
     }
-    loops(kept, NEAR).ok_or(Error::Boolean(
+    loops(kept, GAP).ok_or(Error::Boolean(
         "what bounds a face of the result does not close",
     ))
 }
 
-/// Whether what is on the left of a curve is kept, and what is on its right, if both can be told.
-fn sides(part: &Curve<DVec2>, is_kept: impl Fn(DVec2) -> Option<bool>) -> Option<[bool; 2]> {
+/// Whether what is on the left of a curve is kept, and what is on its right, if both can be told: at first by
+/// points that are not on both solids, for those next to where surfaces touch seem to be.
+fn sides(part: &Curve<DVec2>, is_kept: impl Fn(DVec2, bool) -> Option<bool>) -> Option<[bool; 2]> {
     let domain = part.domain();
     let length = length(part);
-    let mut looks = ASIDE
-        .iter()
-        .flat_map(|aside| PLACES.map(|place| (*aside, place)));
-    looks.find_map(|(aside, place)| {
+    let look = |is_apart: bool, aside: f64, place: f64| {
         let at = part.derivatives(domain.start + (domain.end - domain.start) * place);
         let left = at.first.perp().try_normalize()? * aside.min(length * SHARE);
-        Some([is_kept(at.point + left)?, is_kept(at.point - left)?])
+        let told = |uv: DVec2| is_kept(uv, is_apart);
+        Some([told(at.point + left)?, told(at.point - left)?])
+    };
+    [true, false].into_iter().find_map(|is_apart| {
+        let mut looks = ASIDE
+            .iter()
+            .flat_map(|aside| PLACES.map(|place| (*aside, place)));
+        looks.find_map(|(aside, place)| look(is_apart, aside, place))
     })
 }
 

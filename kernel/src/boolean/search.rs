@@ -177,8 +177,18 @@ fn halved(a: BezierSurface, b: BezierSurface, widths: [f64; 2]) -> [[BezierSurfa
     let is_first = widths[1] <= SMALLEST || (widths[0] > SMALLEST && longest(&a) >= longest(&b));
     let part = if is_first { &a } else { &b };
     let [along_u, along_v] = sides(part);
-    let halves = if along_u >= along_v { part.split_u(0.5) } else { part.split_v(0.5) };
-    halves.map(|half| if is_first { [half, b.clone()] } else { [a.clone(), half] })
+    let halves = if along_u >= along_v {
+        part.split_u(0.5)
+    } else {
+        part.split_v(0.5)
+    };
+    halves.map(|half| {
+        if is_first {
+            [half, b.clone()]
+        } else {
+            [a.clone(), half]
+        }
+    })
 }
 
 /// How long a net is along u and along v, about.
