@@ -30,6 +30,9 @@ impl Piece {
     }
 }
 
+/// A part of a border, and the numbers of the pieces it is on.
+type OnPieces = (Curve<DVec2>, Vec<usize>);
+
 /// A face that is about to be cut.
 pub(super) struct Face {
     /// The face over the unit square.
@@ -56,12 +59,7 @@ impl Face {
             .map(|trim| mapped(trim, &to_unit))
             .collect::<Result<_, _>>()?;
         let region = patch.region();
-        let mut pieces: Vec<_> = patch
-            .surface
-            .bezier_pieces()
-            .into_iter()
-            .map(piece)
-            .collect();
+        let mut pieces: Vec<_> = patch.surface.bezier_pieces().iter().map(piece).collect();
         if let Some(region) = &region {
             pieces.retain(|piece| {
                 let [u, v] = piece.place.clone();
@@ -82,7 +80,7 @@ impl Face {
     }
 
     /// What bounds it, cut where its pieces meet: each with the numbers of the pieces it is on.
-    pub(super) fn borders_over_pieces(&self) -> Result<Vec<(Curve<DVec2>, Vec<usize>)>, Error> {
+    pub(super) fn borders_over_pieces(&self) -> Result<Vec<OnPieces>, Error> {
         let knots = [self.patch.surface.knots_u(), self.patch.surface.knots_v()];
         let breaks = knots.map(KnotVector::breaks);
         let mut all = Vec::new();
@@ -176,7 +174,7 @@ fn onto([u, v]: &[Range<f64>; 2]) -> DAffine2 {
     DAffine2::from_scale_angle_translation(size, 0.0, start)
 }
 
-fn piece(net: BezierSurface) -> Piece {
+fn piece(net: &BezierSurface) -> Piece {
     let degrees = [net.degree_u(), net.degree_v()];
     let place = [net.u(), net.v()];
     let net = BezierSurface::trusted(degrees, net.homogeneous().to_vec(), 0.0..1.0, 0.0..1.0);

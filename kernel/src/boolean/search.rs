@@ -77,7 +77,7 @@ pub(super) fn meeting(first: &Piece, second: &Piece, size: f64) -> Result<Meetin
             None => {}
         }
         if width > SMALLEST {
-            todo.extend(halved(a, b, widths));
+            todo.extend(halved(&a, &b, widths));
         }
     }
     Ok(Meeting::Along(traces))
@@ -172,10 +172,10 @@ fn are_same(part: &BezierSurface, pair: &Pair<'_>) -> bool {
 }
 
 /// The larger of two parts in halves, across its longer side, of those that are not smallest.
-fn halved(a: BezierSurface, b: BezierSurface, widths: [f64; 2]) -> [[BezierSurface; 2]; 2] {
+fn halved(a: &BezierSurface, b: &BezierSurface, widths: [f64; 2]) -> [[BezierSurface; 2]; 2] {
     let longest = |part: &BezierSurface| sides(part).into_iter().fold(0.0, f64::max);
-    let is_first = widths[1] <= SMALLEST || (widths[0] > SMALLEST && longest(&a) >= longest(&b));
-    let part = if is_first { &a } else { &b };
+    let is_first = widths[1] <= SMALLEST || (widths[0] > SMALLEST && longest(a) >= longest(b));
+    let part = if is_first { a } else { b };
     let [along_u, along_v] = sides(part);
     let halves = if along_u >= along_v {
         part.split_u(0.5)

@@ -244,7 +244,7 @@ impl From {
         let mut guess = self.at + whole;
         // Not past the border of this parameter.
         let inside = guess[axis].clamp(0.0, 1.0);
-        let mut border = (inside != guess[axis]).then_some(axis);
+        let mut border = ((inside - guess[axis]).abs() > 0.0).then_some(axis);
         if border.is_some() {
             guess = self.at + whole * ((inside - self.at[axis]) / whole[axis]);
             guess[axis] = inside;
@@ -325,7 +325,7 @@ impl Arc {
         points[0] = start;
         for axis in 0..4 {
             // What the end is on, it is on to the last bit.
-            if nodes[5] >= 1.0 || end[axis].round() == end[axis] {
+            if nodes[5] >= 1.0 || (end[axis].round() - end[axis]).abs() <= 0.0 {
                 points[5][axis] = end[axis];
             }
         }
@@ -354,7 +354,18 @@ impl Arc {
 pub(super) fn through(nodes: &[f64; 6], values: &[DVec4; 6]) -> Option<[DVec4; 6]> {
     let choices = [1.0, 5.0, 10.0, 10.0, 5.0, 1.0];
     let mut rows: [[f64; 6]; 6] = nodes.map(|t| {
-        std::array::from_fn(|i| choices[i] * t.powi(i as i32) * (1.0 - t).powi(5 - i as i32))
+        let mut row = choices;
+        let mut power = 1.0;
+        for entry in &mut row {
+            *entry *= power;
+            power *= t;
+        }
+        power = 1.0;
+        for entry in row.iter_mut().rev() {
+            *entry *= power;
+            power *= 1.0 - t;
+        }
+        row
     });
     let mut right = *values;
     for column in 0..6 {
