@@ -1,8 +1,8 @@
 //! Solids that are united, cut by each other or taken from each other: the faces of the result are
 //! parts of theirs, on the same surfaces.
 //!
-//! Faces meet in curves of both their parameter planes ([`search`], [`trace`]); faces in one surface have
-//! their borders laid on each other ([`laid`]). What of a face [`remains`] is bounded by those parts of
+//! Faces meet in curves of both their parameter planes (`search`, `trace`); faces in one surface have
+//! their borders laid on each other (`laid`). What of a face `remains` is bounded by those parts of
 //! all curves across it that are between what is kept and what is not.
 
 mod cut;
