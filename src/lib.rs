@@ -55,7 +55,6 @@ pub use kernel;
 
 mod accelerator;
 mod accuracy;
-mod box_tree;
 mod certify;
 pub mod compare;
 pub mod convert;

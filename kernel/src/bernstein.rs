@@ -27,3 +27,26 @@ where
     }
     product
 }
+
+/// The Bernstein polynomials of a degree less than `N` at a place, and their derivatives there.
+#[inline(always)]
+pub(crate) fn basis<const N: usize>(degree: usize, t: f64) -> ([f64; N], [f64; N]) {
+    let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
+    values[0] = 1.0;
+    for level in 1..=degree {
+        if level == degree {
+            let mut before = 0.0;
+            for k in 0..=degree {
+                slopes[k] = degree as f64 * (before - values[k]);
+                before = values[k];
+            }
+        }
+        let mut saved = 0.0;
+        for value in &mut values[..=level] {
+            let own = *value;
+            *value = saved + own * (1.0 - t);
+            saved = own * t;
+        }
+    }
+    (values, slopes)
+}

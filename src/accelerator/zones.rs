@@ -10,7 +10,7 @@ use glam::DVec3;
 use kernel::Aabb;
 
 use super::cells::Parts;
-use crate::box_tree::BoxTree;
+use kernel::BoxTree;
 
 /// Cells below this share of the size of their cluster are small.
 const SMALL: f64 = 1.0 / 2048.0;

@@ -10,9 +10,9 @@ use rayon::prelude::*;
 
 use super::soup::Soup;
 use super::triangles::{Found, TriangleTree, closest, quarters};
-use crate::box_tree::BoxTree;
 use crate::tessellate::pieces::Pieces;
 use crate::tessellate::{Tessellation, stretch};
+use kernel::BoxTree;
 
 /// Points on each piece of a trim curve from which nearest points are looked for.
 const RIM_SAMPLES: usize = 16;

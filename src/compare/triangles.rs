@@ -3,8 +3,8 @@
 use glam::DVec3;
 use kernel::Aabb;
 
-use crate::box_tree::BoxTree;
 use crate::segment;
+use kernel::BoxTree;
 
 /// The square of the height of a triangle, as a share of that of its side, that is lost in rounding.
 const SLIVER: f64 = 1e-8;

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::Face;
-use crate::box_tree::BoxTree;
 use crate::segment;
+use kernel::BoxTree;
 
 /// Fewest and most chords of each piece of a trim; there are as many as the surface has pieces along
 /// a side. Sides have the fewest together, but one for each piece.

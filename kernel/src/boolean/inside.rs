@@ -6,7 +6,6 @@
 
 mod cell;
 mod parts;
-mod tree;
 
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -14,9 +13,8 @@ use std::ops::ControlFlow;
 use glam::{DVec2, DVec3};
 
 use self::cell::{Cell, Meeting, Place};
-use self::tree::BoxTree;
 use crate::nearest::{self, Nearby};
-use crate::{Aabb, Cover, Patch, Ray, Surface, TrimRegion};
+use crate::{Aabb, BoxTree, Cover, Patch, Ray, Surface, TrimRegion};
 
 /// Points no farther from a face than this share of the diagonal of the solid are on the boundary.
 pub(super) const NEAR: f64 = 1e-9;
@@ -145,7 +143,7 @@ impl Body {
         let ray = ray(point, way);
         let mut odd = false;
         let stopped = self.tree.along(&ray, way.inverse, |k| {
-            match self.crossing(&self.cells[k], &ray) {
+            match self.crossing(&self.cells[k as usize], &ray) {
                 Crossing::None => ControlFlow::Continue(()),
                 Crossing::Once => {
                     odd = !odd;
@@ -164,7 +162,7 @@ impl Body {
             let ray = ray(point, way);
             let mut odd = false;
             let stopped = self.tree.along(&ray, way.inverse, |k| {
-                let crosses = match self.crossing(&self.cells[k], &ray) {
+                let crosses = match self.crossing(&self.cells[k as usize], &ray) {
                     Crossing::None => false,
                     Crossing::Once => true,
                     Crossing::Border { crosses } => crosses,
@@ -228,7 +226,7 @@ impl Body {
     /// Whether a point is on a face, or nearly so.
     fn is_boundary(&self, point: DVec3) -> bool {
         self.tree.around(point, |k| {
-            if self.is_on(&self.cells[k], point) {
+            if self.is_on(&self.cells[k as usize], point) {
                 ControlFlow::Break(())
             } else {
                 ControlFlow::Continue(())

@@ -7,6 +7,7 @@ use std::sync::LazyLock;
 use glam::{DVec2, DVec3, DVec4};
 
 use super::sums::Sums;
+use crate::bernstein::basis;
 use crate::curve::are_rational;
 use crate::{BezierSurface, Curve, MAX_DEGREE};
 
@@ -117,10 +118,10 @@ impl Piece {
             points: [DVec4::ZERO; N],
             slopes: [DVec4::ZERO; N],
         };
-        let basis = Basis::<N>::at(q, t);
+        let (values, slopes) = basis::<N>(q, t);
         for (i, points) in self.points.chunks_exact(q + 1).enumerate().take(p + 1) {
-            row.points[i] = sum(points, &basis.values);
-            row.slopes[i] = sum(points, &basis.slopes);
+            row.points[i] = sum(points, &values);
+            row.slopes[i] = sum(points, &slopes);
         }
         row
     }
@@ -128,10 +129,10 @@ impl Piece {
     /// The point at `s` of a row, about the origin, and the normal there, as long as its area.
     pub(super) fn at<const N: usize>(&self, row: &Row<N>, s: f64) -> (DVec3, DVec3) {
         let p = self.degrees[0];
-        let basis = Basis::<N>::at(p, s);
-        let h = sum(&row.points[..=p], &basis.values);
-        let hs = sum(&row.points[..=p], &basis.slopes);
-        let ht = sum(&row.slopes[..=p], &basis.values);
+        let (values, slopes) = basis::<N>(p, s);
+        let h = sum(&row.points[..=p], &values);
+        let hs = sum(&row.points[..=p], &slopes);
+        let ht = sum(&row.slopes[..=p], &values);
         let point = h.truncate() / h.w;
         let along_s = (hs.truncate() - point * hs.w) / h.w;
         let along_t = (ht.truncate() - point * ht.w) / h.w;
@@ -330,36 +331,6 @@ fn unevenness(points: &[DVec4]) -> u32 {
         count += 1;
     }
     count
-}
-
-/// The Bernstein polynomials of a degree at some place, and their derivatives.
-struct Basis<const N: usize> {
-    values: [f64; N],
-    slopes: [f64; N],
-}
-
-impl<const N: usize> Basis<N> {
-    #[inline]
-    fn at(degree: usize, t: f64) -> Self {
-        let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
-        values[0] = 1.0;
-        for level in 1..=degree {
-            if level == degree {
-                let mut before = 0.0;
-                for k in 0..=degree {
-                    slopes[k] = degree as f64 * (before - values[k]);
-                    before = values[k];
-                }
-            }
-            let mut saved = 0.0;
-            for value in &mut values[..=level] {
-                let own = *value;
-                *value = saved + own * (1.0 - t);
-                saved = own * t;
-            }
-        }
-        Self { values, slopes }
-    }
 }
 
 /// Points with a factor for each.

@@ -6,7 +6,7 @@ use kernel::Aabb;
 use rayon::prelude::*;
 
 use super::{LONG, OF_A_THREAD, REACHES, Sewer, Strand};
-use crate::box_tree::BoxTree;
+use kernel::BoxTree;
 
 /// Among no more strands with the same ends it is looked which fit best: each look takes as long as their number squared.
 const MANY: usize = 32;

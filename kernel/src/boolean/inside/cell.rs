@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4};
 
+use crate::bernstein::basis;
 use crate::{Aabb, BezierSurface, MAX_DEGREE, Ray};
 
 /// Cells whose derivatives stray no more from those in the middle are flat enough.
@@ -374,27 +375,4 @@ fn mixed_in<const N: usize>([p, q]: [usize; 2], net: &[DVec4], at: DVec2) -> [DV
         sums[2] += slope * along_u[i];
     }
     sums
-}
-
-/// The Bernstein polynomials and their derivatives.
-#[inline(always)]
-fn basis<const N: usize>(degree: usize, t: f64) -> ([f64; N], [f64; N]) {
-    let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
-    values[0] = 1.0;
-    for level in 1..=degree {
-        if level == degree {
-            let mut before = 0.0;
-            for k in 0..=degree {
-                slopes[k] = degree as f64 * (before - values[k]);
-                before = values[k];
-            }
-        }
-        let mut saved = 0.0;
-        for value in &mut values[..=level] {
-            let own = *value;
-            *value = saved + own * (1.0 - t);
-            saved = own * t;
-        }
-    }
-    (values, slopes)
 }

@@ -1,7 +1,10 @@
-//! Boxes in a hierarchy: which of many are near a place.
+//! Boxes in a hierarchy: which of many are near a place, or on the way of a ray.
+
+use std::ops::ControlFlow;
 
 use glam::DVec3;
-use kernel::Aabb;
+
+use crate::{Aabb, Ray};
 
 /// Boxes of a leaf: triangles of meshes are often narrow, and boxes of several of them wide.
 const FILL: usize = 2;
@@ -11,7 +14,7 @@ const LEVELS: usize = 40;
 
 /// A hierarchy of boxes, two wide.
 #[derive(Debug)]
-pub(crate) struct BoxTree {
+pub struct BoxTree {
     /// Numbers of boxes in the order of the leaves.
     order: Vec<u32>,
     nodes: Vec<Node>,
@@ -34,7 +37,10 @@ impl Node {
 
 impl BoxTree {
     /// Puts boxes into a tree; they keep their numbers.
-    pub(crate) fn new(boxes: &[Aabb]) -> Self {
+    ///
+    /// # Panics
+    /// If there are 2^32 boxes or more.
+    pub fn new(boxes: &[Aabb]) -> Self {
         let count = u32::try_from(boxes.len()).expect("memory ends before 2^32 boxes");
         let mut order: Vec<u32> = (0..count).collect();
         let mut nodes = Vec::new();
@@ -45,14 +51,14 @@ impl BoxTree {
     }
 
     /// A box around all of them.
-    pub(crate) fn bounds(&self) -> Aabb {
+    pub fn bounds(&self) -> Aabb {
         self.nodes.first().map_or(Aabb::EMPTY, |node| node.bounds)
     }
 
     /// Goes through the boxes from near to far, those at most `square` from `p`, which is the
     /// square of a distance. `look` is given numbers of boxes, and answers with the square beyond
     /// which nothing is of interest.
-    pub(crate) fn visit(&self, p: DVec3, mut square: f64, mut look: impl FnMut(u32) -> f64) {
+    pub fn visit(&self, p: DVec3, mut square: f64, mut look: impl FnMut(u32) -> f64) {
         if self.nodes.is_empty() {
             return;
         }
@@ -83,24 +89,70 @@ impl BoxTree {
     }
 
     /// Tells the numbers of the boxes that meet another one, and of some beside it.
-    pub(crate) fn near(&self, other: &Aabb, mut tell: impl FnMut(u32)) {
+    pub fn near(&self, other: &Aabb, mut tell: impl FnMut(u32)) {
+        self.walk(
+            |bounds| bounds.meets(other),
+            |number| {
+                tell(number);
+                ControlFlow::Continue(())
+            },
+        );
+    }
+
+    /// Looks at the boxes that contain a point, and at some beside it, until one is enough; whether one was.
+    pub fn around(&self, point: DVec3, look: impl FnMut(u32) -> ControlFlow<()>) -> bool {
+        let is_in = |bounds: &Aabb| bounds.min.cmple(point).all() && point.cmple(bounds.max).all();
+        self.walk(is_in, look)
+    }
+
+    /// The same of boxes that a ray meets; `inverse` has the reciprocals of its direction, none of which is zero.
+    pub fn along(
+        &self,
+        ray: &Ray,
+        inverse: DVec3,
+        look: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> bool {
+        let is_met = |bounds: &Aabb| {
+            let (a, b) = (
+                (bounds.min - ray.origin) * inverse,
+                (bounds.max - ray.origin) * inverse,
+            );
+            let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+            enter.max(0.0) <= leave
+        };
+        self.walk(is_met, look)
+    }
+
+    /// Looks at the boxes of leaves that are met, until one is enough; whether one was.
+    #[inline(always)]
+    fn walk(
+        &self,
+        is_met: impl Fn(&Aabb) -> bool,
+        mut look: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> bool {
         let mut stack = [0_u32; LEVELS];
         let mut filled = usize::from(!self.nodes.is_empty());
         while filled > 0 {
             filled -= 1;
             let index = stack[filled];
             let node = self.nodes[index as usize];
-            if !node.bounds.meets(other) {
+            if !is_met(&node.bounds) {
                 continue;
             }
             if node.count > 0 {
                 let leaf = node.first as usize..(node.first + node.count) as usize;
-                self.order[leaf].iter().for_each(|&number| tell(number));
+                if self.order[leaf]
+                    .iter()
+                    .any(|&number| look(number).is_break())
+                {
+                    return true;
+                }
                 continue;
             }
             (stack[filled], stack[filled + 1]) = (node.first, index + 1);
             filled += 2;
         }
+        false
     }
 }
 
