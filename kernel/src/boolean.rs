@@ -207,30 +207,35 @@ impl Solids {
     ) -> Result<Option<Patch>, Error> {
         let face = &self.faces[which][index];
         let is_kept = |uv: DVec2, is_apart: bool| self.is_kept(which, face, uv, is_apart);
-        let inside = looks().filter(|&uv| face.contains(uv));
-        let told: Vec<_> = inside.filter_map(|uv| is_kept(uv, false)).collect();
-        let patch = match told.first() {
-            Some(&first) if curves.is_empty() && told.iter().all(|&kept| kept == first) => {
-                first.then(|| patch.clone())
-            }
-            _ => {
-                let loops = remains(&face.borders, curves, is_kept)?;
-                let is_left = !loops.is_empty();
-                is_left
-                    .then(|| Face::with_loops(patch, &loops))
-                    .transpose()?
-            }
+        let uncut = if curves.is_empty() {
+            self.whole(which, face)
+        } else {
+            None
         };
-        let is_turned = |patch: &Patch| !self.looks_out(patch);
-        patch
-            .map(|patch| {
-                if is_turned(&patch) {
-                    face::turned(patch)
-                } else {
-                    Ok(patch)
-                }
-            })
-            .transpose()
+        let loops = match uncut {
+            Some(false) => return Ok(None),
+            Some(true) => None,
+            None => Some(remains(&face.borders, curves, is_kept)?),
+        };
+        let patch = match loops {
+            Some(loops) if loops.is_empty() => return Ok(None),
+            Some(loops) => face::with_loops(patch, &loops)?,
+            None => patch.clone(),
+        };
+        let patch = if self.looks_out(&patch) {
+            patch
+        } else {
+            face::turned(patch)?
+        };
+        Ok(Some(patch))
+    }
+
+    /// Whether all of a face that nothing cuts remains, or nothing of it, if some points agree.
+    fn whole(&self, which: usize, face: &Face) -> Option<bool> {
+        let inside = looks().filter(|&uv| face.contains(uv));
+        let mut told = inside.filter_map(|uv| self.is_kept(which, face, uv, false));
+        let first = told.next()?;
+        told.all(|kept| kept == first).then_some(first)
     }
 
     /// Whether the result holds a point, if that can be told.

@@ -125,17 +125,17 @@ impl Face {
         let ways = [DVec2::ZERO, DVec2::X, DVec2::Y, -DVec2::X, -DVec2::Y];
         ways.iter().any(|way| self.contains(uv + *way * BESIDE))
     }
+}
 
-    /// A patch over its own domain with other loops, given over the unit square.
-    pub(super) fn with_loops(own: &Patch, loops: &[TrimLoop]) -> Result<Patch, Error> {
-        let mut patch = own.clone();
-        let from_unit = onto(&domain(&patch.surface));
-        patch.loops = loops
-            .iter()
-            .map(|trim| mapped(trim, &from_unit))
-            .collect::<Result<_, _>>()?;
-        Ok(patch)
-    }
+/// A patch over its own domain with other loops, given over the unit square.
+pub(super) fn with_loops(own: &Patch, loops: &[TrimLoop]) -> Result<Patch, Error> {
+    let mut patch = own.clone();
+    let from_unit = onto(&domain(&patch.surface));
+    patch.loops = loops
+        .iter()
+        .map(|trim| mapped(trim, &from_unit))
+        .collect::<Result<_, _>>()?;
+    Ok(patch)
 }
 
 /// A patch whose normals look to the other side.

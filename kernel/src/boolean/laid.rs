@@ -3,15 +3,12 @@
 use glam::{DVec2, DVec3, DVec4};
 
 use super::face::Piece;
-use super::pair::foot;
-use super::trace::{NODES, SLACK, snapped, through};
+use super::pair::{foot, halves};
+use super::trace::{NEAR, NODES, SLACK, bezier, snapped, through};
 use crate::{Aabb, Curve, Error, KnotVector, Surface};
 
 /// Halvings of a border until its image is a polynomial.
 const HALVINGS: u32 = 10;
-
-/// How far an image may be from the border, as a share of the size of the solids.
-const NEAR: f64 = 1e-10;
 
 /// Where it is looked whether it is.
 const CHECKS: [f64; 3] = [0.05, 0.5, 0.8];
@@ -87,12 +84,12 @@ impl Border<'_> {
         let Some(points) = through(&NODES, &values) else {
             return (None, false);
         };
-        let points = points.map(|p| DVec2::new(p.x, p.y));
         let is_on = |t: f64| {
-            let image = piece.surface.evaluate(bezier(&points, t));
+            let image = piece.surface.evaluate(halves(bezier(points, t)).0);
             image.distance(at(t)) <= NEAR * size
         };
-        (CHECKS.iter().all(|&t| is_on(t)).then_some(points), false)
+        let is_image = CHECKS.iter().all(|&t| is_on(t));
+        (is_image.then(|| points.map(|p| halves(p).0)), false)
     }
 }
 
@@ -106,16 +103,6 @@ fn add(parts: &mut Vec<Vec<Curve<DVec2>>>, part: Curve<DVec2>) {
         Some(run) => run.push(part),
         None => parts.push(vec![part]),
     }
-}
-
-fn bezier(points: &[DVec2; 6], t: f64) -> DVec2 {
-    let mut points = *points;
-    for last in (1..points.len()).rev() {
-        for i in 0..last {
-            points[i] = points[i].lerp(points[i + 1], t);
-        }
-    }
-    points[0]
 }
 
 /// Those parts of a curve that are in the unit square.

@@ -5,11 +5,11 @@
 
 use glam::{DVec2, DVec3, DVec4};
 
-use super::pair::{Pair, halves};
+use super::pair::{Course, Pair, halves};
 use crate::{Curve, Error, KnotVector};
 
 /// Points of an arc are on both surfaces, as a share of the size of the solids.
-const NEAR: f64 = 1e-10;
+pub(super) const NEAR: f64 = 1e-10;
 
 /// What is no farther outside a border of the unit square is on it.
 pub(super) const SLACK: f64 = 1e-9;
@@ -31,6 +31,9 @@ const MOST: usize = 4000;
 /// A curve leaves a border that it is on if its parameter changes by this share of what changes most.
 const STEEP: f64 = 1e-3;
 
+/// A point is on a curve that was found if it is so near.
+const SEEN: f64 = 1e-6;
+
 /// How far the direction of a curve changes along an arc, at most, by the cosine.
 const TURN: f64 = 0.5;
 
@@ -49,20 +52,14 @@ const OPEN: [f64; 6] = [0.0, 0.09, 0.31, 0.58, 0.79, 0.91];
 const CHECKS: [f64; 5] = [0.04, 0.22, 0.5, 0.78, 0.96];
 
 /// A part of a curve: Bézier points of four parameters, of which one is linear.
-pub(super) struct Arc {
+struct Arc {
     points: [DVec4; 6],
     axis: usize,
 }
 
 impl Arc {
-    pub(super) fn at(&self, t: f64) -> DVec4 {
-        let mut points = self.points;
-        for last in (1..points.len()).rev() {
-            for i in 0..last {
-                points[i] = points[i].lerp(points[i + 1], t);
-            }
-        }
-        points[0]
+    fn at(&self, t: f64) -> DVec4 {
+        bezier(self.points, t)
     }
 
     /// Where on the arc a point is, if it is on it.
@@ -82,7 +79,7 @@ impl Arc {
 
 /// A curve that two surfaces have in common.
 pub(super) struct Trace {
-    pub(super) arcs: Vec<Arc>,
+    arcs: Vec<Arc>,
 }
 
 /// How far an end of a curve was followed.
@@ -143,9 +140,6 @@ impl Trace {
         Ok([joined(0)?, joined(1)?])
     }
 }
-
-/// A point is on a curve that was found if it is so near.
-const SEEN: f64 = 1e-6;
 
 /// A point of the unit square, on its border if it is next to it.
 pub(super) fn snapped(point: DVec2) -> DVec2 {
@@ -232,7 +226,7 @@ struct From {
 /// A step taken: its arc, how it goes on, and the parameter that is on its border if it ends there.
 struct Step {
     arc: Arc,
-    next: Option<super::pair::Course>,
+    next: Option<Course>,
     border: Option<usize>,
 }
 
@@ -249,12 +243,8 @@ impl From {
             guess = self.at + whole * ((inside - self.at[axis]) / whole[axis]);
             guess[axis] = inside;
         }
-        let mut end = pair.settled(guess, Some(axis));
-        if border.is_some() && end.is_none_or(|end| !is_inside(end)) {
-            // Another border may come first, and the surfaces may not go on behind it.
-            end = end.or(Some(guess));
-        }
-        let mut end = end?;
+        // Another border may come first, and the surfaces may not go on behind it.
+        let mut end = pair.settled(guess, Some(axis)).or(border.map(|_| guess))?;
         for _ in 0..4 {
             let Some(other) = self.first_out(end) else {
                 break;
@@ -350,6 +340,16 @@ impl Arc {
     }
 }
 
+/// A point of the polynomial with these Bézier points.
+pub(super) fn bezier(mut points: [DVec4; 6], t: f64) -> DVec4 {
+    for last in (1..points.len()).rev() {
+        for i in 0..last {
+            points[i] = points[i].lerp(points[i + 1], t);
+        }
+    }
+    points[0]
+}
+
 /// Bézier points of the polynomial that has values at nodes.
 pub(super) fn through(nodes: &[f64; 6], values: &[DVec4; 6]) -> Option<[DVec4; 6]> {
     let choices = [1.0, 5.0, 10.0, 10.0, 5.0, 1.0];
@@ -399,6 +399,6 @@ fn largest(vector: DVec4) -> usize {
 }
 
 /// Whether a point is in the unit square of both surfaces.
-pub(super) fn is_inside(at: DVec4) -> bool {
+fn is_inside(at: DVec4) -> bool {
     at.min_element() >= -SLACK && at.max_element() <= 1.0 + SLACK
 }
