@@ -17,6 +17,8 @@ mod search;
 mod tests;
 mod trace;
 
+use std::cell::Cell;
+
 use glam::{DVec2, DVec3};
 
 use crate::{Aabb, Curve, Error, Patch};
@@ -67,13 +69,18 @@ impl Operation {
 /// Where the faces of the solids are cut they meet within 1e-10 of the size of both. What is thinner than
 /// about 1e-6 of it may get lost; the result is looked at in a few hundred points before it is given back.
 ///
+/// `work` is how many steps may be taken, of some microseconds each, and then how many are left: solids may touch
+/// each other everywhere.
+///
 /// # Errors
 ///
-/// [`Error::Boolean`] if the faces of a solid do not close it, or if it cannot be told where they meet.
+/// [`Error::Boolean`] if the faces of a solid do not close it, if it cannot be told where they meet, or if
+/// there is no work left.
 pub fn combine(
     first: &[Patch],
     second: &[Patch],
     operation: Operation,
+    work: &mut usize,
 ) -> Result<Vec<Patch>, Error> {
     let bounds = [first, second].map(|faces| {
         faces
@@ -88,10 +95,23 @@ pub fn combine(
             Operation::Difference => first.to_vec(),
         });
     }
-    let solids = Solids::new([first, second], operation, whole)?;
+    let left = Work(Cell::new(*work));
+    let made = made([first, second], operation, whole, &left);
+    *work = left.0.get();
+    made
+}
+
+/// The same of solids whose boxes meet, in a box around both.
+fn made(
+    patches: [&[Patch]; 2],
+    operation: Operation,
+    bounds: Aabb,
+    work: &Work,
+) -> Result<Vec<Patch>, Error> {
+    let solids = Solids::new(patches, operation, bounds, work)?;
     let curves = solids.curves()?;
     let mut result = Vec::new();
-    for (which, (patches, curves)) in [first, second].into_iter().zip(&curves).enumerate() {
+    for (which, (patches, curves)) in patches.into_iter().zip(&curves).enumerate() {
         for (index, (patch, curves)) in patches.iter().zip(curves).enumerate() {
             result.extend(solids.remaining(which, index, patch, curves)?);
         }
@@ -100,8 +120,24 @@ pub fn combine(
     Ok(result)
 }
 
+/// How many steps may still be taken.
+struct Work(Cell<usize>);
+
+impl Work {
+    /// Takes steps, if they are left.
+    fn take(&self, steps: usize) -> Result<(), Error> {
+        let left = self.0.get().checked_sub(steps);
+        let left = left.ok_or(Error::Boolean(
+            "their faces touch each other in too many places",
+        ))?;
+        self.0.set(left);
+        Ok(())
+    }
+}
+
 /// Two solids and what is made of them.
-struct Solids {
+struct Solids<'a> {
+    work: &'a Work,
     faces: [Vec<Face>; 2],
     bodies: [Body; 2],
     operation: Operation,
@@ -112,10 +148,16 @@ struct Solids {
 /// For each face of each solid, the curves of its unit square along which faces of the other meet it.
 type Curves = [Vec<Vec<Curve<DVec2>>>; 2];
 
-impl Solids {
-    fn new(patches: [&[Patch]; 2], operation: Operation, bounds: Aabb) -> Result<Self, Error> {
+impl<'a> Solids<'a> {
+    fn new(
+        patches: [&[Patch]; 2],
+        operation: Operation,
+        bounds: Aabb,
+        work: &'a Work,
+    ) -> Result<Self, Error> {
         let faces = |patches: &[Patch]| patches.iter().map(Face::new).collect::<Result<_, _>>();
         Ok(Self {
+            work,
             faces: [faces(patches[0])?, faces(patches[1])?],
             bodies: patches.map(Body::new),
             operation,
@@ -149,14 +191,14 @@ impl Solids {
                 if !nearly_meet(&own.bounds, &other.bounds, self.size) {
                     continue;
                 }
-                match meeting(own, other, self.size)? {
+                match meeting(own, other, self.size, self.work)? {
                     Meeting::Same => same.push([p, q]),
                     Meeting::Along(traces) => {
                         for trace in traces {
                             let [a, b] = trace.curves()?;
                             let a = a.transformed(&own.face_from_piece());
                             let b = b.transformed(&other.face_from_piece());
-                            for [a, b] in shared([first, second], [&a, &b])? {
+                            for [a, b] in shared([first, second], [&a, &b], self.work)? {
                                 found[0].push(a);
                                 found[1].push(b);
                             }
@@ -215,7 +257,7 @@ impl Solids {
         let loops = match uncut {
             Some(false) => return Ok(None),
             Some(true) => None,
-            None => Some(remains(&face.borders, curves, is_kept)?),
+            None => Some(remains(&face.borders, curves, is_kept, self.work)?),
         };
         let patch = match loops {
             Some(loops) if loops.is_empty() => return Ok(None),
@@ -332,12 +374,20 @@ fn looks() -> impl Iterator<Item = DVec2> {
 }
 
 /// Those parts of a curve over two faces that belong to both, by parameters it has in common.
-fn shared(faces: [&Face; 2], curves: [&Curve<DVec2>; 2]) -> Result<Vec<[Curve<DVec2>; 2]>, Error> {
+fn shared(
+    faces: [&Face; 2],
+    curves: [&Curve<DVec2>; 2],
+    work: &Work,
+) -> Result<Vec<[Curve<DVec2>; 2]>, Error> {
     let domain = curves[0].domain();
     let mut ends = vec![domain.start, domain.end];
     for (face, curve) in faces.iter().zip(curves) {
         for border in &face.borders {
-            ends.extend(cut::meetings(curve, border, SHORT).iter().map(|&(t, _)| t));
+            ends.extend(
+                cut::meetings(curve, border, SHORT, work)?
+                    .iter()
+                    .map(|&(t, _)| t),
+            );
         }
     }
     ends.sort_by(f64::total_cmp);

@@ -2,7 +2,8 @@
 
 use glam::DVec2;
 
-use crate::Curve;
+use super::Work;
+use crate::{Curve, Error};
 
 /// Steps of Newton's method, and points of a curve from which it is begun.
 const STEPS: usize = 20;
@@ -29,11 +30,15 @@ const CHECKS: [f64; 3] = [0.25, 0.5, 0.7];
 const SAMPLES: [f64; 5] = [0.13, 0.29, 0.5, 0.77, 0.93];
 
 /// The parameters at which each curve is to be cut so that all meet at their ends only, within `near`.
-pub(super) fn cuts(curves: &[Curve<DVec2>], near: f64) -> Vec<Vec<f64>> {
+pub(super) fn cuts(
+    curves: &[Curve<DVec2>],
+    near: f64,
+    work: &Work,
+) -> Result<Vec<Vec<f64>>, Error> {
     let mut all = vec![Vec::new(); curves.len()];
     for (i, a) in curves.iter().enumerate() {
         for (j, b) in curves.iter().enumerate().take(i) {
-            for (t, s) in meetings(a, b, near) {
+            for (t, s) in meetings(a, b, near, work)? {
                 all[i].push(t);
                 all[j].push(s);
             }
@@ -52,7 +57,7 @@ pub(super) fn cuts(curves: &[Curve<DVec2>], near: f64) -> Vec<Vec<f64>> {
             is_kept
         });
     }
-    all
+    Ok(all)
 }
 
 /// Whether a curve lies on another one, by some of its points.
@@ -64,18 +69,24 @@ pub(super) fn is_same(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> bool {
 
 /// The parameters of two curves at which they meet, as far as they cross, end on each other, or have the end
 /// of a stretch in common.
-pub(super) fn meetings(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> Vec<(f64, f64)> {
+pub(super) fn meetings(
+    a: &Curve<DVec2>,
+    b: &Curve<DVec2>,
+    near: f64,
+    work: &Work,
+) -> Result<Vec<(f64, f64)>, Error> {
     let mut found = Vec::new();
     if are_apart(a, b, near) {
-        return found;
+        return Ok(found);
     }
     let others = b.bezier_pieces();
     for own in a.bezier_pieces() {
         for other in &others {
-            meet(&own, other, near, &mut found);
+            work.take(1)?;
+            meet(&own, other, near, work, &mut found)?;
         }
     }
-    found
+    Ok(found)
 }
 
 /// The nearest parameter of a curve to a point, and the distance there.
@@ -122,9 +133,15 @@ fn are_apart(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64) -> bool {
 }
 
 /// Meetings of two Bézier curves.
-fn meet(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64, found: &mut Vec<(f64, f64)>) {
+fn meet(
+    a: &Curve<DVec2>,
+    b: &Curve<DVec2>,
+    near: f64,
+    work: &Work,
+    found: &mut Vec<(f64, f64)>,
+) -> Result<(), Error> {
     if are_apart(a, b, near) {
-        return;
+        return Ok(());
     }
     let ends = |curve: &Curve<DVec2>| [curve.domain().start, curve.domain().end];
     let on = |curve: &Curve<DVec2>, point: DVec2| {
@@ -150,14 +167,15 @@ fn meet(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64, found: &mut Vec<(f64, f64
     let is_long = high > low && a.evaluate(low).distance(a.evaluate(high)) > 10.0 * near;
     let is_common = |share: &f64| on(b, a.evaluate(low + (high - low) * share)).is_some();
     if is_long && CHECKS.iter().all(is_common) {
-        return;
+        return Ok(());
     }
     let mut todo = vec![(a.clone(), b.clone())];
-    let mut work = 0;
+    let mut looked = 0;
     while let Some((p, q)) = todo.pop() {
-        work += 1;
-        if work > MOST {
-            return;
+        work.take(1)?;
+        looked += 1;
+        if looked > MOST {
+            return Ok(());
         }
         if are_apart(&p, &q, 0.0) {
             continue;
@@ -177,6 +195,7 @@ fn meet(a: &Curve<DVec2>, b: &Curve<DVec2>, near: f64, found: &mut Vec<(f64, f64
         }
         todo.extend(halved(&p, &q, [a, b]));
     }
+    Ok(())
 }
 
 /// All pairs of halves of two parts, unless both are too short.

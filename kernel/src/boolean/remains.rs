@@ -3,6 +3,7 @@
 
 use glam::DVec2;
 
+use super::Work;
 use super::cut::{cuts, is_same};
 use super::join::loops;
 use crate::{Curve, Error, TrimLoop};
@@ -36,10 +37,11 @@ pub(super) fn remains(
     borders: &[Curve<DVec2>],
     others: &[Curve<DVec2>],
     is_kept: impl Fn(DVec2, bool) -> Option<bool>,
+    work: &Work,
 ) -> Result<Vec<TrimLoop>, Error> {
     let all = different(borders.iter().chain(others).map(simple), SAME);
     let mut parts = Vec::new();
-    for (curve, cuts) in all.iter().zip(cuts(&all, NEAR)) {
+    for (curve, cuts) in all.iter().zip(cuts(&all, NEAR, work)?) {
         let domain = curve.domain();
         let ends: Vec<_> = [domain.start]
             .into_iter()
@@ -54,6 +56,7 @@ pub(super) fn remains(
     let parts = different(parts, SAME);
     let mut kept = Vec::new();
     for part in &parts {
+        work.take(1)?;
         let [left, right] = sides(part, &is_kept).ok_or(Error::Boolean(
             "what is inside cannot be told where faces nearly touch",
         ))?;

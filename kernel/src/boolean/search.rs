@@ -3,6 +3,7 @@
 
 use glam::{DVec2, DVec3, DVec4};
 
+use super::Work;
 use super::face::Piece;
 use super::pair::{Pair, foot};
 use super::trace::Trace;
@@ -38,7 +39,12 @@ struct Cone {
 }
 
 /// How two pieces of solids of a size meet.
-pub(super) fn meeting(first: &Piece, second: &Piece, size: f64) -> Result<Meeting, Error> {
+pub(super) fn meeting(
+    first: &Piece,
+    second: &Piece,
+    size: f64,
+    work: &Work,
+) -> Result<Meeting, Error> {
     let pair = Pair {
         first: &first.surface,
         second: &second.surface,
@@ -46,10 +52,11 @@ pub(super) fn meeting(first: &Piece, second: &Piece, size: f64) -> Result<Meetin
     };
     let mut traces: Vec<Trace> = Vec::new();
     let mut todo = vec![[first.net.clone(), second.net.clone()]];
-    let mut work = 0;
+    let mut looked = 0;
     while let Some([a, b]) = todo.pop() {
-        work += 1;
-        if work > MOST {
+        work.take(1)?;
+        looked += 1;
+        if looked > MOST {
             return Err(Error::Boolean(
                 "two faces touch each other in too many places",
             ));

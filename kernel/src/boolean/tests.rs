@@ -4,15 +4,19 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
-use super::{Operation, combine};
+use super::Operation;
 use crate::modelling::{Frame, circle, cone, cylinder, plane, sphere, torus};
-use crate::{Integrals, Patch, TrimLoop};
+use crate::{Error, Integrals, Patch, TrimLoop};
 
 const OPERATIONS: [Operation; 3] = [
     Operation::Union,
     Operation::Intersection,
     Operation::Difference,
 ];
+
+fn combine(first: &[Patch], second: &[Patch], operation: Operation) -> Result<Vec<Patch>, Error> {
+    super::combine(first, second, operation, &mut 1_000_000)
+}
 
 fn block(min: DVec3, max: DVec3) -> Vec<Patch> {
     let size = max - min;
@@ -310,4 +314,15 @@ fn what_is_not_closed_is_told() {
     let open = &cube()[..5];
     let other = block(DVec3::splat(0.5), DVec3::splat(1.5));
     assert!(combine(open, &other, Operation::Difference).is_err());
+}
+
+#[test]
+fn work_is_counted_and_bounded() {
+    let other = block(DVec3::splat(0.5), DVec3::splat(1.5));
+    let mut work = 10_000;
+    super::combine(&cube(), &other, Operation::Union, &mut work).unwrap();
+    assert!((1..10_000).contains(&work), "{work}");
+    let taken = 10_000 - work;
+    let short = super::combine(&cube(), &other, Operation::Union, &mut (taken - 1));
+    assert!(matches!(short, Err(Error::Boolean(_))), "{short:?}");
 }

@@ -21,6 +21,9 @@ const MOST_FACES: usize = 1_000;
 /// and of all operations of a file.
 const MOST_OF_ALL: usize = 50_000;
 
+/// Steps that all operations of a file may take: about a minute.
+const MOST_WORK: usize = 10_000_000;
+
 /// What is known for boolean trees.
 #[derive(Debug)]
 pub(super) struct Booleans {
@@ -33,6 +36,8 @@ pub(super) struct Booleans {
     pub has_operands: bool,
     /// How many more faces may be combined.
     faces_left: usize,
+    /// How many more steps that may take.
+    work_left: usize,
 }
 
 impl Default for Booleans {
@@ -43,6 +48,7 @@ impl Default for Booleans {
             empty: HashSet::new(),
             has_operands: false,
             faces_left: MOST_OF_ALL,
+            work_left: MOST_WORK,
         }
     }
 }
@@ -281,7 +287,8 @@ impl Tree<'_, '_> {
             let text = format!("more than {MOST_OF_ALL} faces are combined in the file");
             Problem::Unsupported(text)
         })?;
-        let made = boolean::combine(&first, &second, operation).map_err(Problem::Geometry)?;
+        let made = boolean::combine(&first, &second, operation, &mut self.booleans.work_left)
+            .map_err(Problem::Geometry)?;
         for patch in &made {
             self.spend(patch.surface.homogeneous().len().max(LEAST_COST))?;
         }
