@@ -76,7 +76,12 @@ fn compressed(cards: &[String]) -> String {
         before.copy_from_slice(&fields);
         let first: usize = fields[1].parse().unwrap_or(0);
         let count: usize = fields[13].parse().unwrap_or(0);
-        for card in data.iter().skip(first.wrapping_sub(1)).take(count) {
+        let record = || data.iter().skip(first.wrapping_sub(1));
+        // Some files have no count for what stands there.
+        let owner = (2 * index + 1).to_string();
+        let owned = record().take_while(|card| card[64..72].trim() == owner);
+        let count = count.max(owned.count());
+        for card in record().take(count) {
             let _ = writeln!(text, "{}", card[..64].trim_end());
         }
     }

@@ -326,3 +326,20 @@ fn work_is_counted_and_bounded() {
     let short = super::combine(&cube(), &other, Operation::Union, &mut (taken - 1));
     assert!(matches!(short, Err(Error::Boolean(_))), "{short:?}");
 }
+
+#[test]
+fn a_cylinder_around_an_edge_of_a_face_that_goes_on() {
+    // Its axis is in a side of the block, its foot in the plane of another.
+    let bar = block(DVec3::new(0.0, -1.75, -1.75), DVec3::new(5.5, -1.125, 1.75));
+    let short = block(
+        DVec3::new(4.875, -3.5, -1.75),
+        DVec3::new(5.5, -1.125, 1.75),
+    );
+    let angle = combine(&bar, &short, Operation::Union).unwrap();
+    let expected = 5.5 * 0.625 * 3.5 + 0.625 * 1.75 * 3.5;
+    assert_near(volume(&angle), expected);
+    let pin = rod(DVec3::new(0.0, -1.75, 0.0), DVec3::Y * 1.75, 0.625);
+    let disc = PI * 0.625 * 0.625;
+    assert_volumes(&bar, &pin, [5.5 * 0.625 * 3.5, disc * 1.75], disc * 0.3125);
+    assert_volumes(&angle, &pin, [expected, disc * 1.75], disc * 0.3125);
+}
