@@ -90,7 +90,7 @@ pub(super) fn meetings(
 }
 
 /// The nearest parameter of a curve to a point, and the distance there.
-fn nearest(curve: &Curve<DVec2>, point: DVec2) -> (f64, f64) {
+pub(super) fn nearest(curve: &Curve<DVec2>, point: DVec2) -> (f64, f64) {
     let domain = curve.domain();
     let distance = |t: f64| (t, curve.evaluate(t).distance(point));
     let start =

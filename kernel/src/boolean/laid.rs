@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::face::Piece;
 use super::pair::{foot, halves};
-use super::trace::{NEAR, NODES, SLACK, bezier, snapped, through};
+use super::trace::{NEAR, NODES, OPEN, SLACK, bezier, snapped, through};
 use crate::{Aabb, Curve, Error, KnotVector, Surface};
 
 /// Halvings of a border until its image is a polynomial.
@@ -65,15 +65,21 @@ impl Border<'_> {
         if !wide.meets(&piece.bounds) {
             return (None, true);
         }
-        let mut guess = DVec2::splat(0.5);
-        let mut values = [DVec4::ZERO; 6];
-        for (value, &node) in values.iter_mut().zip(&NODES) {
-            let Some(found) = foot(&piece.surface, at(node), guess, size) else {
-                return (None, false);
-            };
-            guess = found;
-            *value = found.extend(0.0).extend(0.0);
-        }
+        let feet = |nodes: &[f64; 6]| {
+            let mut guess = DVec2::splat(0.5);
+            let mut values = [DVec4::ZERO; 6];
+            for (value, &node) in values.iter_mut().zip(nodes) {
+                guess = foot(&piece.surface, at(node), guess, size)?;
+                *value = guess.extend(0.0).extend(0.0);
+            }
+            Some(values)
+        };
+        // An end may be a pole, which has no foot.
+        let choices = [NODES, OPEN, OPEN.map(|t| 1.0 - t)];
+        let found = choices.iter().find_map(|nodes| Some((nodes, feet(nodes)?)));
+        let Some((nodes, values)) = found else {
+            return (None, false);
+        };
         let is_out = |axis: usize| {
             let all = || values.iter().map(|value| value[axis]);
             all().all(|x| x < -SLACK) || all().all(|x| x > 1.0 + SLACK)
@@ -81,7 +87,7 @@ impl Border<'_> {
         if is_out(0) || is_out(1) {
             return (None, true);
         }
-        let Some(points) = through(&NODES, &values) else {
+        let Some(points) = through(nodes, &values) else {
             return (None, false);
         };
         let is_on = |t: f64| {

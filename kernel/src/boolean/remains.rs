@@ -4,7 +4,7 @@
 use glam::DVec2;
 
 use super::Work;
-use super::cut::{cuts, is_same};
+use super::cut::{cuts, is_same, nearest};
 use super::join::loops;
 use crate::{Curve, Error, TrimLoop};
 
@@ -18,7 +18,7 @@ const SAME: f64 = 1e-8;
 const GAP: f64 = 1e-6;
 
 /// Parts of curves shorter than this bound nothing.
-const SHORT: f64 = 5e-8;
+const SHORT: f64 = GAP;
 
 /// Curves are straight if they are off a line by no more than this.
 const STRAIGHT: f64 = 1e-11;
@@ -26,6 +26,9 @@ const STRAIGHT: f64 = 1e-11;
 /// How far from a curve its sides are looked at, and at most as a share of its length.
 const ASIDE: [f64; 2] = [1e-5, 1e-4];
 const SHARE: f64 = 0.1;
+
+/// The same as a share of the distance to the next curve.
+const ROOM: f64 = 0.3;
 
 /// Where along a curve it is looked.
 const PLACES: [f64; 5] = [0.5, 0.37, 0.71, 0.13, 0.9];
@@ -55,9 +58,14 @@ pub(super) fn remains(
     let parts = parts.into_iter().filter(|part| length(part) > SHORT);
     let parts = different(parts, SAME);
     let mut kept = Vec::new();
-    for part in &parts {
+    for (index, part) in parts.iter().enumerate() {
         work.take(1)?;
-        let [left, right] = sides(part, &is_kept).ok_or(Error::Boolean(
+        let others = || parts.iter().enumerate().filter(|other| other.0 != index);
+        let room = |point: DVec2| {
+            let distances = others().map(|(_, other)| distance(other, point));
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        let [left, right] = sides(part, room, &is_kept).ok_or(Error::Boolean(
             "what is inside cannot be told where faces nearly touch",
         ))?;
         if left != right {
@@ -70,13 +78,19 @@ pub(super) fn remains(
 }
 
 /// Whether what is on the left of a curve is kept, and what is on its right, if both can be told: at first by
-/// points that are not on both solids, for those next to where surfaces touch seem to be.
-fn sides(part: &Curve<DVec2>, is_kept: impl Fn(DVec2, bool) -> Option<bool>) -> Option<[bool; 2]> {
+/// points that are not on both solids, for those next to where surfaces touch seem to be. `room` is how far a
+/// point is from what may be beside the curve.
+fn sides(
+    part: &Curve<DVec2>,
+    room: impl Fn(DVec2) -> f64,
+    is_kept: impl Fn(DVec2, bool) -> Option<bool>,
+) -> Option<[bool; 2]> {
     let domain = part.domain();
     let length = length(part);
     let look = |is_apart: bool, aside: f64, place: f64| {
         let at = part.derivatives(domain.start + (domain.end - domain.start) * place);
-        let left = at.first.perp().try_normalize()? * aside.min(length * SHARE);
+        let left =
+            at.first.perp().try_normalize()? * aside.min(length * SHARE).min(room(at.point) * ROOM);
         let told = |uv: DVec2| is_kept(uv, is_apart);
         Some([told(at.point + left)?, told(at.point - left)?])
     };
@@ -131,4 +145,19 @@ fn length(curve: &Curve<DVec2>) -> f64 {
     let points = [0.0, 0.25, 0.5, 0.75, 1.0]
         .map(|share| curve.evaluate(domain.start + (domain.end - domain.start) * share));
     points.windows(2).map(|p| p[0].distance(p[1])).sum()
+}
+
+/// How far a point is from a curve, if it is near: no nearer than told, and not farther if that is less than [`ASIDE`].
+fn distance(curve: &Curve<DVec2>, point: DVec2) -> f64 {
+    let (min, max) = curve
+        .points()
+        .fold((DVec2::MAX, DVec2::MIN), |(min, max), p| {
+            (min.min(p), max.max(p))
+        });
+    let apart = point.clamp(min, max).distance(point);
+    if apart > ASIDE[1] / ROOM {
+        apart
+    } else {
+        nearest(curve, point).1
+    }
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
 use super::Operation;
-use crate::modelling::{Frame, circle, cone, cylinder, plane, sphere, torus};
+use crate::modelling::{Frame, circle, cone, cylinder, plane, revolve, sphere, torus};
 use crate::{Error, Integrals, Patch, TrimLoop};
 
 const OPERATIONS: [Operation; 3] = [
@@ -342,4 +342,29 @@ fn a_cylinder_around_an_edge_of_a_face_that_goes_on() {
     let disc = PI * 0.625 * 0.625;
     assert_volumes(&bar, &pin, [5.5 * 0.625 * 3.5, disc * 1.75], disc * 0.3125);
     assert_volumes(&angle, &pin, [expected, disc * 1.75], disc * 0.3125);
+}
+
+#[test]
+fn an_edge_through_the_pole_of_a_flat_face() {
+    // The foot of the pin is a disc that is turned about its middle, which is on an edge of the block.
+    let turned = |height: f64| {
+        let rays = [DVec3::ZERO, DVec3::X * 0.5].map(|p| p + DVec3::Z * height);
+        let line = crate::Curve::polyline(&rays).unwrap();
+        Patch::from(revolve(&line, DVec3::ZERO, DVec3::Z, 0.0..TAU).unwrap())
+    };
+    let mut pin = rod(DVec3::ZERO, DVec3::Z * 2.0, 0.5);
+    pin.truncate(1);
+    pin.extend([turned(0.0), turned(2.0)]);
+    let block = block(DVec3::new(0.0, -1.0, 0.0), DVec3::new(3.0, 1.0, 1.0));
+    assert_volumes(&block, &pin, [6.0, PI / 2.0], PI / 8.0);
+}
+
+#[test]
+fn faces_a_hair_apart() {
+    // Ends of one cylinder are next to those of the other, as numbers of single precision are.
+    let first = rod(DVec3::ZERO, DVec3::Z * 2.0, 0.5);
+    let gap = 2.4e-7;
+    let second = rod(DVec3::Z * (2.0 - gap), DVec3::Z, 0.5);
+    let disc = PI / 4.0;
+    assert_volumes(&first, &second, [2.0 * disc, disc], gap * disc);
 }

@@ -46,7 +46,7 @@ pub(super) const NODES: [f64; 6] = [
     0.904_508_497_187_473_7,
     1.0,
 ];
-const OPEN: [f64; 6] = [0.0, 0.09, 0.31, 0.58, 0.79, 0.91];
+pub(super) const OPEN: [f64; 6] = [0.0, 0.09, 0.31, 0.58, 0.79, 0.91];
 
 /// Where it is looked whether an arc is on the surfaces.
 const CHECKS: [f64; 5] = [0.04, 0.22, 0.5, 0.78, 0.96];
