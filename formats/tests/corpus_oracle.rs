@@ -259,7 +259,7 @@ const OTHERS: [(&str, usize, &str); 12] = [
         14,
         CONSTRUCTED,
     ),
-    ("brlcad_woodie.igs", 16, CONSTRUCTED),
+    ("brlcad_woodie.igs", 21, CONSTRUCTED),
     ("cmp_primitive_solids.igs", 27, CONSTRUCTED),
     ("cmp_procedural_and_boolean_solids.igs", 9, CONSTRUCTED),
     ("cmp_solid_assembly.igs", 2, CONSTRUCTED),

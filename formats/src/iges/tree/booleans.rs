@@ -32,6 +32,8 @@ pub(super) struct Booleans {
     shapes: HashSet<Shape>,
     /// Trees of which nothing is left.
     empty: HashSet<usize>,
+    /// Trees of which the bodies are shown whole.
+    whole: HashSet<usize>,
     /// Whether the scene may have what only operands are made of.
     pub has_operands: bool,
     /// How many more faces may be combined.
@@ -46,6 +48,7 @@ impl Default for Booleans {
             nodes: HashSet::new(),
             shapes: HashSet::new(),
             empty: HashSet::new(),
+            whole: HashSet::new(),
             has_operands: false,
             faces_left: MOST_OF_ALL,
             work_left: MOST_WORK,
@@ -190,6 +193,7 @@ impl Tree<'_, '_> {
             Err(problem) if only_unites && !matches!(problem, Problem::TooLarge(_)) => {
                 let text = format!("its bodies are shown whole, also inside each other: {problem}");
                 self.problem(index, Problem::Unsupported(text));
+                self.booleans.whole.insert(index);
                 let shown = operands.iter().filter(|operand| operand.is_shown);
                 node.children
                     .extend(shown.filter_map(|operand| operand.child));
@@ -319,6 +323,10 @@ impl Tree<'_, '_> {
             return Ok(Vec::new());
         }
         let source = self.file.source(*index);
+        if self.booleans.whole.contains(index) {
+            let text = format!("{source} is shown as its bodies");
+            return Err(Problem::Unsupported(text));
+        }
         let Some(child) = child else {
             let text = format!("{source} is not read");
             return Err(Problem::Unsupported(text));
